@@ -127,7 +127,7 @@ def measure(effort: Effort) -> Part:
             subjects[f"{where}, {whose}: whole step"] = each_call(lambda step=step: step(0.0, q, qd))  # type: ignore[misc]
             if rows is not None:
                 packed = Packed(scene, limits, setup.task)
-                load("step").evaluate_step(packed.address, 0.0, q, qd)
+                load("step").evaluate_step(packed.workspace, 0.0, q, qd)
                 subjects[f"{where}, {whose}: rows"] = rows(packed)
     times = in_turn(subjects, effort.turns)
     unit = float(np.median(times[UNIT]))
@@ -167,7 +167,7 @@ def repeated_rows() -> Callable[[Packed], Subject] | None:
 
         def turn(_: int) -> float:
             started = perf_counter_ns()
-            repeat(rows, packed.address, ROUNDS)
+            repeat(rows, packed.workspace.address, ROUNDS)
             return (perf_counter_ns() - started) / ROUNDS
 
         return turn

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsconstraints import Camera, Robot
 from vsconstraints.compiled.samples import mark_acting
-from vsconstraints.compiled.structures import RowArrays
+from vsconstraints.compiled.workspace import RowArrays
 from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.control.evaluator import CurrentState

@@ -11,7 +11,7 @@ import pytest
 from scenes import random_configuration, robot
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
-from vsconstraints.compiled.structures import Step, pack_struct
+from vsconstraints.compiled.workspace import Step, Workspace
 from vsconstraints.constraints import ConstraintSet, FieldOfView, RowBlock
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
@@ -91,8 +91,8 @@ def seen_by_both(markers: Array, seed: int, noise: float) -> tuple[State, Step] 
     assert other is not None
     assert one.evaluate(0.0, q, np.zeros(6)) == 0
     sensing = sensor.sensing(1)
-    words = pack_struct(sensing)
-    refused = load("sensing").observe(words.ctypes.data, one.packed.address, other.packed.address, 0.0, 0)
+    words = Workspace(sensing)
+    refused = load("sensing").observe(words, one.packed.workspace, other.packed.workspace, 0.0, 0)
     state = scene.evaluate(0.0, q, np.zeros(6))
     if refused:
         with pytest.raises(SceneError, match="explained by no pose"):

@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
-from vsconstraints.compiled.structures import pack_struct
+from vsconstraints.compiled.workspace import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.figures.signals import draw_disturbance
@@ -52,8 +52,8 @@ def free(there: DynamicPlant) -> DynamicPlant:
     drive = there.arm.drive._replace(effort=np.full(there.robot.n, 1e-300))
     there.arm = there.arm._replace(drive=drive)
     there.arm.memory.torque[:], there.arm.memory.under_way[:] = 0.0, 0.0
-    there.frozen_arm = pack_struct(there.arm)
-    there.mover = there.mover[0], int(there.frozen_arm.ctypes.data)
+    there.workspace = Workspace(there.arm)
+    there.mover = there.mover[0], there.workspace.address
     return there
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from vsconstraints.constraints import ConstraintSet, ForbiddenRegion, robot_points
 from vsconstraints.reports.plots import INK
 from vsconstraints.reports.replay import ReplayRun
-from vsconstraints.reports.replay.constraint_highlights import things_of
+from vsconstraints.reports.replay.runs import things_of
 from vsconstraints.reports.replay.space import scene_of
 from vsconstraints.reports.scene3d import Scene3D, Viewpoint, obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.robots.geometry import Pose

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from vsconstraints.compiled import available, entry, load
-from vsconstraints.compiled.structures import RowArrays, Size, StructWords, pack_struct
+from vsconstraints.compiled import available, load
+from vsconstraints.compiled.workspace import RowArrays, Size, Workspace
 from vsconstraints.errors import InvalidInput
 
 pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler")
@@ -56,8 +56,8 @@ def test_compiled_code_reads_what_is_packed():
     compiled_read = compiler.numba.njit("float64(int64)")(read)
     for function in (compiled_read, read):
         packed = outer()
-        words = pack_struct(packed)
-        assert function(words.ctypes.data) == 2.5 + 3.0 + 3.0 + 8.0 + 5.0 + 100.0
+        workspace = Workspace(packed)
+        assert function(workspace.address) == 2.5 + 3.0 + 3.0 + 8.0 + 5.0 + 100.0
         assert (packed.inner.matrix[1, 2], packed.records["b"][0]) == (50.0, 4)
 
 
@@ -76,9 +76,9 @@ def test_functions_are_called_by_their_address():
         return parts.call_int_pointer(function, (x, load_outer(address).inner))
 
     packed = outer()
-    words, x = pack_struct(packed), np.zeros(3)
-    assert numba.njit("int64(int64, int64, float64[::1])")(use)(parts.address(add), words.ctypes.data, x) == 3
-    assert use(parts.address(add), words.ctypes.data, x) == 3
+    workspace, x = Workspace(packed), np.zeros(3)
+    assert numba.njit("int64(int64, int64, float64[::1])")(use)(parts.address(add), workspace.address, x) == 3
+    assert use(parts.address(add), workspace.address, x) == 3
     assert x[0] == 5.0
 
 
@@ -106,31 +106,48 @@ def test_the_clock_goes_forward():
     assert times[-1] - times[0] < 100.0
 
 
-def test_entry_points_are_found_without_a_look_at_types():
+def test_functions_for_loops_take_a_workspace_once():
     step = load("step")
-    words = pack_struct(Size(n=2).step()[0])
-    function = entry(step.evaluate_step)
-    assert function is not step.evaluate_step
-    assert function(words.ctypes.data, 0.0, np.zeros(2), np.zeros(2)) == 0
-    assert step.evaluate_step(words.ctypes.data, 0.0, np.zeros(3), np.zeros(3)) != 0
+    workspace = Workspace(Size(n=2).step()[0])
+    evaluate = step.evaluate_step.bind(workspace)
+    assert evaluate(0.0, np.zeros(2), np.zeros(2)) == 0
+    assert step.evaluate_step.bind(workspace, typed=True)(0.0, np.zeros(2), np.zeros(2)) == 0
+    assert step.evaluate_step(workspace, 0.0, np.zeros(3), np.zeros(3)) != 0
+    with pytest.raises(TypeError):
+        step.evaluate_step.bind(workspace, typed=True)(0.0, np.zeros(2, np.int64), np.zeros(2))
 
 
-@pytest.mark.parametrize("address", [0, 8, "rows", "gone"])
-def test_no_other_address_is_taken_from_python(address):
-    """One at which nothing is, or something else, or something that does not live any more."""
-    step, rows = load("step"), pack_struct(RowArrays(np.zeros(1), np.zeros((1, 1)), *(np.zeros(1),) * 8))
-    at = {"rows": rows.ctypes.data, "gone": pack_struct(Size(n=1).step()[0]).ctypes.data}.get(address, address)
+@pytest.mark.parametrize("what", [0, 8, None, "address", "rows", "tuple"])
+def test_functions_take_nothing_but_workspaces_of_their_kind(what):
+    """No number, not even the address of a workspace that is there, and no workspace of another structure."""
+    there, rows = Workspace(Size(n=1).step()[0]), RowArrays(np.zeros(1), np.zeros((1, 1)), *(np.zeros(1),) * 8)
+    given = {"address": there.address, "rows": Workspace(rows), "tuple": there.structure}.get(what, what)
     for call in (
-        lambda: step.evaluate_step(at, 0.0, np.zeros(1), np.zeros(1)),
-        lambda: step.measure(at, np.zeros((1, 2)), np.ones(1), 0.0, 0.0),
-        lambda: load("closed_loop").run(at, 0, 1, 0),
-        lambda: load("laws").follow(at),
+        lambda: load("step").evaluate_step(given, 0.0, np.zeros(1), np.zeros(1)),
+        lambda: load("step").measure(given, np.zeros((1, 2)), np.ones(1), 0.0, 0.0),
+        lambda: load("step").evaluate_step.bind(given),
+        lambda: load("closed_loop").run(given, 0, 1, 0),
+        lambda: load("laws").follow(given),
+        lambda: load("from_state").command_by.bind(there, given, given),
     ):
-        with pytest.raises(InvalidInput, match="at the address"):
+        with pytest.raises(InvalidInput, match="takes a workspace of"):
             call()
 
 
-def test_words_live_as_long_as_what_they_are_of():
-    words = pack_struct(outer())
-    assert isinstance(words, StructWords)
-    assert words.structure.count == 4
+def test_every_declared_array_is_made_with_its_type_and_shape():
+    """By hand, for a step of two joints, three markers, four rows and six features, whose q̈ has a box."""
+    step, out = Size(n=2, M=3, m=4, k=6, parts=1, parameters=5, limited=True).step()
+    shapes = {
+        "joints": (2,),
+        "goal_points": (1, 6),
+        "parameters": (1, 5),
+        "bodies": (3,),
+        "which": (4,),
+        "last_J": (6, 2),
+    }
+    assert {name: getattr(step, name).shape for name in shapes} == shapes
+    assert (step.rows.qdd_max.shape, step.task.rest.shape, step.which.dtype) == ((2,), (0,), np.int64)
+    assert step.parts.dtype["motion"]["velocity"].shape == (3,)
+    assert out.size == 2 * 2 + 4 * (1 + 2 + 1 + 1 + 1) + 6 * 2 + 6 * 3 + 0 + 3 * 2 + 0 + 9 + 3
+    step.rows.Lg[3, 1], step.camera_t[2] = 5.0, 7.0
+    assert (out[4 + 4 + 7], out[-1]) == (5.0, 7.0), "outputs are parts of one array"

@@ -30,18 +30,18 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
-from vsconstraints.reports.replay.constraint_highlights import (
+from vsconstraints.reports.replay.page import image_data
+from vsconstraints.reports.replay.runs import (
     ACTIVE,
     INACTIVE,
     MAX_FRAMES,
     VIOLATED,
     Frames,
     highlights_of,
+    select_run,
     states,
     things_of,
 )
-from vsconstraints.reports.replay.page import image_data
-from vsconstraints.reports.replay.runs import select_run
 from vsconstraints.reports.replay.space import (
     INSET,
     MAX_TRIANGLES,

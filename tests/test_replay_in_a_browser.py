@@ -13,7 +13,7 @@ from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.style import LOOKS
 from vsconstraints.reports.replay import ReplayRun, write_replay
-from vsconstraints.reports.replay.constraint_highlights import ACTIVE, VIOLATED, Frames
+from vsconstraints.reports.replay.runs import ACTIVE, VIOLATED, Frames
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 

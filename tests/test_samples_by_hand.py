@@ -19,7 +19,7 @@ from vsconstraints.compiled.samples import (
     mark_acting,
     score,
 )
-from vsconstraints.compiled.structures import Answer, RowArrays, TaskArrays
+from vsconstraints.compiled.workspace import Answer, RowArrays, TaskArrays
 from vsconstraints.formulas.limits import JointLimits
 from vsconstraints.rows import Array
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(load("laws") is None, reason="there is no compil
 
 def taken(room: int, shapes: list[tuple[int, int]]) -> tuple[np.ndarray, int, list[np.ndarray]]:
     """The scratch after matrices of these shapes were taken and filled with 1, 2, …, what is taken, and copies."""
-    scratch, structures = load("scratch"), load("structures")
+    scratch, structures = load("scratch"), load("workspace")
     given = structures.Scratch(np.full(room, -1.0), np.zeros(1, dtype=np.int64))
     numba = load("compiler").numba
 

@@ -11,10 +11,9 @@ from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import apply_law, load_law
-from .parts import address, call_int_pointer, checked, monotonic, struct_loader
+from .parts import call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
-from .step import evaluate_step
-from .structures import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+from .workspace import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
 
 for function in (
     samples.put,
@@ -46,9 +45,6 @@ def _example() -> Loop:
 
 
 load_loop = struct_loader(_example())
-
-EVALUATE = address(evaluate_step)
-"""Where the function begins that evaluates a step."""
 
 
 @in_place

@@ -16,7 +16,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from functools import wraps
+from functools import cache, wraps
 from importlib import import_module
 from numbers import Real
 from pathlib import Path
@@ -29,6 +29,7 @@ from ..formulas import FORMULAS
 from . import COMPLAINT, VARIABLE
 
 F = TypeVar("F", bound=Callable[..., Any])
+Formulas = Sequence[Callable[..., Any]]
 
 OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
@@ -43,14 +44,13 @@ KEPT, KEPT_PARTS, HASH = 8, 64, 16
 """States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
 the length of their names' ends."""
 
-_warned = False
-"""Whether this process has said why nothing is compiled: once is enough."""
+_warned: list[Exception] = []
+"""Why nothing is compiled, once a warning has said so."""
 
 
 def _warn(error: Exception) -> None:
-    global _warned
     if not _warned:
-        _warned = True
+        _warned.append(error)
         warnings.warn(
             f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to say nothing)",
             RuntimeWarning,
@@ -76,10 +76,10 @@ VOID, INT, FLOAT, VECTOR, MATRIX = (
 )
 """Types in signatures; None where nothing is compiled."""
 
-QUIET = SimpleNamespace(**vars(math))
+QUIET = SimpleNamespace(
+    **{**vars(math), **{name: getattr(np, name) for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]}}
+)
 """``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math`` raises."""
-for _name in ("sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"):
-    setattr(QUIET, _name, getattr(np, _name))
 
 
 def compiles() -> bool:
@@ -99,9 +99,8 @@ def signature(result: Any, *arguments: Any) -> Any:
 
 def _as_compiled(function: Callable[..., Any]) -> None:
     """Let a function that stays in Python compute as if it were compiled."""
-    names = function.__globals__
-    if names.get("math") is math:
-        names["math"] = QUIET
+    if function.__globals__.get("math") is math:
+        function.__globals__["math"] = QUIET
 
 
 _registered: set[Callable[..., Any]] = set()
@@ -130,22 +129,8 @@ def in_place(function: F) -> F:
     return inner(function, IN_PLACE)
 
 
-def overload(function: Callable[..., Any]) -> Callable[[F], F]:
-    """Make a decorator of what compiled code calls in place of a function: it gives a function for given types."""
-
-    def decorate(definition: F) -> F:
-        if internals is not None:
-            numba.extending.overload(function, jit_options=IN_PLACE)(definition)
-        return definition
-
-    return decorate
-
-
 def compiled(
-    signature: Any,
-    options: dict[str, Any] = OPTIONS,
-    formulas: Sequence[Callable[..., Any]] = (),
-    from_python: bool = True,
+    signature: Any, options: dict[str, Any] = OPTIONS, formulas: Formulas = (), from_python: bool = True
 ) -> Callable[[F], F]:
     """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`.
 
@@ -176,7 +161,7 @@ def compiled(
 def in_python(function: F, signature: Any = None) -> F:
     """The function as Python runs it: it checks arrays and numbers if its signature is text, and never warns."""
     _as_compiled(function)
-    checks = _checks(signature) if isinstance(signature, str) else []
+    checks = _checks(signature) if isinstance(signature, str) and "Tuple" not in signature else []
 
     @wraps(function)
     def quiet(*arguments: Any) -> Any:
@@ -191,31 +176,22 @@ def in_python(function: F, signature: Any = None) -> F:
 
 def _checks(signature: str) -> list[Callable[[Any], bool]]:
     """Whether the arguments fit, as the compiler would see it, of a signature without tuples."""
-    _, _, arguments = signature.partition("(")
-    if "Tuple" in signature:
-        return []
-    found = re.findall(r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|(\w+)", arguments)
 
-    def array(dtype: str, dimensions: int, contiguous: bool) -> Callable[[Any], bool]:
-        kind = np.dtype(dtype.replace("boolean", "bool"))
+    def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
+        if not (constant or dtype):
+            return lambda x: isinstance(x, (Real, np.bool_))
+        kind, ndim = np.dtype((constant or dtype).replace("boolean", "bool")), int(d or layout.count(",") + 1)
+        any_layout = bool(dtype) and "1" not in layout
         return lambda x: (
-            isinstance(x, np.ndarray)
-            and x.dtype == kind
-            and x.ndim == dimensions
-            and (x.flags.c_contiguous or not contiguous)
+            isinstance(x, np.ndarray) and x.dtype == kind and x.ndim == ndim and (any_layout or x.flags.c_contiguous)
         )
 
-    return [
-        array(constant, int(d), True)
-        if constant
-        else array(dtype, layout.count(",") + 1, "1" in layout)
-        if dtype
-        else lambda x: isinstance(x, (Real, np.bool_))
-        for constant, d, dtype, layout, _ in found
-    ]
+    arguments = signature.partition("(")[2]
+    parts = re.findall(r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments)
+    return [check(*part) for part in parts]
 
 
-def _compiled(function: F, jit: Any, formulas: Sequence[Callable[..., Any]]) -> F:
+def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
     before = numba.config.CACHE_DIR
     with _writable(cache_of(function, formulas)) as folder:
         numba.config.CACHE_DIR = str(folder)
@@ -246,10 +222,6 @@ def _compile_or_read(jit: Any, function: F) -> F:
     return result
 
 
-if internals is not None:
-    internals.with_large_frame(_compile_or_read)
-
-
 @contextmanager
 def compile_lock(folder: Path) -> Iterator[None]:
     """One process at a time: of workers that need the same function, one compiles it and the others read it."""
@@ -260,10 +232,43 @@ def compile_lock(folder: Path) -> Iterator[None]:
         yield
 
 
-def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]] = ()) -> Path:
+@contextmanager
+def _writable(folder: Path) -> Iterator[Path]:
+    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing, even to read."""
+    if os.access(folder, os.W_OK | os.X_OK):
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="vsconstraints-") as copy:
+        shutil.copytree(folder, copy, copy_function=shutil.copyfile, dirs_exist_ok=True)
+        for path in (Path(copy), *Path(copy).rglob("*")):
+            path.chmod(0o755)
+        yield Path(copy)
+
+
+OTHERS = ("vision/distortion.py", "vision/pose_estimate.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
+"""Files outside this room and the formulas' of which compiled code takes constants, which leave no trace in it."""
+
+
+def sources() -> list[Path]:
+    """Every file that compiled code may be made of."""
+    package = Path(__file__).parent.parent
+    folders = (package / "compiled", package / "formulas")
+    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
+    return [*files, *(package / other for other in OTHERS)]
+
+
+@cache
+def _state() -> bytes:
+    """Differs with the code of this package, the compiler, Python and the processor."""
+    processor = import_module("llvmlite.binding").get_host_cpu_name()
+    texts = b"".join(file.read_bytes() for file in sources())
+    return hashlib.sha256(texts + f"{numba.__version__} {sys.version} {processor}".encode()).digest()
+
+
+def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
     """Where a compiled function is kept: one folder for each state of its code, the compiler, Python and the processor.
 
-    Numba alone would compare the file of a function, and not see that one it calls has changed. The folder is made
+    Numba by itself would compare the file of a function, and not see that one it calls has changed. The folder is made
     within ``NUMBA_CACHE_DIR`` if that is set, or else beside the code, or in the user's cache where that cannot be
     written. One that cannot be written but holds the function is as good.
 
@@ -272,17 +277,12 @@ def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., 
     OSError
         if none of these can be written.
     """
-    state = hashlib.sha256()
-    for file in sources():
-        state.update(file.read_bytes())
+    state = hashlib.sha256(_state())
     for formula in formulas:
         # the module of an own one may hold whatever it calls
-        source = inspect.getsourcefile(formula)
         with suppress(OSError):
-            state.update(Path(source or "").read_bytes())
+            state.update(Path(inspect.getsourcefile(formula) or "").read_bytes())
         state.update(formula.__code__.co_code + repr(formula.__code__.co_consts).encode())
-    processor = import_module("llvmlite.binding").get_host_cpu_name()
-    state.update(f"{numba.__version__} {sys.version} {processor}".encode())
     made_for = "".join(f".{formula.__name__}" for formula in formulas)
     name = f"{function.__module__.rpartition('.')[2]}{made_for}-{state.hexdigest()[:HASH]}"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -298,47 +298,15 @@ def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., 
     raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
 
 
-@contextmanager
-def _writable(folder: Path) -> Iterator[Path]:
-    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing, even to read."""
-    if os.access(folder, os.W_OK | os.X_OK):
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(prefix="vsconstraints-") as copy:
-        for file in folder.rglob("*.nb[ci]"):
-            target = copy / file.relative_to(folder)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, target)
-        yield Path(copy)
-
-
-def sources() -> list[Path]:
-    """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
-    package = Path(__file__).parent.parent
-    others = (
-        "vision/distortion.py",
-        "vision/pose_estimate.py",
-        "rows/checks.py",
-        "rows/tolerances.py",
-        "vision/scene.py",
-    )
-    folders = (package / "compiled", package / "formulas")
-    return [
-        *(file for folder in folders for file in sorted(folder.glob("*.py"))),
-        *(package / other for other in others),
-    ]
-
-
-_announced = False
-"""Whether this process has said that it compiles."""
-
 _helpers: list[subprocess.Popen[bytes]] = []
 """Kept, since the end of a process that nobody holds is complained about."""
 
+_announced: list[Path] = []
+"""Where this process has said that it keeps what it compiles."""
 
-def cache_of(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]]) -> Path:
+
+def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
     """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
-    global _announced
     folder = cache_folder(function, formulas)
     with suppress(OSError):
         os.utime(folder)
@@ -346,7 +314,7 @@ def cache_of(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]
         for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT_PARTS if formulas else KEPT :]:
             shutil.rmtree(old, ignore_errors=True)
     if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
-        _announced = True
+        _announced.append(folder.parent)
         print(f"vsconstraints: compiling the control step, once; kept in {folder.parent}", file=sys.stderr, flush=True)
         _share(function.__module__.rpartition(".")[2])
     return folder
@@ -366,15 +334,7 @@ def _share(module: str) -> None:
         f"from {package} import MODULES, load\n"
         f"for name in reversed(MODULES):\n    if name != {module!r}:\n        load(name)"
     )
-    nowhere = subprocess.DEVNULL
-    path = os.pathsep.join(filter(None, sys.path))
+    environment = {**os.environ, VARIABLE: SINGLE_PROCESS, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command, nowhere = [sys.executable, "-c", code], subprocess.DEVNULL
     with suppress(OSError):
-        _helpers.append(
-            subprocess.Popen(
-                [sys.executable, "-c", code],
-                stdin=nowhere,
-                stdout=nowhere,
-                stderr=nowhere,
-                env={**os.environ, VARIABLE: SINGLE_PROCESS, "PYTHONPATH": path},
-            )
-        )
+        _helpers.append(subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere, env=environment))

@@ -20,6 +20,7 @@ from . import load
 from .compiler import IN_PLACE, OPTIONS, in_place
 from .kinematics import point_jacobian
 from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
+from .workspace import Step
 
 WriteRows = Callable[[int, int], None]
 
@@ -45,9 +46,9 @@ def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
 
 
 @in_place
-def write_row(address: int, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
+def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
     """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ = 0."""
-    rows = load_step(address).rows
+    rows = step.rows
     rows.sigma[row], rows.sigma_dot[row] = sigma, sigma_dot
     rows.phi[row], rows.Lf[row] = sigma + K * sigma_dot, sigma_dot + K * drift
 
@@ -77,7 +78,7 @@ def joint_rows() -> WriteRows:
                 value += g[j] * step.q[j]
                 rate += g[j] * step.qd[j]
                 step.rows.Lg[row, j] = part.K * g[j]
-            write_row(address, row, part.K, value, rate, 0.0)
+            write_row(step, row, part.K, value, rate, 0.0)
 
     return rows
 
@@ -93,7 +94,7 @@ def speed_rows() -> WriteRows:
             for j in range(len(g)):
                 value += g[j] * step.qd[j]
                 step.rows.Lg[row, j] = g[j]
-            write_row(address, row, 0.0, value, 0.0, 0.0)
+            write_row(step, row, 0.0, value, 0.0, 0.0)
 
     return rows
 
@@ -120,8 +121,8 @@ def point_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None
                 bent = curvature(*(y + parameters + y_dot))
             g = turned(R, (along_x, along_y, along_z))
             drift = bent + g[0] * p_ddot[0] + g[1] * p_ddot[1] + g[2] * p_ddot[2]
-            write_row(address, row, K, value + part.margin, dot(g, p_dot), drift)
-            point_jacobian(address, step.robot_points[which].body, vector(place.position), J)
+            write_row(step, row, K, value + part.margin, dot(g, p_dot), drift)
+            point_jacobian(step, step.robot_points[which].body, vector(place.position), J)
             for j in range(len(step.qd)):
                 step.rows.Lg[row, j] = K * g[0] * J[0, j] + K * g[1] * J[1, j] + K * g[2] * J[2, j]
 
@@ -159,7 +160,7 @@ def image_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None
                 bent = curvature(*(y + parameters + y_dot))
             g = turned_in_image(R, (along_u, along_v))
             drift = bent + g[0] * u_ddot + g[1] * v_ddot
-            write_row(address, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
+            write_row(step, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
             a, b = interaction(K * g[0] * focal[0], K * g[1] * focal[1], marker.xy[0], marker.xy[1], marker.depth)
             for j in range(len(step.qd)):
                 first, second = a[0] * Jc[0, j] + b[0] * Jc[3, j], a[1] * Jc[1, j] + b[1] * Jc[4, j]
@@ -180,7 +181,7 @@ def image_funnel_rows() -> WriteRows:
             marker, c = step.seen[entry // 2], entry % 2
             slope = side * step.camera[0].focal[c]
             write_row(
-                address,
+                step,
                 row,
                 part.K,
                 side * (step.pixels[entry // 2, c] - wanted[at + entry]) - width,
@@ -218,7 +219,7 @@ def pose_funnel_rows() -> WriteRows:
             if turns:
                 error, velocity, drift, along = w, w_dot, w_ddot, L
             sigma, sigma_dot = side * error[c] - width, side * velocity[c] - rate
-            write_row(address, row, part.K, sigma, sigma_dot, side * drift[c] - bend)
+            write_row(step, row, part.K, sigma, sigma_dot, side * drift[c] - bend)
             for j in range(J.shape[1]):
                 column = vector(J[3:, j]) if turns else vector(J[:3, j])
                 step.rows.Lg[row, j] = part.K * side * dot(along[c], column)

@@ -16,7 +16,7 @@ from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, matrix
-from .structures import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place

@@ -34,7 +34,7 @@ from .levels import (
 )
 from .linear import ONE, S_ROWS, START, constant, copy, copy_vector, dot, length
 from .scratch import blank, matrix, vector
-from .structures import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
+from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""

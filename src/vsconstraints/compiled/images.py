@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..rows import Array, BoolArray
-from .structures import Scratch
+from .workspace import Scratch
 
 
 class Images(NamedTuple):

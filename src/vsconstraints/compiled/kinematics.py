@@ -13,7 +13,7 @@ from ..formulas.rotation import turn_about
 from ..formulas.vectors import Matrix, Vector, along_with, cross, matrix, minus, product, turned, vector
 from ..rows import Array
 from .compiler import in_place
-from .parts import load_step
+from .workspace import Step
 
 
 @in_place
@@ -31,9 +31,8 @@ def put_matrix(A: Matrix, out: Array) -> None:
 
 
 @in_place
-def place(address: int, q: Array) -> None:
+def place(step: Step, q: Array) -> None:
     """Write orientation, origin and axis of every body at q (n,), after its joint has moved."""
-    step = load_step(address)
     for i in range(len(q)):
         joint, before, body = step.joints[i], step.bodies[i], step.bodies[i + 1]
         axis, R, placement = vector(joint.axis), matrix(before.R), matrix(joint.R)
@@ -53,10 +52,9 @@ def place(address: int, q: Array) -> None:
 
 
 @in_place
-def move(address: int, q: Array, qd: Array) -> None:
+def move(step: Step, q: Array, qd: Array) -> None:
     """Write pose and motion of every body at q and q̇ (n,), with q̈ = 0."""
-    place(address, q)
-    step = load_step(address)
+    place(step, q)
     for i in range(len(q)):
         prismatic, before, body = step.joints[i].prismatic, step.bodies[i], step.bodies[i + 1]
         along, about = qd[i] if prismatic else 0.0, 0.0 if prismatic else qd[i]
@@ -77,9 +75,8 @@ def move(address: int, q: Array, qd: Array) -> None:
 
 
 @in_place
-def point_jacobian(address: int, body: int, point: Vector, J: Array) -> None:
+def point_jacobian(step: Step, body: int, point: Vector, J: Array) -> None:
     """Write ∂(position)/∂q (3, n) of a point fixed to a body to ``J``."""
-    step = load_step(address)
     for m in range(J.shape[1]):
         joint, column = step.bodies[m + 1], (0.0, 0.0, 0.0)
         if m < body:

@@ -13,7 +13,7 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
 from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
-from .structures import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 _law = LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))

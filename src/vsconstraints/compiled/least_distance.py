@@ -11,7 +11,7 @@ from . import linear as la
 from .compiler import inner
 from .linear import S_ROWS, START, constant
 from .scratch import matrix
-from .structures import FAILED, INCOMPATIBLE, SOLVED, Scratch
+from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12
 """A row exceeded by less than this fraction of its terms is met."""

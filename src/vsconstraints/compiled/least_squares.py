@@ -14,7 +14,7 @@ from . import linear as la
 from .compiler import inner
 from .linear import ONE, S_ROWS, START, WORK
 from .scratch import blank, matrix
-from .structures import Scratch
+from .workspace import Scratch
 
 CERTAIN = 30.0
 """Full rank is certain if the bound of the least singular value exceeds the tolerance by this factor.

@@ -12,7 +12,7 @@ from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot, length
 from .scratch import no_scratch
-from .structures import FAILED, SOLVED
+from .workspace import FAILED, SOLVED
 
 ROUNDING = 1e-13
 """Below this fraction of its terms a row counts as met while iterating."""

@@ -14,7 +14,7 @@ from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
 from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length, squares
 from .scratch import blank, matrix
-from .structures import Scratch
+from .workspace import Scratch
 
 CHECKED = 1e-5
 """Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping."""

@@ -18,6 +18,7 @@ from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
+from .workspace import Step
 
 SINGULAR = 1e-9
 """Singular value below which the curvature is taken as that at this value, so that it stays finite."""
@@ -36,12 +37,11 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
 
 
 @inner
-def tip_twists(address: int, T: Array) -> None:
+def tip_twists(step: Step, T: Array) -> None:
     """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
-    step = load_step(address)
     n, J, body = len(step.joints), step.J_point, step.bodies[len(step.joints)]
     tip = plus(turned(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
-    point_jacobian(address, n, tip, J)
+    point_jacobian(step, n, tip, J)
     for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else 1.0
         for i in range(3):
@@ -193,12 +193,12 @@ def manipulability_rows() -> WriteRows:
         n, part = len(step.qd), step.parts[i]
         minimum, scale, start, count = to_fixed_tuple(step.parameters[i], 4)
         T, slope, rate = np.empty((3, n, 6)), np.empty(n), 0.0
-        tip_twists(address, T)
+        tip_twists(step, T)
         w, bent = measure(T, int(start), int(count), slope)
         factor = -1.0 / scale
         for j in range(n):
             rate += factor * slope[j] * step.qd[j]
             step.rows.Lg[part.first, j] = part.K * factor * slope[j]
-        write_row(address, part.first, part.K, (minimum - w) / scale, rate, factor * bent)
+        write_row(step, part.first, part.K, (minimum - w) / scale, rate, factor * bent)
 
     return rows

@@ -1,8 +1,8 @@
 """Everything that touches private parts of numba: ``tests/test_numba_internals.py`` runs what is assumed of them.
 
-``pyproject.toml`` bounds numba's version from above by the last one with which these tests have passed. What stands
-here saves a third of the time of the first compilation, and lets compiled functions take the address of a structure in
-place of fifty arrays.
+``pyproject.toml`` bounds numba's version from above by the last one with which these tests have passed. Calls by
+address and structures at an address are why: first-class functions of numba would take fifty arrays one by one, through
+a wrapper in C, and cannot be stored in records.
 """
 
 from __future__ import annotations
@@ -65,15 +65,6 @@ def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[
         signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
     )
     return compiler
-
-
-def with_large_frame(function: Callable[..., Any], words: int = 2**17) -> None:
-    """Give a function a large frame, behind which numba runs.
-
-    CPython keeps frames in pieces of 16 kB: where calls cross the end of one over and over, memory is mapped and
-    unmapped each time. Behind a large frame there is room for all.
-    """
-    function.__code__ = function.__code__.replace(co_stacksize=words)
 
 
 def address(function: Any) -> int:

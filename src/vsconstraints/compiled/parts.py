@@ -1,9 +1,8 @@
-"""What compiled code reaches by its address: structures of arrays, and functions made for one formula each.
+"""What compiled code reaches by its address: workspaces, and functions compiled for one formula each.
 
 Rows of a constraint and laws vary from scene to scene. Each is compiled into a function of its own, and called by its
-address, so that the step and the loop are compiled once for all constraints and laws, those of users among them.
-
-In Python the functions of this module look up by the same addresses what was packed and whose address was taken.
+address, so that the step and the loop are compiled once for all constraints and laws, those of users among them. From
+Python nobody calls by address: functions take a :class:`.Workspace`, and look what it is.
 """
 
 from __future__ import annotations
@@ -13,14 +12,13 @@ import inspect
 import time
 import warnings
 from collections.abc import Callable
-from functools import lru_cache, wraps
-from importlib import import_module
-from typing import Any, TypeVar, cast
+from functools import lru_cache, partial, wraps
+from typing import Any, TypeVar
 
 from ..rows import Array, IntArray
-from . import compiler
+from . import compiler, entry
 from .compiler import IN_PLACE, INT, VOID, compiled, in_python
-from .structures import Size, demand_packed, packed_at
+from .workspace import Size, demand_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,8 +32,9 @@ def address(function: Any) -> int:
 
     Numba looks for it for as long as ten control steps take.
     """
-    is_compiled = hasattr(function, "overloads")
-    at = import_module(f"{__package__}.numba_internals").address(function) if is_compiled else id(function)
+    function = getattr(function, "unchecked", function)
+    is_compiled = hasattr(function, "overloads") and compiler.internals is not None
+    at = compiler.internals.address(function) if is_compiled else id(function)
     _functions[at] = function.py_func if is_compiled else function
     return at
 
@@ -70,7 +69,7 @@ def struct_loader(example: Any) -> Callable[[int], Any]:
     """A function that gives back the structure at an address; its fields are of the types of the example's."""
 
     def load_struct(address: int) -> Any:
-        return packed_at(address)
+        return structure_at(address)
 
     if compiler.internals is not None:
         compiler.internals.load_as(load_struct, example)
@@ -85,26 +84,35 @@ if compiler.internals is not None:
     compiler.internals.monotonic_as(monotonic, time.CLOCK_MONOTONIC)
 
 
-def checked(*kinds: type) -> Callable[[F], F]:
+def checked(*kinds: type) -> Callable[[Any], Any]:
     """Make a decorator of a compiled function that takes the addresses of structures of these classes first.
 
-    From Python it raises InvalidInput for any other address; ``unchecked`` is the function without that look.
+    Python calls the result with workspaces instead: anything else raises InvalidInput. Its ``bind(*workspaces)`` checks
+    them once, and gives a function of the other arguments for loops, whose types are only checked if ``typed``.
+    ``unchecked`` is the function that takes addresses.
     """
 
-    def decorate(function: F) -> F:
+    def decorate(function: Any) -> Any:
+        def addresses(workspaces: tuple[Any, ...]) -> list[int]:
+            return [demand_workspace(*each, function.__name__) for each in zip(workspaces, kinds, strict=True)]
+
         @wraps(getattr(function, "py_func", function))
         def demanding(*arguments: Any) -> Any:
-            for kind, at in zip(kinds, arguments, strict=False):
-                demand_packed(at, kind)
-            return function(*arguments)
+            return function(*addresses(arguments[: len(kinds)]), *arguments[len(kinds) :])
 
-        for name in ("overloads", "signatures", "py_func"):
-            if hasattr(function, name):
-                setattr(demanding, name, getattr(function, name))
-        demanding.unchecked = function  # type: ignore[attr-defined]
-        return cast("F", demanding)
+        def bind(*workspaces: Any, typed: bool = False) -> Callable[..., Any]:
+            bound = partial(function if typed else entry(function), *addresses(workspaces))
+            # they live as long as the function
+            return _with(bound, workspaces=workspaces)
+
+        return _with(demanding, bind=bind, unchecked=function)
 
     return decorate
+
+
+def _with(function: F, **attributes: Any) -> F:
+    vars(function).update(attributes)
+    return function
 
 
 load_step = struct_loader(Size().step()[0])
@@ -129,21 +137,17 @@ def make_part(
         Elementwise functions, see :mod:`vsconstraints.formulas`; None where there is none.
     constants
         What else the template is made with, such as the number of parameters of a formula.
-    signature
-        Of the function.
-    options
-        Of the compiler: :data:`.IN_PLACE` for what makes no arrays, else :data:`.OPTIONS`.
-    from_python
-        Whether Python calls it too.
+    signature, options, from_python
+        See :func:`.compiled`.
     """
     function = template(*formulas, *constants)
     if compiler.internals is None:
         return in_python(function, signature)
-    given = tuple(formula for formula in formulas if formula is not None)
+    own = tuple(formula for formula in formulas if formula is not None)
     # functions from the disk are found by their names, of which every process counts its own
     made_of = hashlib.sha256(repr(constants).encode() + compiler.internals.state_of(formulas)).hexdigest()[:16]
     function.__name__ = function.__qualname__ = f"{template.__name__}_{made_of}"
-    return compiled(signature, options, given, from_python)(function)
+    return compiled(signature, options, own, from_python)(function)
 
 
 def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:

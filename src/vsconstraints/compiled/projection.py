@@ -13,8 +13,8 @@ from .linear import ONE, START, add, constant
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, valid
 from .scratch import blank, emptied
-from .structures import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 from .task_priority import pushed
+from .workspace import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 
 Z, UNIT, NULL, ROWS_OF_X = START, ONE, constant(2), constant(3)
 """Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of J."""

@@ -10,7 +10,7 @@ from .compiler import in_place, inner
 from .laws import write_rates
 from .linear import START, copy_vector, dot, finite, in_range, out_of_range
 from .parts import call_int_pointer
-from .structures import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place

@@ -9,12 +9,14 @@ from ..formulas.tracking import gains, held_gains, held_rest, retargeted
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled
 from .parts import address, call_int_pointer, load_step
-from .step import evaluate_step
-from .structures import Scratch
+from .step import EVALUATE
 from .task_priority import track
+from .workspace import Scratch
 
-EVALUATE, TRACK = address(evaluate_step), address(track)
-"""Where the functions begin that evaluate a step, and that track."""
+__all__ = ["EVALUATE", "TRACK", "respond"]
+
+TRACK = address(track)
+"""Where the function begins that tracks."""
 
 
 @compiled(

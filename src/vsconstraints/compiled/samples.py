@@ -12,7 +12,7 @@ from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .structures import Answer, RowArrays, TaskArrays
+from .workspace import Answer, RowArrays, TaskArrays
 
 STEP, LAW, ALONE, MOVE = range(4)
 """What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion."""

@@ -17,7 +17,7 @@ from .linear import ONE, START, away, constant, copy, copy_vector, length, squar
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, matrix
-from .structures import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 BEST, NONE, TRACKING, WHOLE, ROWS_OF_X = START, ONE, constant(2), constant(3), constant(4)
 """Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1."""

@@ -7,7 +7,7 @@ import numpy as np
 from ..rows import Array
 from .compiler import inner
 from .parts import matrix_at
-from .structures import LawArrays, Scratch
+from .workspace import LawArrays, Scratch
 
 
 @inner

@@ -25,7 +25,7 @@ from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
-from .structures import Scratch, Step
+from .workspace import Scratch, Step
 
 in_place(images.usable)
 register_formulas()

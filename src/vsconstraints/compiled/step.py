@@ -28,15 +28,16 @@ from ..vision.scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
 from .constraint_rows import displaced
 from .kinematics import move, place, point_jacobian, put, put_matrix
+from .parts import address as address_of
 from .parts import call_void_pointer, checked, load_step
-from .structures import Step
 from .visual_task import JUST_NOW, write_task
+from .workspace import Step
 
 
 @in_place
-def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
+def carry(step: Step, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
     """Position, velocity and acceleration of the point at r from a body's origin."""
-    body = load_step(address).bodies[number]
+    body = step.bodies[number]
     velocity, acceleration = carried(
         r,
         vector(body.velocity),
@@ -48,9 +49,8 @@ def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]
 
 
 @in_place
-def place_camera(address: int, t: float) -> None:
+def place_camera(step: Step, t: float) -> None:
     """Write where the camera and the target are in the base frame, and the one relative to the other."""
-    step = load_step(address)
     tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
     tip_R, tip_origin, R, origin = matrix(tip.R), vector(tip.origin), matrix(camera.R), vector(camera.t)
     target_R, target_t = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
@@ -80,9 +80,8 @@ def place_camera(address: int, t: float) -> None:
 
 
 @in_place
-def move_camera(address: int, t: float) -> None:
+def move_camera(step: Step, t: float) -> None:
     """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
-    step = load_step(address)
     n = len(step.joints)
     tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
     R, origin = matrix(eye.R), vector(eye.origin)
@@ -90,7 +89,7 @@ def move_camera(address: int, t: float) -> None:
     if camera.fixed:
         # as if the tip carried it: its motion is that of the target, reversed
         r = minus(vector(camera.t), vector(tip.origin))
-    _, velocity, acceleration = carry(address, n, r)
+    _, velocity, acceleration = carry(step, n, r)
     away, omega = origin, (0.0, 0.0, 0.0)
     if target.moves:
         known = 1.0 * target.known
@@ -105,7 +104,7 @@ def move_camera(address: int, t: float) -> None:
     put(times(sign, turned_back(R, w)), eye.angular_velocity)
     put(times(sign, turned_back(R, v_dot)), eye.acceleration)
     put(times(sign, turned_back(R, w_dot)), eye.angular_acceleration)
-    point_jacobian(address, n, origin, step.J_point)
+    point_jacobian(step, n, origin, step.J_point)
     for j in range(n):
         about = 0.0 if step.joints[j].prismatic else sign
         put(times(sign, turned_back(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
@@ -113,20 +112,18 @@ def move_camera(address: int, t: float) -> None:
 
 
 @in_place
-def in_camera(address: int, i: int) -> Vector:
+def in_camera(step: Step, i: int) -> Vector:
     """A marker in the camera frame, where the model has it."""
-    step = load_step(address)
     there = turned(matrix(step.target_R), vector(step.markers[i]))
     away = minus(vector(step.target_t), vector(step.eye[0].origin))
     return turned_back(matrix(step.eye[0].R), plus(there, away))
 
 
 @in_place
-def see(address: int, i: int, t: float) -> bool:
+def see(step: Step, i: int, t: float) -> bool:
     """Write where a marker is in the image and how it moves; False if it is not in front of the camera."""
-    step = load_step(address)
     eye, camera, marker = step.eye[0], step.camera[0], step.seen[i]
-    P = in_camera(address, i)
+    P = in_camera(step, i)
     v, omega = vector(eye.velocity), vector(eye.angular_velocity)
     v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
     if not P[2] >= MINIMUM_DEPTH:
@@ -152,9 +149,8 @@ def see(address: int, i: int, t: float) -> bool:
 
 
 @in_place
-def write_innovation(address: int, t: float) -> None:
+def write_innovation(step: Step, t: float) -> None:
     """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
-    step = load_step(address)
     innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
     innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = 0.0
     if measurement.given:
@@ -169,9 +165,8 @@ def write_innovation(address: int, t: float) -> None:
 
 
 @in_place
-def write_box(address: int, j: int) -> None:
+def write_box(step: Step, j: int) -> None:
     """Write what a joint's limits leave of its acceleration."""
-    step = load_step(address)
     given = step.limits
     limits = JointLimits(
         given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
@@ -182,9 +177,8 @@ def write_box(address: int, j: int) -> None:
 
 
 @in_place
-def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
+def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
     """As :func:`evaluate_step`; False if it cannot be done."""
-    step = load_step(address)
     n = len(step.joints)
     if q.size != n or qd.size != n or not abs(t) < np.inf:
         return False
@@ -198,17 +192,17 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
         step.slip[i] = slip(step.slip[i], q[i] - step.q[i], mean_speed, t - step.time[0])
         step.q[i], step.qd[i] = q[i], qd[i]
     step.time[0] = t
-    move(address, q, qd)
-    place_camera(address, t)
-    move_camera(address, t)
+    move(step, q, qd)
+    place_camera(step, t)
+    move_camera(step, t)
     for i in range(len(step.seen)):
-        if not see(address, i, t):
+        if not see(step, i, t):
             return False
-    write_innovation(address, t)
+    write_innovation(step, t)
     for i in range(len(step.places)):
         point, spot = step.robot_points[i], step.places[i]
         r = turned(matrix(step.bodies[point.body].R), vector(point.offset))
-        position, velocity, drift = carry(address, point.body, r)
+        position, velocity, drift = carry(step, point.body, r)
         put(position, spot.position)
         put(velocity, spot.velocity)
         put(drift, spot.drift)
@@ -218,9 +212,9 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     error = step.gradient_error[0]
     if error.address != 0:
         call_void_pointer(error.address, (address, error.in_phi))
-    write_task(address, t)
+    write_task(step, t)
     for j in range(len(step.limits.acceleration)):
-        write_box(address, j)
+        write_box(step, j)
     return True
 
 
@@ -232,10 +226,14 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera: then
     nothing in the outputs counts, and what the task remembers is as it was. What was measured is used up.
     """
-    done = evaluate(address, t, q, qd)
-    measurement = load_step(address).measurement[0]
+    step = load_step(address)
+    done, measurement = evaluate(address, step, t, q, qd), step.measurement[0]
     measurement.given = measurement.pose_given = 0
     return 0 if done else 1
+
+
+EVALUATE = address_of(evaluate_step)
+"""Where it begins."""
 
 
 @checked(Step)
@@ -270,11 +268,11 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
     step = load_step(address)
     camera = step.camera[0]
     for k in range(len(t)):
-        place(address, q[k])
-        place_camera(address, t[k])
+        place(step, q[k])
+        place_camera(step, t[k])
         seen[k] = True
         for i in range(len(step.markers)):
-            P = in_camera(address, i)
+            P = in_camera(step, i)
             if not P[2] >= MINIMUM_DEPTH:
                 seen[k] = False
             pixels[k, i, 0] = camera.focal[0] * P[0] / P[2] + camera.offset[0]

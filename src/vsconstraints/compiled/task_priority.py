@@ -13,7 +13,7 @@ from .least_squares import bring, resolve
 from .linear import START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
-from .structures import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place

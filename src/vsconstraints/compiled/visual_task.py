@@ -9,17 +9,15 @@ from ..formulas.vectors import matrix, turned, vector
 from .compiler import in_place
 from .kinematics import put
 from .linear import START
-from .parts import load_step
-from .structures import CAMERA_POSE
+from .workspace import CAMERA_POSE, Step
 
 JUST_NOW = 1e-9
 """A goal's time [s] is met up to rounding."""
 
 
 @in_place
-def write_pose(address: int, goal: int, continues: bool) -> None:
+def write_pose(step: Step, goal: int, continues: bool) -> None:
     """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see :class:`vsconstraints.vision.features.CameraPose`."""
-    step = load_step(address)
     eye, task, wanted = step.eye[0], step.task, step.goals[goal]
     E, e, w = pose_error(
         matrix(wanted.R),
@@ -47,9 +45,8 @@ def write_pose(address: int, goal: int, continues: bool) -> None:
 
 
 @in_place
-def write_image(address: int, goal: int) -> None:
+def write_image(step: Step, goal: int) -> None:
     """Write J_s, the error, ṡ, J̇_s q̇ + ∂ṡ/∂t and ∂s/∂t of markers: see :class:`.ImagePoints`."""
-    step = load_step(address)
     eye, task, share, J = step.eye[0], step.task, step.options[0].share, step.camera_J
     for row in range(len(task.error)):
         marker, c = step.seen[row // 2], row % 2
@@ -73,9 +70,8 @@ def write_image(address: int, goal: int) -> None:
 
 
 @in_place
-def write_task(address: int, t: float) -> None:
+def write_task(step: Step, t: float) -> None:
     """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`.VisualTask`."""
-    step = load_step(address)
     options, last, task = step.options[0], step.last[0], step.task
     k, n = task.J.shape
     goal = START
@@ -84,9 +80,9 @@ def write_task(address: int, t: float) -> None:
             goal = g
     continues = last.goal == goal
     if options.feature == CAMERA_POSE:
-        write_pose(address, goal, continues)
+        write_pose(step, goal, continues)
     else:
-        write_image(address, goal)
+        write_image(step, goal)
     Ts = t - last.time
     differences = continues and Ts > 0.0
     squared = 0.0

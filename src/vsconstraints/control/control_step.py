@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..compiled import entry, load
+from ..compiled import load
 from ..robots.geometry import Pose
 from ..rows import Array, Command
 from ..vision.camera import Camera
@@ -93,7 +93,7 @@ class ControlStep(Evaluator):
         if law is None:
             return None
         kernels, packed, measure, innovation = load("from_state"), step.packed, step.measure, self.innovation
-        both = partial(entry(kernels.command_by), kernels.EVALUATE, packed.address, law.address, law.answer)
+        both = kernels.command_by.bind(packed.workspace, law.workspace, law.answer)
         refused, answer, copied, constraints = kernels.REFUSED, law.command, step.out.copy, self.constraints
         undistort, unknown = undistortion(self.scene.camera, size.M), np.full(size.M, np.nan)
         in_two, with_doubts = partial(self._in_two_calls, controller), self._with_doubts

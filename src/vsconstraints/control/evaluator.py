@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled import entry, load
+from ..compiled import load
 from ..constraints import Constraint, ConstraintSet
 from ..errors import InvalidInput
 from ..formulas.innovation import slip
@@ -121,8 +120,8 @@ class Bound:
         kernels = load("step")
         self.packed, self.out = packed, packed.out
         self.now = CompiledEvaluation(packed, constraints, self.out)
-        self.evaluate: Callable[[float, Array, Array], int] = partial(entry(kernels.evaluate_step), packed.address)
-        self.measure: Callable[[Array, Array, float, float], int] = partial(entry(kernels.measure), packed.address)
+        self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(packed.workspace)
+        self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(packed.workspace)
 
 
 class CurrentState(NamedTuple):
@@ -206,7 +205,7 @@ class Evaluator:
             step = self._packed.step
             self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip
             self.last_command, self.innovation, self._bounds = step.last_command, step.innovation, step.bounds
-            self._evaluate_step = load("step").evaluate_step.unchecked
+            self._evaluate_step = load("step").evaluate_step.bind(self._packed.workspace, typed=True)
         self.plausible = plausible or Plausible()
 
     @property
@@ -309,10 +308,10 @@ class Evaluator:
         if measured is not None:
             packed.measure(measured)
         try:
-            refused = self._evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(t, q, qd)
         except TypeError:
             t, q, qd = self._checked(t, q, qd)
-            refused = self._evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(t, q, qd)
         if refused:
             # the definition says why
             return self._defined(t, q, qd, measured)
@@ -390,5 +389,5 @@ class Evaluator:
         if q.shape != (len(t), size.n):
             raise InvalidInput(f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not {q.shape}")
         out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
-        load("step").views(self._packed.address, t, q, *out)
+        load("step").views(self._packed.workspace, t, q, *out)
         return out

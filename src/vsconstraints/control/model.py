@@ -161,7 +161,7 @@ class Model:
         t = np.full(len(t), self.present.t) if self._of.believes else np.ascontiguousarray(t, dtype=np.float64)
         q, qd = (np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd))
         out = np.empty((len(t), step.out.size))
-        N = load("predictions").predict(packed.address, t, q, qd, step.out, out)
+        N = load("from_state").predict(packed.workspace, t, q, qd, step.out, out)
         parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
         return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..compiled.structures import CAMERA_POSE, IMAGE_POINTS, Size, Step, pack_struct
+from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, Size, Step, Workspace
 from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..constraints.constraint_set import misshapen, shapes_of
 from ..formulas.limits import JointLimits
@@ -41,8 +41,8 @@ class Packed:
         Their sizes, and the slice and shape of each output.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
-    address
-        Where compiled code finds the step.
+    workspace
+        The step as compiled functions take it.
 
     Raises
     ------
@@ -90,18 +90,15 @@ class Packed:
             limited=limits is not None,
             rests=rest.any,
         )
-        step, self.out = self.size.step()
-        self.step = step if limits is None else step._replace(limits=limits)
+        step, self.out = self.size.step(limits)
+        self.step = step = step._replace(evaluate=load("step").EVALUATE)
         _write_scene(step, scene, known)
         _write_task(step, task, rest)
         step.rows.K[:], step.rows.switching_gain[:] = constraints.approach_time, constraints.switching_gain
         step.rows.scale[:] = constraints.scale
         for i, block in enumerate(compiled):
             _write_constraint(step, i, *block, known)
-        shapes = self.size.outputs
-        self.parts = {name: (where, shapes[name]) for name, where in self.size.where().items()}
-        self._words = pack_struct(self.step)
-        self.address = int(self._words.ctypes.data)
+        self.parts, self.workspace = self.size.outputs, Workspace(step)
         self.reset()
 
     @property

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import entry, load
+from ..compiled import load
+from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, Workspace
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
@@ -24,7 +25,7 @@ SCRATCH = 4096
 
 
 class CompiledLaw:
-    """A demand and a resolver for rows of some labels, as compiled functions take them, at an ``address``.
+    """A demand and a resolver for rows of some labels, as compiled functions take them: a ``workspace``.
 
     ``arrays`` are the :class:`.LawArrays`, ``remark`` is what is to be said of labels and options; ``complete`` tells
     whether all of the law is compiled: numba may refuse the demand's formula, and a solver may be asked for by name.
@@ -32,7 +33,7 @@ class CompiledLaw:
     [s], if it is known.
     """
 
-    __slots__ = ("_follow", "_packed", "_whole", "address", "arrays", "complete", "labels", "measures", "remark")
+    __slots__ = ("_follow", "_whole", "arrays", "complete", "labels", "measures", "remark", "workspace")
 
     def __init__(
         self,
@@ -44,13 +45,13 @@ class CompiledLaw:
         last_rates: Array = UNKNOWN,
         period: float | None = None,
     ) -> None:
-        laws, parts, structures = load("laws"), load("parts"), load("structures")
+        laws, parts = load("laws"), load("parts")
         form = len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere
         asks = laws.demand(type(demand).formula, *form)
         self.complete = resolver.compiles and asks is not None
         kernels = [resolver.kernel, resolver.otherwise if resolver.compiles else None]
         m, (kernel, otherwise) = len(labels), [each and getattr(load(each[0]), each[1]) for each in kernels]
-        self.arrays = structures.LawArrays(
+        self.arrays = LawArrays(
             parts.address(kernel),
             parts.address(asks or laws.demand_part(type(demand).formula, *map(int, form))),
             parts.address(load("task_priority").track),
@@ -67,22 +68,22 @@ class CompiledLaw:
             np.empty_like(memory),
             np.empty(m),
             np.full(1, math.nan),
-            structures.Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
         )
         self.labels, self.remark, self.measures = labels, resolver.remark(labels), resolver.measures
         self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.uses})
-        self._follow = laws.follow.unchecked, laws.follow_whole.unchecked
-        self._packed = structures.pack_struct(self.arrays)
-        self.address = int(self._packed.ctypes.data)
+        self.workspace = Workspace(self.arrays)
+        self._follow = [function.bind(self.workspace, typed=True) for function in (laws.follow, laws.follow_whole)]
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
+        laws = load("laws")
         phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
             of_task = task.J, task.b, task.error, task.error_rate, task.rest
-            return self._follow[1], self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, *of_task
-        return self._follow[0], self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+            return laws.follow_whole, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, *known, *of_task
+        return laws.follow, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -90,12 +91,12 @@ class CompiledLaw:
         qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
         slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
-            function, *arguments = self.call(rows, task)
-            code = function(*arguments, qdd, acted, slack, count)
+            _, _, *arguments = self.call(rows, task)
+            code = self._follow[1](*arguments, qdd, acted, slack, count)
         else:  # as call has it, without a tuple in between, which takes longer
             phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
             follow, Lg, Lf = self._follow[0], rows.Lg, rows.Lf
-            code = follow(self.address, m, phi, Lg, Lf, gain, scale, J, task.b, qdd, acted, slack, count)
+            code = follow(m, phi, Lg, Lf, gain, scale, J, task.b, qdd, acted, slack, count)
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
@@ -103,13 +104,13 @@ class CompiledLaw:
 
         What is to be remembered is in ``arrays.after``. See :mod:`vsconstraints.formulas.row` for the purposes.
         """
-        arrays, parts, structures = self.arrays, load("parts"), load("structures")
+        arrays, parts = self.arrays, load("parts")
         arrays.squared[:] = (rows.Lg * rows.Lg).sum(axis=1)
         arrays.effort[0] = math.nan if tracking is None else np.linalg.norm(tracking)
-        given = structures.RowArrays(*(getattr(rows, name) for name in structures.RowArrays._fields))
+        given = RowArrays(*(getattr(rows, name) for name in RowArrays._fields))
         tracked = UNKNOWN if tracking is None else rows.Lg @ tracking
         outputs = arrays.after, arrays.asked
-        parts.call_int_pointer(arrays.demand, (self.address, given, tracked, purpose, *outputs))
+        parts.call_int_pointer(arrays.demand, (self.workspace.address, given, tracked, purpose, *outputs))
         c: Array = arrays.asked.copy()
         return c
 
@@ -132,20 +133,21 @@ class BoundLaw:
     """A compiled law on arrays that stay where they are, for loops: every call overwrites what the one before wrote.
 
     ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if not, the controller's
-    ``command`` has to be asked. ``arrays`` at ``address`` are the law as compiled loops take it, with ``slack`` (m,) or
-    (0,) and ``count`` (1,) of iterations; ``answer`` is where compiled code finds what it writes: an :class:`.Answer`.
+    ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``, with ``slack`` (m,) or
+    (0,) and ``count`` (1,) of iterations; ``answer`` is the workspace of what it writes: an :class:`.Answer`.
     """
 
     def __init__(self, resolver: Any, law: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
         self._resolver, self._law, self._rows, self._code = resolver, law, rows, 0
-        self.arrays, self.address, self.acted, self.qdd = law.arrays, law.address, acted, qdd
+        self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
-        structures, outputs = load("structures"), (qdd, acted, self.slack, self.count)
-        self._packed = structures.pack_struct(structures.Answer(*outputs, NO_SLACK))
-        self.answer = int(self._packed.ctypes.data)
-        function, *arguments = law.call(rows, task)
-        self._function = partial(entry(function), *arguments, *outputs)
+        outputs = (qdd, acted, self.slack, self.count)
+        self.answer = Workspace(Answer(*outputs, NO_SLACK))
+        function, workspace, *arguments = law.call(rows, task)
+        bound = function.bind(workspace)
+        # flat, which is faster; the law holds its workspace
+        self._function = partial(bound.func, *bound.args, *arguments, *outputs)
         self.solve: Callable[[], int] = self._solve if law.measures else self._function
 
     def _solve(self) -> int:

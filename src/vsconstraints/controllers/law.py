@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.structures import NEEDS_PYTHON, RANK_LOSS
+from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..qp import SolverChain
 from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.structures import NEEDS_PYTHON, RANK_LOSS, SOLVED
+from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS, SOLVED
 from ..errors import SolverError
 from ..formulas import formula
 from ..formulas.row import BOUND, EQUAL, PUSH, Row
@@ -63,7 +63,7 @@ class Resolver(Part, ABC):
     name
         In reports.
     kernel
-        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`.
+        Module and name of its compiled form, see :class:`vsconstraints.compiled.workspace.LawArrays`.
     otherwise
         Module and name of the compiled form that answers where this one does not, on the same options; None if there
         is none.

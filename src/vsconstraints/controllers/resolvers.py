@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..compiled import structures as codes
+from ..compiled import workspace as codes
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
 from ..formulas.row import share
 from ..qp import SolverChain
@@ -128,7 +128,7 @@ class Hierarchy(Resolver):
 
     @property
     def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
         return codes.STRICT
 
     def solvers(self) -> SolverChain:

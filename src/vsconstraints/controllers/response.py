@@ -44,7 +44,7 @@ def response(model: Any, reference: Array, periods: Array, scale: Array) -> Resp
     if bound is None:
         return _in_numpy(model, reference, periods, scale)
     step, least, (t, q, qd) = bound.packed.step, np.full(len(scale), np.inf), model.present
-    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address, 0])
+    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.workspace.address, 0])
     numbers = np.array([t, model.until, RANK_TOLERANCE, NEWTON])
     state, work = np.array([q, qd, np.zeros_like(q)]), np.empty(len(reference) + SCRATCH)
     if kernels.respond(parts, numbers, state, reference, work, periods, least):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiled import load
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
-from ..compiled.structures import pack_struct
+from ..compiled.workspace import Workspace
 from ..constraints import ConstraintSet
 from ..control.evaluator import CompiledEvaluation
 from ..controllers import Controller, Tracking
@@ -169,7 +169,7 @@ class _Run:
                 self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
                 # without a usable image no law is called, and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
-            self.samples, stage = load("closed_loop").run(self.address, begun, end, stage)
+            self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
             if self.samples < end:
@@ -182,20 +182,20 @@ class _Run:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = load("closed_loop").EVALUATE, believed.address, true.packed.address
+        loop.parts[:3] = believed.step.evaluate, believed.workspace.address, true.packed.workspace.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing:
             self.sensor.expected.write(believed.step)
             if self.sensor.estimates:
                 self._sensing = self.sensor.sensing(setup.samples_at_most)
-                self._sensed = pack_struct(self._sensing)
-                loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
+                self._sensed = Workspace(self._sensing)
+                loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
         law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
-        self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
-        loop.parts[4] = self._laws[0].ctypes.data
+        self._laws = [Workspace(part.arrays) for part in (alone, law) if part is not None]
+        loop.parts[4] = self._laws[0].address
         if law is not None and not by_public_call:
-            loop.parts[3] = self.law = self._laws[1].ctypes.data
+            loop.parts[3] = self.law = self._laws[1].address
             # the same rank tolerance: the law's way to its answer may lead by tracking alone
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(slack=law.slack, alone=loop.alone if same else loop.answer.alone)
@@ -212,8 +212,7 @@ class _Run:
         # whether Python moves the robot: then, or where it renders images, it does so sample by sample
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
-        self._packed_loop = pack_struct(loop)
-        self.address = int(self._packed_loop.ctypes.data)
+        self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
         """Do the stage that compiled code cannot do; returns the next one."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..compiled.samples import Goals, Kept, Loop, Running
-from ..compiled.structures import Answer, Size, Step
+from ..compiled.workspace import Answer, Size, Step
 from ..control import ControlStep
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..compiled import load
 from ..compiled.images import Images, Lenses, Sensing, usable
-from ..compiled.structures import Scratch, Step
+from ..compiled.workspace import Scratch, Step
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..control.packing import write_camera
 from ..errors import ConfigurationError, SceneError, unknown_name

@@ -16,8 +16,7 @@ from ..plots.image import Plane, tracks
 from ..plots.marks import symbol
 from ..plots.style import INK, darker, shortened
 from ..scene3d import draw_setup
-from .constraint_highlights import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, Thing, things_of
-from .runs import ReplayRun, check_same_scene, colours_of
+from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
 from .space import common_viewpoint
 
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0

@@ -20,8 +20,7 @@ from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane
 from ..scene3d import draw_setup
-from .constraint_highlights import Frames, things_of
-from .runs import ReplayRun, check_same_scene, colours_of
+from .runs import Frames, ReplayRun, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
 
 PICTURE = (6.4, 4.8)

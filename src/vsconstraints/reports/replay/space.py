@@ -32,8 +32,7 @@ from ..scene3d import (
     viewpoint_of,
     visuals,
 )
-from .constraint_highlights import HIGHLIGHTS, Frames, Highlight, highlights_of
-from .runs import ReplayRun, colours_of
+from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
 
 OBSTACLE, OTHERS = "#8FA3BF", 0.45
 """Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place."""

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
-from ...compiled.structures import pack_struct
+from ...compiled.workspace import Workspace
 from ...control.packing import joints
 from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
@@ -168,24 +168,24 @@ class DynamicPlant(Plant):
         )
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
-        self.frozen_arm = pack_struct(self.arm)
+        self.workspace = Workspace(self.arm)
         self._mujoco, self._compiled = None, load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
-            self.mover = self._compiled.MOVE, int(self.frozen_arm.ctypes.data)
-        self._compiled.begin(int(self.frozen_arm.ctypes.data), self.x)
+            self.mover = self._compiled.MOVE, self.workspace.address
+        self._compiled.begin(self.workspace, self.x)
 
     def follow(self) -> None:
         """Go to the end of the period that has begun."""
-        compiled, arm, address = self._compiled, self.arm, int(self.frozen_arm.ctypes.data)
+        compiled, arm, workspace = self._compiled, self.arm, self.workspace
         if self._mujoco is None:
-            compiled.drive_period(address, self.x)
+            compiled.drive_period(workspace, self.x)
             return
         for i in range(arm.substeps):
-            compiled.drive_substep(address, self.x, i == 0)
+            compiled.drive_substep(workspace, self.x, i == 0)
             self._mujoco.step(self.x, arm.memory.torque - arm.friction)
-            compiled.end_substep(address, self.x)
+            compiled.end_substep(workspace, self.x)
 
     step = follow
 

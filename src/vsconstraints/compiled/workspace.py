@@ -1,0 +1,381 @@
+"""The arrays on which compiled functions work, declared once: every field with its type and shape.
+
+A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of :class:`Size`.
+Records are arrays whose fields compiled code takes as attributes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, NamedTuple, get_type_hints
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from ..errors import InvalidInput, shown
+from ..formulas.limits import JointLimits
+from ..rows import Array, BoolArray, IntArray
+
+SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
+"""Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check; rows contradict each
+other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
+"""
+
+CAMERA_POSE, IMAGE_POINTS = range(2)
+"""Features of the task."""
+
+STRICT, NEAREST, WEIGHED, SCALED = range(4)
+"""Below the rows: the task, and within it the least acceleration; the way to the command that tracks, in the joints, or
+in the task with a little of the joints; the way to a share of that command."""
+
+Records = Any
+
+
+def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
+    """A type of records of floats: by name, or (name, shape); ``#name`` is an integer, (name, type) another record."""
+    columns: list[Any] = []
+    for field in fields:
+        name, shape = (field, ()) if isinstance(field, str) else field
+        nested = isinstance(shape, np.dtype)
+        columns.append((name, shape) if nested else (name[1:], "i8") if name[0] == "#" else (name, "f8", shape))
+    return np.dtype(columns)
+
+
+F8, I8 = np.dtype("f8"), np.dtype("i8")
+V3, M3 = (3,), (3, 3)
+POSE = ("R", M3), ("t", V3)
+
+MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
+"""d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is zero."""
+JOINT = record(*POSE, ("axis", V3), "#prismatic")
+"""Placement in the body before, axis there, and whether the joint moves along it."""
+CAMERA = record(*POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed")
+"""Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal lengths and what is added
+to pixels; the factor of believed depths."""
+TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3), ("centre", V3))
+"""See :class:`vsconstraints.vision.motion.TargetMotion`."""
+POINT = record("#body", ("offset", V3))
+"""A robot point: its body (0 is the base) and place in its frame."""
+TASK = record(
+    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "Kp0", "slope", "damping", "rest_damping",
+    "rest_stiffness",
+)  # fmt: skip
+"""See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""
+GOAL = record("from_time", *POSE)
+"""When a goal begins, and the camera's pose there."""
+PART = record("#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION))
+"""A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
+image R[:2, :2] and t[:2]); the motion of what it forbids."""
+BODY = record(
+    ("R", M3), ("origin", V3), ("axis", V3), ("angular_velocity", V3), ("velocity", V3), ("angular_acceleration", V3),
+    ("acceleration", V3),
+)  # fmt: skip
+"""A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin, ω̇, v̇."""
+MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
+"""A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative, and Z."""
+PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
+"""A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration."""
+EYE = record(
+    ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
+    ("angular_acceleration", V3),
+)  # fmt: skip
+"""The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes."""
+MEASUREMENT = record("#given", "time", "#pose_given")
+"""Whether pixels are measured, and when; whether the camera's pose is."""
+GRADIENT_ERROR = record("#address", "#in_phi")
+"""The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too."""
+SAMPLE = record("time", "#goal")
+"""The sample before; goal −1 if there is none."""
+
+
+class RowArrays(NamedTuple):
+    """See :class:`vsconstraints.rows.Rows`."""
+
+    phi: Annotated[Array, F8, "m"]
+    Lg: Annotated[Array, F8, "m", "n"]
+    Lf: Annotated[Array, F8, "m"]
+    sigma: Annotated[Array, F8, "m"]
+    sigma_dot: Annotated[Array, F8, "m"]
+    K: Annotated[Array, F8, "m"]
+    switching_gain: Annotated[Array, F8, "m"]
+    scale: Annotated[Array, F8, "m"]
+    qdd_min: Annotated[Array, F8, "limits"]
+    qdd_max: Annotated[Array, F8, "limits"]
+
+
+class TaskArrays(NamedTuple):
+    """See :class:`vsconstraints.rows.Task`."""
+
+    J: Annotated[Array, F8, "k", "n"]
+    b: Annotated[Array, F8, "k"]
+    error: Annotated[Array, F8, "k"]
+    error_rate: Annotated[Array, F8, "k"]
+    rest: Annotated[Array, F8, "rest"]
+
+
+class Answer(NamedTuple):
+    """Output of compiled laws: q̈, which rows acted, their slack, iterations, and q̈ of tracking alone.
+
+    Laws that measure no slack take (0,) for it. Those that find q̈ of tracking on the way write it to ``alone``, unless
+    that is (0,).
+    """
+
+    qdd: Annotated[Array, F8, "n"]
+    acted: Annotated[BoolArray, np.dtype("?"), "m"]
+    slack: Annotated[Array, F8, "m"]
+    iterations: Annotated[IntArray, I8, 1]
+    alone: Annotated[Array, F8, "n"]
+
+
+class Scratch(NamedTuple):
+    """Numbers, and how many of them are taken: whoever made it holds it until nothing taken is used any more."""
+
+    numbers: Annotated[Array, F8, 1]
+    taken: Annotated[IntArray, I8, 1]
+
+
+class LawArrays(NamedTuple):
+    """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
+
+    Its ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and :class:`Answer`; see
+    :mod:`vsconstraints.compiled.laws`. It returns a code; with ``NEEDS_PYTHON`` nothing is remembered, and the
+    controller's ``command`` has to be called.
+
+    Attributes
+    ----------
+    resolver, demand, track, otherwise
+        Addresses; the third of :func:`.track`, the last of the resolver that answers where this one does not, or 0.
+    tracks
+        Whether the demand depends on the effect of tracking on the rows.
+    period
+        T_s [s], or NaN.
+    options, parameters
+        Of the resolver, and of the demand's formula.
+    weights
+        (m,) of the rows' violations, or (0,) where all are 1.
+    memory
+        (m, f) memory of the demand for each row, or (0, 0).
+    last_rates
+        (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
+    squared, asked, after, tracked, effort
+        Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ q̈ and (1,) ‖q̈‖.
+    scratch
+        For all else; empty whenever a law begins.
+    """
+
+    resolver: int
+    demand: int
+    track: int
+    otherwise: int
+    tracks: int
+    period: float
+    options: Annotated[Array, F8, 1]
+    parameters: Annotated[Array, F8, 1]
+    weights: Annotated[Array, F8, "m"]
+    memory: Annotated[Array, F8, "m", 1]
+    last_rates: Annotated[Array, F8, "m"]
+    squared: Annotated[Array, F8, "m"]
+    asked: Annotated[Array, F8, "m"]
+    after: Annotated[Array, F8, "m", 1]
+    tracked: Annotated[Array, F8, "m"]
+    effort: Annotated[Array, F8, 1]
+    scratch: Scratch
+
+
+class Step(NamedTuple):
+    """Input, memory, scratch and output of the compiled step, for m rows, n joints, M markers, P points, k features."""
+
+    # function that evaluates it; scene
+    evaluate: int
+    joints: Annotated[Records, JOINT, "n"]
+    camera: Annotated[Records, CAMERA, 1]
+    markers: Annotated[Array, F8, "M", 3]  # in the target's frame
+    robot_points: Annotated[Records, POINT, "P"]
+    target: Annotated[Records, TARGET, 1]
+    # task: of each goal the normalised markers and L; the joints' posture
+    options: Annotated[Records, TASK, 1]
+    goals: Annotated[Records, GOAL, "goals"]
+    goal_points: Annotated[Array, F8, "goals", "2M"]
+    goal_interaction: Annotated[Array, F8, "goals", "2M", 6]
+    posture: Annotated[Array, F8, "n"]
+    # constraints: parameters of their formulas; for each row its marker or robot point, of linear rows the gradient and
+    # the constant
+    parts: Annotated[Records, PART, "parts"]
+    parameters: Annotated[Array, F8, "parts", "parameters"]
+    which: Annotated[IntArray, I8, "m"]
+    gradients: Annotated[Array, F8, "m", "n"]
+    offsets: Annotated[Array, F8, "m"]
+    # error of gradients, with c_e s of eq. (49)
+    gradient_error: Annotated[Records, GRADIENT_ERROR, 1]
+    gradient_share: Annotated[Array, F8, "m", "n"]
+    # now, limits of q̈, and the command before
+    time: Annotated[Array, F8, 1]
+    q: Annotated[Array, F8, "n"]
+    qd: Annotated[Array, F8, "n"]
+    limits: JointLimits
+    last_command: Annotated[Array, F8, "n"]
+    # memory of the task: the sample before, its error, ∂s/∂t and J_s
+    last: Annotated[Records, SAMPLE, 1]
+    last_error: Annotated[Array, F8, "k or 6"]
+    last_partial: Annotated[Array, F8, "k"]
+    last_J: Annotated[Array, F8, "k", "n"]
+    # the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist relative to it
+    bodies: Annotated[Records, BODY, "n + 1"]
+    eye: Annotated[Records, EYE, 1]
+    target_R: Annotated[Array, F8, 3, 3]
+    target_t: Annotated[Array, F8, 3]
+    camera_J: Annotated[Array, F8, 6, "n"]
+    seen: Annotated[Records, MARKER, "M"]
+    places: Annotated[Records, PLACE, "P"]
+    # measured pixels and Z, NaN where there are none; how far a marker was last seen from where the model has it, in
+    # normalised coordinates
+    measurement: Annotated[Records, MEASUREMENT, 1]
+    measured: Annotated[Array, F8, "M", 3]
+    correction: Annotated[Array, F8, "M", 2]
+    # distance of measurements from the model: formulas.innovation.slip; bounds of vision.measurement.INNOVATIONS; the
+    # values, and their greatest ratio to the bounds
+    slip: Annotated[Array, F8, "n"]
+    bounds: Annotated[Array, F8, 6]
+    innovation: Annotated[Array, F8, 7]
+    # scratch: the Jacobian of a point; ∂s/∂t; s̈ when q̈ = 0
+    J_point: Annotated[Array, F8, 3, "n"]
+    partial: Annotated[Array, F8, "k"]
+    drift: Annotated[Array, F8, "k"]
+    # output, with robot points in the base frame and the camera's pose in the target's frame
+    rows: RowArrays
+    task: TaskArrays
+    pixels: Annotated[Array, F8, "M", 2]
+    points: Annotated[Array, F8, "P", 3]
+    camera_R: Annotated[Array, F8, 3, 3]
+    camera_t: Annotated[Array, F8, 3]
+
+
+OUTPUTS = (
+    "qdd_min", "qdd_max", "phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate", "rest", "pixels",
+    "points", "camera_R", "camera_t",
+)  # fmt: skip
+"""What a step writes, in the order in which it stands in one array."""
+
+
+@cache
+def fields(kind: Any) -> dict[str, Any]:
+    """Declared types of a structure's fields, by name."""
+    return get_type_hints(kind, include_extras=True)
+
+
+@dataclass(frozen=True)
+class Size:
+    """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and their parameters.
+
+    ``limited`` says whether q̈ has a box, and ``rests`` whether the task has a q̈₀.
+    """
+
+    n: int = 1
+    M: int = 0
+    P: int = 0
+    m: int = 0
+    k: int = 0
+    goals: int = 1
+    parts: int = 0
+    parameters: int = 0
+    limited: bool = False
+    rests: bool = False
+
+    def shape(self, declared: Any) -> tuple[int, ...]:
+        """The shape of a field."""
+        n, M, k = self.n, self.M, self.k
+        counts = {"n + 1": n + 1, "2M": 2 * M, "k or 6": max(k, 6), "limits": n * self.limited, "rest": n * self.rests}
+        lengths = {**vars(self), **counts}
+        return tuple(lengths.get(length, length) for length in declared.__metadata__[1:])
+
+    @property
+    def outputs(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
+        """Place in the array of outputs, and shape, of each."""
+        declared = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}
+        shapes = {name: self.shape(declared[name]) for name in OUTPUTS}
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
+        starts = [0, *ends[:-1]]
+        return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, starts, ends, strict=True)}
+
+    def step(self, limits: JointLimits | None = None) -> tuple[Step, Array]:
+        """A step of this size, of zeros, and the array that all its outputs are parts of."""
+        outputs = self.outputs
+        out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
+        views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
+        none = JointLimits(*(np.zeros(self.n * self.limited),) * 5, ranges=0, period=1.0)
+        step: Step = self._zeros(Step, {**views, "limits": limits or none})
+        step.bodies["R"][0] = np.eye(3)
+        step.bounds[:] = np.inf
+        return step, out
+
+    def _zeros(self, kind: Any, known: dict[str, Any]) -> Any:
+        values = dict(known)
+        for name, declared in fields(kind).items():
+            if name not in values and declared is int:
+                values[name] = 0
+            elif name not in values:
+                nested = not hasattr(declared, "__metadata__")
+                values[name] = (
+                    self._zeros(declared, known) if nested else np.zeros(self.shape(declared), declared.__metadata__[0])
+                )
+        return kind(**{name: values[name] for name in kind._fields})
+
+
+_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()
+"""By their addresses."""
+
+
+class Workspace:
+    """A structure of arrays and numbers as compiled functions take it; its arrays are not copied.
+
+    Functions that take one look whether it is of the right kind. It lives as long as whoever uses it holds it.
+
+    Attributes
+    ----------
+    structure
+        The named tuple.
+    address
+        Where compiled code reads it, for fields of other structures.
+    """
+
+    __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")
+
+    def __init__(self, structure: Any) -> None:
+        self._words = np.array(_words(structure), dtype=np.int64)
+        self.structure, self.address, self._in_python = structure, int(self._words.ctypes.data), None
+        _workspaces[self.address] = self
+
+    def in_python(self) -> Any:
+        """The structure, with fields of records as attributes."""
+        if self._in_python is None:
+            self._in_python = _with_records(self.structure)
+        return self._in_python
+
+
+def demand_workspace(given: object, kind: type, function: str) -> int:
+    """The address of a workspace of that kind of structure; raises InvalidInput that names the function otherwise."""
+    if isinstance(given, Workspace) and type(given.structure) is kind:
+        return given.address
+    what = type(given.structure).__name__ if isinstance(given, Workspace) else shown(given)
+    raise InvalidInput(f"{function} takes a workspace of {kind.__name__}, not {what}")
+
+
+def structure_at(address: int) -> Any:
+    """The structure of the workspace at an address, for functions that run in Python."""
+    return _workspaces[int(address)].in_python()
+
+
+def _with_records(part: Any) -> Any:
+    if isinstance(part, tuple):
+        return type(part)(*(_with_records(field) for field in part))
+    return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part
+
+
+def _words(part: Any) -> list[int]:
+    if isinstance(part, tuple):
+        return [word for field in part for word in _words(field)]
+    if isinstance(part, np.ndarray):
+        # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and strides
+        return [0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides]
+    return [int(np.float64(part).view(np.int64)) if isinstance(part, float) else int(part)]
