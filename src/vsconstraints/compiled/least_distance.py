@@ -8,7 +8,7 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from . import linear as la
-from .compiler import inner
+from .compiler import in_place, inner
 from .linear import S_ROWS, START, constant
 from .scratch import matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
@@ -33,7 +33,7 @@ POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), con
 """Rows of the work space."""
 
 
-@inner
+@in_place
 def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
     """State the rows in u = R y + r, with unit norms; False if a side is no number then."""
     p, m = G.shape
@@ -59,7 +59,7 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
     return True
 
 
-@inner
+@in_place
 def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     """The row that the point exceeds most, by more than rounding; writes all excesses."""
     p, m = G.shape
@@ -75,7 +75,7 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     return chosen
 
 
-@inner
+@in_place
 def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
     """Let one of the active rows leave, of which q are left, and factor those behind it anew."""
     for j in range(leaving, q):
@@ -86,7 +86,7 @@ def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int,
         la.make_reflection(F, T, j)
 
 
-@inner
+@in_place
 def longest_step(X: Array, q: int) -> tuple[int, float]:
     """Which active row's multiplier is the first to become zero on the way, if any does, and at what step."""
     leaving, step = NONE, math.inf
@@ -96,7 +96,7 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
     return leaving, step
 
 
-@inner
+@in_place
 def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int) -> int:
     """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how many are left.
 
@@ -132,7 +132,7 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
         drop(G, F, T, X, active, leaving, q)
 
 
-@inner
+@in_place
 def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
     """Compute the point and the multipliers from the q active rows, so that errors do not accumulate."""
     for j in range(F.shape[0]):
@@ -145,7 +145,7 @@ def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: in
     la.apply(F, T, q, X, POINT)
 
 
-@inner
+@in_place
 def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: float) -> bool:
     """Whether rows are met, multipliers only where a row is reached, and the point a sum of those rows."""
     p, m = G.shape

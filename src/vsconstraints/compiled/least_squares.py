@@ -11,7 +11,7 @@ import math
 
 from ..rows import Array
 from . import linear as la
-from .compiler import inner
+from .compiler import in_place, inner
 from .linear import ONE, S_ROWS, START, WORK
 from .scratch import blank, matrix
 from .workspace import Scratch
@@ -32,7 +32,7 @@ SWEEPS = 60
 """Jacobi sweeps at most; some six are usual."""
 
 
-@inner
+@in_place
 def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -> bool:
     """Make two rows orthogonal in the columns from ``first`` to ``last`` by one rotation; whether there was need."""
     a, b, d = la.dot(X, p, X, p, first, last), la.dot(X, q, X, q, first, last), la.dot(X, p, X, q, first, last)
@@ -49,7 +49,7 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
     return True
 
 
-@inner
+@in_place
 def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     """Turn the first rows of X, by an orthogonal matrix from the left, into ones orthogonal in columns [first, last).
 
@@ -116,7 +116,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scr
     return left
 
 
-@inner
+@in_place
 def triangular(W: Array, first: int, F: Array, S: Array) -> None:
     """[M | b] ← [R | Qᵀb] of the QR in F and S, with Qᵀb in S[WORK]."""
     p = F.shape[0]
