@@ -197,16 +197,15 @@ class Tuning:
         """Write tables and settings, each file whole or not at all; raises StorageError."""
         import pandas
 
+        columns = [objective.column for objective in OBJECTIVES]
         evaluations = [
             {
                 "law": law.law.name,
                 "seed": each.seed,
                 "number": each.number,
                 "options": json.dumps(each.options, sort_keys=True),
-                **dict(zip([objective.column for objective in OBJECTIVES], each.judged.point, strict=True)),
-                "violations": each.judged.violations,
-                "runs": each.judged.runs,
-                "converged": each.judged.converged,
+                **dict(zip(columns, each.judged.point, strict=True)),
+                **{key: value for key, value in each.judged._asdict().items() if key != "point"},
                 "feasible": each.feasible,
                 "on_front": each.on_front,
                 "chosen": each is law.chosen,

@@ -210,4 +210,4 @@ def summarised(
     for number in range(scenes):
         drawn_scenes.append(family.scene(number, half, seed))
         on_drawn()
-    return Summary(family.name, tuple(drawn_scenes), perf_counter() - began)
+    return Summary(tuple(drawn_scenes), perf_counter() - began)
