@@ -86,7 +86,6 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.laws.Part"),
-    ("py:class", "vsconstraints.comparisons.stored.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only

@@ -299,7 +299,10 @@ def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(which: 
         state = scene.evaluate(NOW, q, qd)
         there = scene.evaluate(NOW, q + rng.uniform(-0.05, 0.05, 7), qd)
         goal = Goal(0.0, there.pixels.position, there.normalised.position, there.camera, there.depth)
-        seen, other = feature_motion(ImagePoints(), state, goal, None), ImagePoints(which).evaluate(state, goal, None)
+        seen, other = (
+            feature_motion(ImagePoints(), state, goal, None),
+            feature_motion(ImagePoints(which), state, goal, None),
+        )
         np.testing.assert_array_equal(other.error, seen.error)
         np.testing.assert_allclose(other.velocity, other.J @ qd + seen.partial, atol=1e-12)
         # at the goal's depth and image, but with the arm where it is

@@ -305,12 +305,14 @@ def test_limits_that_are_none_are_refused(limits, said):
 def test_limits_that_do_not_fit_are_refused():
     setup = Scenario.load("ur5-fov").setup()
     parts = setup.scene, setup.constraints, setup.task
-    with pytest.raises(ConfigurationError, match="the limit of jerk must be one number or 6, not 2"):
+    with pytest.raises(ConfigurationError, match="the limit of jerk must be one number or 6, one per joint, not 2"):
         ControlStep(*parts, limits=ActuatorLimits(jerk=(1.0, 2.0)), period=0.002)
     for period in (None, 0.0, -1.0, float("inf"), float("nan")):
         with pytest.raises(InvalidInput, match="need the sampling period"):
             ControlStep(*parts, limits=ActuatorLimits(jerk=1.0), period=period)
-    with pytest.raises(ConfigurationError, match="the limit of acceleration must be one number or 1, not 2"):
+    with pytest.raises(
+        ConfigurationError, match="the limit of acceleration must be one number or 1, one per joint, not 2"
+    ):
         Robot.from_dh([[0.0, 0.0, 1.0, 0.0]], limits=ActuatorLimits(acceleration=(1.0, 2.0)))
     for value, said in (
         ("arm", "arm"),

@@ -12,8 +12,7 @@ from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..rows import Array
 from ..simulation import Setup
 
-Takes = Literal["position", "speed"]
-"""What an arm is sent in each period."""
+Takes = Literal["position", "speed"]  #: What an arm is sent in each period.
 
 
 class ArmError(VsconstraintsError):

@@ -12,11 +12,8 @@ from ..robots.limits import ActuatorLimits
 from ..robots.robot import Robot
 from ..rows import Array
 
-ROUNDING = 1e-6
-"""Fraction of a limit by which a setpoint may exceed it: differences of positions are no more exact."""
-
-AT_REST = 1e-9
-"""Speed that counts as rest [rad/s or m/s]."""
+ROUNDING = 1e-6  #: Fraction of a limit by which a setpoint may exceed it: differences of positions are no more exact.
+AT_REST = 1e-9  #: Speed that counts as rest [rad/s or m/s].
 
 
 @dataclass(frozen=True)

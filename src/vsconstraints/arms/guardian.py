@@ -15,14 +15,10 @@ from contextlib import suppress
 from ..comparisons.runs.signals import SIGNALS
 from ..errors import ConfigurationError, described
 
-ATTEMPTS = 3
-"""How often a stop command is tried."""
-
-START_S, END_S = 60.0, 10.0
-"""How long the process may take to be ready, while the arm stands, and to end [s]."""
-
+ATTEMPTS = 3  #: How often a stop command is tried.
+START_S, END_S = 60.0, 10.0  #: How long the process may take to be ready, while the arm stands, and to end [s].
+#: A message: for how many seconds it may be the last one [s]; negative if the arm is at rest.
 HEARTBEAT = struct.Struct("<d")
-"""A message: for how many seconds it may be the last one [s]; negative if the arm is at rest."""
 
 CODE = """
 import pickle, sys

@@ -28,11 +28,8 @@ from .record import ArmLog, Ended
 from .stream import Stream
 from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, demand_start, requests_noted
 
-GUARDED = 2.0
-"""Factor by which the guardian waits longer than the watchdog."""
-
-REHEARSALS = 3
-"""Calls of a law before the arm moves: the first ones take longer."""
+GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
+REHEARSALS = 3  #: Calls of a law before the arm moves: the first ones take longer.
 
 
 class Halt(Exception):

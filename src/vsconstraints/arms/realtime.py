@@ -12,24 +12,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-PRIORITY = 80
-"""Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads."""
-
-CURRENT_AND_FUTURE = 1 | 2
-"""MCL_CURRENT and MCL_FUTURE of Linux' mlockall."""
-
-IPC_LOCK = 14
-"""Number of the capability to lock memory without limit."""
-
-RESERVED = 1 << 26
-"""Memory that is touched beforehand, so that the loop waits for none [bytes]."""
-
+PRIORITY = 80  #: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
+CURRENT_AND_FUTURE = 1 | 2  #: MCL_CURRENT and MCL_FUTURE of Linux' mlockall.
+IPC_LOCK = 14  #: Number of the capability to lock memory without limit.
+RESERVED = 1 << 26  #: Memory that is touched beforehand, so that the loop waits for none [bytes].
+#: Options of glibc's mallopt, with their values in the loop and otherwise: M_TRIM_THRESHOLD, so that freed memory is
+#: kept, and M_MMAP_MAX, so that no array is mapped separately.
 MALLOC = {-1: (2**31 - 1, 128 * 1024), -4: (0, 65536)}
-"""Options of glibc's mallopt, with their values in the loop and otherwise: M_TRIM_THRESHOLD, so that freed memory is
-kept, and M_MMAP_MAX, so that no array is mapped separately."""
-
-SPIN = 150e-6
-"""How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots."""
+SPIN = 150e-6  #: How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots.
 
 
 class RealClock:

@@ -24,12 +24,10 @@ from ..simulation import Setup, Trajectory, simulate
 from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Plant
 
-ARM = ARM_LOG.parent.name
-"""Folder of what only a run on an arm has: the log of all periods, and how late they began."""
-
+ARM = ARM_LOG.parent.name  #: Folder of what only a run on an arm has: the log of all periods, and how late they began.
+#: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there. ``failed``: anything else
+#: that ended it. ``stopped``: a signal asked for it.
 Ended = Literal["done", "aborted", "failed", "stopped"]
-"""``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there. ``failed``: anything else
-that ended it. ``stopped``: a signal asked for it."""
 
 
 class Period(NamedTuple):

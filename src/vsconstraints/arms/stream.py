@@ -17,26 +17,14 @@ from .envelope import Brake, Envelope, Setpoint
 from .realtime import Clock, RealClock, SimulatedClock
 from .record import Period
 
-MAX_STOP = 30.0
-"""A stop that is streamed takes no longer [s]."""
-
+MAX_STOP = 30.0  #: A stop that is streamed takes no longer [s].
+#: After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s].
 SILENT = 0.01
-"""After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s]."""
-
-MAX_SILENCES = 3
-"""In a stop: each begins it anew, so that with more of them it might not end."""
-
-SETTLING = 0.5
-"""How long after the last setpoint of a stop an arm may still move [s]."""
-
-HALTS = 3
-"""How often the arm's own stop is tried, where the command fails."""
-
-NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
-"""Of periods in which nothing is compared with the model."""
-
-STILL = 0.01
-"""Measured speed that is rest [rad/s or m/s]."""
+MAX_SILENCES = 3  #: In a stop: each begins it anew, so that with more of them it might not end.
+SETTLING = 0.5  #: How long after the last setpoint of a stop an arm may still move [s].
+HALTS = 3  #: How often the arm's own stop is tried, where the command fails.
+NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)  #: Of periods in which nothing is compared with the model.
+STILL = 0.01  #: Measured speed that is rest [rad/s or m/s].
 
 
 class Stream:

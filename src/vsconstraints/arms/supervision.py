@@ -71,8 +71,7 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     return here
 
 
-TAKE_OVER = signal.SIGUSR1
-"""Interrupts a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's."""
+TAKE_OVER = signal.SIGUSR1  #: Interrupts a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's.
 
 
 class Requests:

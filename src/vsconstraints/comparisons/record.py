@@ -20,8 +20,7 @@ from ..simulation.trajectory import Outcome
 from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
-SAMPLE_MEMORY = 65_536.0
-"""Bytes that a sample may take: thousands of rows and robot points."""
+SAMPLE_MEMORY = 65_536.0  # bytes that a sample may take: thousands of rows and robot points
 
 SHAPES = {
     **dict.fromkeys(("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"),
@@ -60,8 +59,6 @@ class RunRecord:
 
     Attributes
     ----------
-    trajectory
-        Of the simulation.
     kinds, units, length, switching_gain
         (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
     approach_time, sampling_band

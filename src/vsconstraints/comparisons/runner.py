@@ -29,24 +29,15 @@ from .tables import append_lines, write_table
 Report = Callable[[RunSpec, Score, bool], None]
 """Called for each finished run with its score and whether it was stored before."""
 
-Key = tuple[str, str, int]
-"""Scenario, controller and trial."""
-
+Key = tuple[str, str, int]  # scenario, controller and trial
 TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a comparison.
+    """The result of a comparison: its folder, and a score per run, fewer if it was ended by the signal ``interrupted``.
 
-    Attributes
-    ----------
-    folder, scores
-        Where it is stored, and a score per run; fewer if it was interrupted.
-    stored_before, wall_time
-        How many were not run again, and how long it took [s].
-    interrupted
-        Number of the signal that ended it; 0 if none did.
+    ``stored_before`` runs were not made again; it took ``wall_time`` [s].
     """
 
     folder: Path
@@ -76,7 +67,9 @@ def compare(
 
     Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
     kept. The unconstrained baseline is always run, since it defines which rows a scenario challenges. A run that fails
-    in any way, even by ending its process or by never ending, becomes a row with its reason.
+    in any way, even by ending its process or by never ending, becomes a row with its reason. Raises ConfigurationError
+    if the folder cannot be made, is held by another process, or holds something else that would be lost, and
+    StorageError if the tables cannot be written; what could be stored stays.
 
     Parameters
     ----------
@@ -85,21 +78,11 @@ def compare(
     workers
         Maximum number of processes; see :func:`.process_count`. 0 for this one, which also runs what no other can.
     limit
-        How long a run may take [s]; by its number of samples if None
-        (:func:`vsconstraints.comparisons.runs.machine.run_limit`).
+        How long a run may take [s]; by its number of samples if None (:func:`.run_limit`).
     fresh
         Whether to run again what is stored, and to replace another comparison.
-    command
-        What the user typed, for the manifest.
-    on_finished
-        Called with every finished run.
-
-    Raises
-    ------
-    ConfigurationError
-        if the folder cannot be made, is held by another process, or holds something else that would be lost.
-    StorageError
-        if the tables cannot be written; what could be stored stays.
+    command, on_finished
+        What the user typed, for the manifest; called with every finished run.
     """
     with held(folder, "a comparison"):
         started = time.perf_counter()

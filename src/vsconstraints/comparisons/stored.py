@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ..controllers import CONTROLLERS, make_controller
 from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
-from ..scenarios.reading import Table, checked, demand_table, from_table, parameters
+from ..scenarios.reading import NOTHING, Table, checked, demand_table
 from .experiment import demand_stored_names
 from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
@@ -22,25 +22,15 @@ from .runs.folder import MANIFEST, demand_inside, manifest_of, read_manifest
 from .runs.machine import most_samples
 from .tables import read_table
 
-Part = TypeVar("Part")
+Number, Texts = float | None, Sequence[str]
 
 
 @dataclass(frozen=True)
 class StoredComparison:
-    """The results of a comparison.
+    """The results of a comparison in their folder: manifest, and lines of results.csv and constraints.csv.
 
-    Attributes
-    ----------
-    folder
-        Where they are stored.
-    manifest
-        version, git_commit, command, started, seed, configuration, machine, packages, wall_time_s, runs, finished.
-    results, constraints
-        The lines of results.csv and constraints.csv (see :func:`read_table`).
-    trusted
-        Whether code that scenarios name as ``module:Class`` may run.
-    remarks
-        What a reader should know: that there are no checksums, or that code is not run.
+    Where it is ``trusted``, code that scenarios name as ``module:Class`` may run. ``remarks`` are what a reader should
+    know: that there are no checksums, or that code is not run.
     """
 
     folder: Path
@@ -54,10 +44,7 @@ class StoredComparison:
     def load(cls, folder: Path, trust: bool = False) -> StoredComparison:
         """Read a folder; nothing that is named in it is imported unless it is trusted.
 
-        Raises
-        ------
-        ConfigurationError
-            that says what is missing in it, or is not what a comparison has stored.
+        Raises ConfigurationError that says what is missing in it, or is not what a comparison has stored.
         """
         tables = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
         for name in (MANIFEST, *tables):
@@ -117,19 +104,9 @@ def read_folder(
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The manifest of a folder of results whose files are as they were stored, and remarks for the reader.
 
-    Parameters
-    ----------
-    folder, files
-        The folder, and the files in it that are checked.
-    demand_readable
-        Raises ConfigurationError for a manifest, with its name, that holds something else than results of this kind.
-    trust, with_code
-        Whether code may run that these tables of the configuration name.
-
-    Raises
-    ------
-    ConfigurationError
-        for links that lead out of the folder, changed files, and a manifest that cannot be read.
+    ``demand_readable`` raises ConfigurationError for a manifest, with its name, of something else; ``trust`` says
+    whether code may run that the tables ``with_code`` of the configuration name. Raises ConfigurationError for links
+    that lead out of the folder, changed files, and a manifest that cannot be read.
     """
     demand_inside(folder)
     remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
@@ -146,19 +123,24 @@ def read_folder(
 
 def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
     """Raise ConfigurationError if something in a manifest is not what a comparison writes there."""
-    read = part(_Manifest, manifest, where)
+    others = {"machine": Table, "packages": Table, "command": Texts, "wall_time_s": Number, "stored_before": Number}
+    manifest = entries(manifest, where, {"configuration": Table}, others)
     where += ".configuration"
-    configuration = part(_Configuration, read.configuration, where)
-    for key, value, least in (("trials", configuration.trials, 1), ("seed", configuration.seed, 0)):
-        if value < least:
+    tables = {"scenarios": Table, "controllers": Table}
+    configuration = entries(
+        manifest["configuration"], where, tables, {"suite": str, "title": str, "trials": int, "seed": int}
+    )
+    for key, least in (("trials", 1), ("seed", 0)):
+        if configuration.get(key, least) < least:
             raise ConfigurationError(f"{where}: {key} must be {least} or more")
-    demand_stored_names({"scenario": configuration.scenarios, "controller": configuration.controllers}, where)
-    for name, scenario in configuration.scenarios.items():
-        tables = part(_StoredScenario, scenario, f"{where}.scenarios.{name}").tables
-        checked(tables.get("constraints", []), Sequence[Table], f"{where}.scenarios.{name}.tables", "constraints")
-    for name, controller in configuration.controllers.items():
+    demand_stored_names({"scenario": configuration["scenarios"], "controller": configuration["controllers"]}, where)
+    for name, scenario in configuration["scenarios"].items():
+        at = f"{where}.scenarios.{name}"
+        own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]
+        checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
+    for name, controller in configuration["controllers"].items():
         at = f"{where}.controllers.{name}"
-        options = dict(demand_table(controller, at))
+        options = demand_table(controller, at)
         law = checked(options.pop("type", name), str, at, "type")
         if law in CONTROLLERS:  # own laws may be elsewhere
             try:
@@ -167,34 +149,11 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
                 raise ConfigurationError(f"{at}: {error}") from error
 
 
-def part(kind: type[Part], value: object, where: str) -> Part:
-    """The entries of a table that readers need, as a dataclass; raises ConfigurationError for wrong ones."""
+def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:
+    """The entries of a table that readers need, by what they are; raises ConfigurationError for wrong ones."""
     table = demand_table(value, where)
-    entries: Part = from_table(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
-    return entries
-
-
-@dataclass(frozen=True)
-class _Manifest:
-    configuration: Table
-    machine: Table = field(default_factory=dict)
-    packages: Table = field(default_factory=dict)
-    command: Sequence[str] = ()
-    wall_time_s: float | None = None
-    stored_before: float | None = None
-
-
-@dataclass(frozen=True)
-class _Configuration:
-    scenarios: Table
-    controllers: Table
-    suite: str = ""
-    title: str = ""
-    trials: int = 1
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class _StoredScenario:
-    folder: str
-    tables: Table
+    for name in needed:
+        if name not in table:
+            raise ConfigurationError(f"{where}: the key {name!r} is missing")
+    kinds = {**needed, **others}
+    return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}

@@ -23,25 +23,15 @@ __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
-MAX_VARIANTS = 10_000
-"""Variants that one entry of a suite may stand for."""
-
-MAX_RUNS = 100_000
-"""Runs that a comparison may have: the scores of all are kept in memory."""
+MAX_VARIANTS = 10_000  # that one entry of a suite may stand for
+MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
 
 
 @dataclass(frozen=True)
 class Suite(Experiment):
-    """What is compared.
+    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts.
 
-    Attributes
-    ----------
-    name, title
-        The file's name without its ending; for reports.
-    scenarios, controllers
-        Every scenario is run with every controller.
-    trials, seed
-        How often: trial 0 starts where the scenario says, others deviate randomly, with this seed.
+    ``name`` is that of the file without its ending, ``title`` is for reports, ``seed`` that of the random deviations.
     """
 
     name: str
@@ -60,12 +50,8 @@ class Suite(Experiment):
         An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
         ``scenario`` (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys of the scenario and
         their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
-        keys and lists of values: one variant for every combination, with the values added to name and title).
-
-        Raises
-        ------
-        ConfigurationError, InvalidInput
-            if the file cannot be read, has an unknown key, or something in it cannot be built or started.
+        keys and lists of values: one variant for every combination, with the values added to name and title). Raises
+        ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be built or started.
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
@@ -88,17 +74,10 @@ class Suite(Experiment):
         seed: int | None = None,
         settings: Iterable[str] = (),
     ) -> Suite:
-        """The suite a command line asks for.
+        """The suite a command line asks for, with scenarios and controllers of these names, or paths, if any.
 
-        Parameters
-        ----------
-        scenarios, controllers
-            Names of the suite's own or of registered ones, or paths of scenarios; the suite's own if empty.
-        seed
-            Instead of the suite's.
-        settings
-            ``KEY=VALUE`` with KEY ``scenario.…`` (every scenario), a scenario's name and a key in it, or a
-            controller's name and an option; ``trials``. VALUE as in TOML, or plain text.
+        KEY of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name and a key in it, a
+        controller's name and an option, ``trials`` or ``seed``.
         """
         own = {scenario.name: scenario for scenario in self.scenarios}
         suite = replace(

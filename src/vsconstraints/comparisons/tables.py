@@ -20,8 +20,7 @@ from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-_TEXT = {*RUN[:-1], *(metric.column for metric in (*METRICS, *ROW_METRICS) if metric.kind == "text")}
-_FLAGS = {metric.column for metric in (*METRICS, *ROW_METRICS) if metric.kind == "flag"}
+_KINDS = {**{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)}, **dict.fromkeys(RUN[:-1], "text")}
 
 
 def cell(value: object) -> str:
@@ -34,12 +33,16 @@ def cell(value: object) -> str:
     return str(value).encode("utf-8", "backslashreplace").decode()
 
 
+def _text(columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> str:
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([cell(line[name]) for name in columns] for line in lines)
+    return text.getvalue()
+
+
 def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
     """Write a whole table; the file is replaced at once, never left half written."""
     with replaced(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows([cell(line[name]) for name in columns] for line in lines)
+        file.write(_text(columns, [dict(zip(columns, columns, strict=True)), *lines]))
 
 
 def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False) -> None:
@@ -47,12 +50,10 @@ def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, A
     if new or not path.exists():
         write_table(path, columns, lines)
         return
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows([cell(line[name]) for name in columns] for line in lines)
-    size = path.stat().st_size
+    text, size = _text(columns, lines).encode(), path.stat().st_size
     try:
         with path.open("ab") as file:
-            file.write(text.getvalue().encode())
+            file.write(text)
     except OSError:
         os.truncate(path, size)
         raise
@@ -63,33 +64,31 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
 
     Raises ConfigurationError, with file and line, if it cannot be read, has no such columns, or holds a wrong value.
     """
+    lines = []
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return _lines(csv.reader(file, strict=True), columns)
+            reader = csv.reader(file, strict=True)
+            header: list[str] = next(reader, [])
+            if missing := [name for name in columns if header.count(name) != 1]:
+                why = "or more than one; another version may have written it"
+                raise ValueError(f"it has no column {shown(missing[0])}, {why}")
+            for cells in reader:
+                where = f"line {reader.line_num}"
+                if len(cells) != len(header):
+                    raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
+                lines.append({name: _parsed(name, text, where) for name, text in zip(header, cells, strict=True)})
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
-
-
-def _lines(reader: Any, columns: Iterable[str]) -> list[dict[str, Any]]:
-    header: list[str] = next(reader, [])
-    missing = [name for name in columns if header.count(name) != 1]
-    if missing:
-        raise ValueError(f"it has no column {shown(missing[0])}, or more than one; another version may have written it")
-    lines = []
-    for cells in reader:
-        where = f"line {reader.line_num}"
-        if len(cells) != len(header):
-            raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-        lines.append({name: _parse(name, text, where) for name, text in zip(header, cells, strict=True)})
     return lines
 
 
-def _parse(name: str, text: str, where: str) -> str | bool | float:
+def _parsed(name: str, text: str, where: str) -> str | bool | float:
+    kind = _KINDS.get(name, "number")
     if name == "status" and text not in get_args(Outcome):
         raise ValueError(f"{where}: status must be one of {', '.join(get_args(Outcome))}, not {shown(text)}")
-    if name in _TEXT:
+    if kind == "text":
         return text
-    if name in _FLAGS:
+    if kind == "flag":
         if text not in ("true", "false"):
             raise ValueError(f"{where}: {name} must be true or false, not {shown(text)}")
         return text == "true"

@@ -21,11 +21,9 @@ from ..rows.readable import amounts, in_one_line
 
 Numbers = Sequence[float] | Array
 Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
+#: Any, two, and three numbers: arguments that files may give, too.
 Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
-"""Any, two, and three numbers: arguments that files may give, too."""
-
-TYPED = 1e-3
-"""How far an entry may be from that of a rotation that was typed, or rounded."""
+TYPED = 1e-3  #: How far an entry may be from that of a rotation that was typed, or rounded.
 
 
 def vector(value: object, length: int, what: str) -> Array:

@@ -13,8 +13,7 @@ from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array
 
-PerJoint = float | Sequence[float] | None
-"""One number for all joints, n of them, or no limit."""
+PerJoint = float | Sequence[float] | None  #: One number for all joints, n of them, or no limit.
 
 
 class Ranged(Protocol):
@@ -50,7 +49,7 @@ class ActuatorLimits:
     def __post_init__(self) -> None:
         for name in ("acceleration", "jerk", "effort"):
             object.__setattr__(self, name, _positive(name, getattr(self, name)))
-        if self.ranges and not np.isfinite(np.asarray(_or_infinite(self.acceleration))).all():
+        if self.ranges and (self.acceleration is None or not np.isfinite(self.acceleration).all()):
             raise ConfigurationError("limits that keep ranges need a limit of every joint's acceleration")
 
     @property
@@ -59,11 +58,8 @@ class ActuatorLimits:
         return self.acceleration is not None or self.jerk is not None
 
     def of_joint(self, name: str, n: int) -> Array:
-        """(n,) a limit by its name, infinite where there is none; raises ConfigurationError if there are not n."""
-        values = np.array(_or_infinite(getattr(self, name)), dtype=np.float64)
-        if values.shape not in ((), (n,)):
-            raise ConfigurationError(f"the limit of {name} must be one number or {n}, not {len(values)}")
-        return np.broadcast_to(values, (n,)).copy()
+        """(n,) a limit by its name, infinite where there is none; raises as :func:`per_joint`."""
+        return per_joint(f"the limit of {name}", getattr(self, name), n)
 
     def arrays(self, robot: Ranged, period: float | None) -> JointLimits:
         """What formulas take, for a robot sampled with T_s [s].
@@ -77,8 +73,12 @@ class ActuatorLimits:
         return JointLimits(acceleration, jerk * period, *ranges, int(self.ranges), float(period))
 
 
-def _or_infinite(value: PerJoint) -> float | Sequence[float]:
-    return math.inf if value is None else value
+def per_joint(what: str, value: PerJoint, n: int) -> Array:
+    """(n,) one number for all joints or n of them, infinite for None; raises ConfigurationError if there are not n."""
+    values = np.array(math.inf if value is None else value, dtype=np.float64)
+    if values.shape not in ((), (n,)):
+        raise ConfigurationError(f"{what} must be one number or {n}, one per joint, not {len(values)}")
+    return np.broadcast_to(values, (n,)).copy()
 
 
 def _positive(name: str, value: object) -> PerJoint:
@@ -97,5 +97,4 @@ def _positive(name: str, value: object) -> PerJoint:
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
 
 
-NO_LIMITS = ActuatorLimits()
-"""Of a robot of which none are known."""
+NO_LIMITS = ActuatorLimits()  #: Of a robot of which none are known.

@@ -10,11 +10,8 @@ from xml.etree import ElementTree
 
 from ..errors import ConfigurationError
 
-IN_PACKAGES = ("package", "model")
-"""Schemes whose first folder is the name of a package."""
-
-DEPTH = 3
-"""Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for."""
+IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of a package.
+DEPTH = 3  #: Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for.
 
 
 def mesh_folders(urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]) -> list[Path]:
@@ -61,8 +58,7 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
 
 
-Purpose = Literal["collision", "visual"]
-"""What geometry of a URDF's links is for."""
+Purpose = Literal["collision", "visual"]  #: What geometry of a URDF's links is for.
 
 
 def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:

@@ -20,8 +20,8 @@ from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
 from .limits import NO_LIMITS, ActuatorLimits
 from .urdf import UrdfSource, link_geometry, read_urdf
 
+#: θ offset [rad], d [m], a [m], α [rad] of a link.
 DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
-"""θ offset [rad], d [m], a [m], α [rad] of a link."""
 
 
 class Robot:

@@ -19,14 +19,11 @@ from ..rows import Array
 from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
 
-UNBOUNDED = 1e9
-"""A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none."""
-
+UNBOUNDED = 1e9  #: A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none.
+#: Elements that describe the arm; what else a file says is for simulators, drivers and controllers.
 OF_URDF = ("link", "joint", "material")
-"""Elements that describe the arm; what else a file says is for simulators, drivers and controllers."""
-
+#: In the name of a last link, or of its joint: such a link is no tip unless it is named as that.
 OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
-"""In the name of a last link, or of its joint: such a link is no tip unless it is named as that."""
 
 
 @dataclass(frozen=True)

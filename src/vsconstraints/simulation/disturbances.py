@@ -8,13 +8,11 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..robots.geometry import Vector3, vector
+from ..robots.limits import per_joint
 from ..rows import Array
 
-GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
-"""Of eq. (49), one per joint; repeated for arms with more of them."""
-
-VISIBILITY = ("fov", "occlusion")
-"""Kinds of the rows that eq. (49) is about."""
+GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)  #: Of eq. (49), one per joint; repeated for arms with more of them.
+VISIBILITY = ("fov", "occlusion")  #: Kinds of the rows that eq. (49) is about.
 
 
 @dataclass(frozen=True)
@@ -74,16 +72,11 @@ class Disturbances:
             raise InvalidInput(f"gradient_error_signs must be 1 or −1 per joint, not {self.gradient_error_signs}")
 
     def per_joint(self, name: str, n: int) -> Array:
-        """A setting for n joints; raises InvalidInput that names it if it has another number of entries.
-
-        One number stands for all joints; the default signs of (49) are repeated.
-        """
-        values = np.asarray(getattr(self, name), dtype=np.float64)
-        if len(values) == 1 or (name == "gradient_error_signs" and values.tolist() == list(GRADIENT_SIGNS)):
-            return np.resize(values, n)
-        if len(values) != n:
-            raise InvalidInput(f"disturbance {name} must be {n} numbers, one per joint, not {len(values)}")
-        return values
+        """A setting for n joints, which one number stands for, too; the default signs of (49) are repeated."""
+        values = getattr(self, name)
+        if name == "gradient_error_signs" and tuple(values) == GRADIENT_SIGNS:
+            return np.resize(np.array(values), n)
+        return per_joint(f"disturbance {name}", values[0] if len(values) == 1 else values, n)
 
     @property
     def random(self) -> bool:

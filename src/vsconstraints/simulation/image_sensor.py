@@ -27,11 +27,8 @@ from .disturbances import Disturbances
 from .occluders import Occluders
 from .sensing import Sensor
 
-POSTULATED = ("pixel_noise", "image_period", "delay", "lost_frames")
-"""Disturbances of images that are not rendered."""
-
-STOPPING = 0.1
-"""Time constant with which an arm without images is braked [s]."""
+POSTULATED = ("pixel_noise", "image_period", "delay", "lost_frames")  #: Disturbances of images that are not rendered.
+STOPPING = 0.1  #: Time constant with which an arm without images is braked [s].
 
 
 class SceneRenderer:

@@ -9,14 +9,10 @@ from ..rows import Array, IntArray
 from .plant import Plant
 from .setup import Setup
 
+#: Into so many parts a sampling period is divided that is inspected; into halves of these where that is not enough.
 QUARTERS = 4
-"""Into so many parts a sampling period is divided that is inspected; into halves of these where that is not enough."""
-
-FINEST = 2.0**-8
-"""No part is smaller than this share of a period."""
-
-NEAR = 0.05
-"""Clearance, as a fraction of the characteristic length, up to which the least one of a run is looked for."""
+FINEST = 2.0**-8  #: No part is smaller than this share of a period.
+NEAR = 0.05  #: Clearance, as a fraction of the characteristic length, up to which the least one of a run is looked for.
 
 DIP = 2.0, 0.001
 """How much less than at both its ends a clearance may be inside a period: a multiple of its greatest change in this
@@ -25,9 +21,9 @@ period and those beside it, and a fraction of the characteristic length, below w
 Half the change would do at a constant rate: what is passed at full speed was neared in the period before.
 """
 
+#: Way that a joint goes out and back inside a period [rad or m] from which on its turning counts near a boundary, and
+#: wherever it is: what turns at every sample never changes its clearance from one to the next.
 BACK = 1e-5, 1e-3
-"""Way that a joint goes out and back inside a period [rad or m] from which on its turning counts near a boundary, and
-wherever it is: what turns at every sample never changes its clearance from one to the next."""
 
 
 def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:

@@ -30,11 +30,8 @@ from .prepared import Prepared, blank_step, make_loop
 from .setup import Setup
 from .trajectory import Outcome, RunScores, Trajectory
 
-CHUNK = 512
-"""Samples that compiled code runs at once: in between, signals are handled."""
-
-PATIENCE = 3.0
-"""How many times as long as undisturbed tracking alone a run may take to settle at the last goal."""
+CHUNK = 512  #: Samples that compiled code runs at once: in between, signals are handled.
+PATIENCE = 3.0  #: How many times as long as undisturbed tracking alone a run may take to settle at the last goal.
 
 
 def simulate(

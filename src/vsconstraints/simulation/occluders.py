@@ -16,17 +16,10 @@ from ..rows import Array
 from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
-THIN = 1e-6
-"""Radius of a line of sight [m]."""
-
-GLANCES = 100
-"""Instants of a run at which lines of sight are checked."""
-
-SLACK = 1e-5
-"""By how much the boxes around links are enlarged [m]: more than rounding, and a line's radius."""
-
-TINY = 1e-300
-"""For a coordinate that does not change along a line [m]."""
+THIN = 1e-6  #: Radius of a line of sight [m].
+GLANCES = 100  #: Instants of a run at which lines of sight are checked.
+SLACK = 1e-5  #: By how much the boxes around links are enlarged [m]: more than rounding, and a line's radius.
+TINY = 1e-300  #: For a coordinate that does not change along a line [m].
 
 
 class LinesOfSight:

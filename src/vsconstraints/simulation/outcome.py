@@ -14,8 +14,7 @@ from ..vision.features import CameraPose
 from .setup import Setup
 from .trajectory import Outcome, RunScores
 
-Ended = Literal["", "failed", "aborted"]
-"""How the loop itself ended; empty if all samples were run."""
+Ended = Literal["", "failed", "aborted"]  #: How the loop itself ended; empty if all samples were run.
 
 
 def judge(

@@ -14,11 +14,9 @@ from ..formulas.limits import JointLimits
 from ..rows import Array, IntArray
 from .disturbances import Disturbances
 
+#: What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1).
 Actuation = Literal["acceleration", "position"]
-"""What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1)."""
-
-POSITION_LOOP = 6
-"""Size of the state of an arm that follows q_c."""
+POSITION_LOOP = 6  #: Size of the state of an arm that follows q_c.
 
 
 class Plant:

@@ -27,13 +27,10 @@ from .plant import Actuation, Plant
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
 
-MAX_MEMORY = 2e9
-"""Memory that a run may take, which is kept whole [bytes]."""
-
+MAX_MEMORY = 2e9  #: Memory that a run may take, which is kept whole [bytes].
+#: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
+#: ``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
 REST = 1.0, 10
-"""Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
-``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
-"""
 
 
 @dataclass(frozen=True)

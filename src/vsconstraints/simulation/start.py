@@ -14,14 +14,12 @@ from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .occluders import LinesOfSight
 
+#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°.
 MAX_VIEW = 150.0
-"""Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°."""
-
+#: Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie.
 CENTRED = 0.2
-"""Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie."""
-
+#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m].
 MAX_LENGTH = 3.0
-"""Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m]."""
 
 COARSE, FINE = 4.0, 1.0
 """Sides of the squares by which the image is filled [px]: by small ones only where large ones show no connection.
@@ -29,11 +27,9 @@ COARSE, FINE = 4.0, 1.0
 Passages narrower than the last are not seen.
 """
 
-AROUND = 2.0
-"""Factor by which the filled area is larger than the image where no field of view bounds it."""
-
+AROUND = 2.0  #: Factor by which the filled area is larger than the image where no field of view bounds it.
+#: How the sentence about a marker that is closed off from a goal ends.
 UNSOLVABLE = "no law can bring it there without violating one"
-"""How the sentence about a marker that is closed off from a goal ends."""
 
 
 def implausible(scene: Scene, task: VisualTask, Ts: float) -> list[str]:

@@ -28,25 +28,18 @@ from ...simulation.plant import cubic
 from ..driver import Address, ArmError, Driver, Joints
 from ..envelope import Envelope
 
+#: What goes wrong: it never answers again, closes the connection, reports a wrong position, or stops by itself.
 Fault = Literal["none", "stall", "drop", "jump", "refuse"]
-"""What goes wrong: it never answers again, closes the connection, reports a wrong position, or stops by itself."""
 
 READ, MOVE, HALT = "read", "move", "halt"
 
-JUMP = 0.5
-"""Error of the position that the fault ``jump`` reports [rad or m]."""
-
+JUMP = 0.5  #: Error of the position that the fault ``jump`` reports [rad or m].
+#: How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is longer.
 PATIENCE = 0.1
-"""How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is longer."""
-
+#: Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's position [s].
 LATE = 0.01
-"""Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's position [s]."""
-
-SLACK = 1.05
-"""Factor on limits beyond which a setpoint is refused: setpoints come through a network."""
-
-MAX_LINE = 1 << 16
-"""Longest message [bytes]."""
+SLACK = 1.05  #: Factor on limits beyond which a setpoint is refused: setpoints come through a network.
+MAX_LINE = 1 << 16  #: Longest message [bytes].
 
 
 @dataclass(frozen=True)

@@ -16,21 +16,13 @@ from ...simulation import Setup
 from ..driver import Address, ArmError, Driver, Joints, Takes
 from ..envelope import Envelope
 
-LEAST_PERIOD = 0.002
-"""Of an e-Series arm; a CB3 arm has 0.008 [s]."""
-
+LEAST_PERIOD = 0.002  #: Of an e-Series arm; a CB3 arm has 0.008 [s].
+#: Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends, which stops it.
 WATCHDOG = 10.0
-"""Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends, which stops it."""
-
-STALE = 0.05
-"""The arm's clock may stand still for so long in what is read [s]."""
-
-MOST_ACCELERATION = 40.0
-"""What speedJ takes [rad/s²]."""
-
-FULL = 0.999
-"""Share of its speed at which the arm is not slowed down by its slider."""
-
+STALE = 0.05  #: The arm's clock may stand still for so long in what is read [s].
+MOST_ACCELERATION = 40.0  #: What speedJ takes [rad/s²].
+FULL = 0.999  #: Share of its speed at which the arm is not slowed down by its slider.
+#: Safety status bits of RTDE with which an arm does not do what it is sent.
 STOPPED_BY = {
     2: "protective stop",
     3: "recovery mode",
@@ -42,7 +34,6 @@ STOPPED_BY = {
     9: "fault",
     10: "stopped due to safety",
 }
-"""Safety status bits of RTDE with which an arm does not do what it is sent."""
 
 
 class UrRtde(Driver):

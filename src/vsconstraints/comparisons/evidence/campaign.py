@@ -21,16 +21,13 @@ from ..runs.machine import VERSION, code_hash, package_versions, used_versions
 Identity = dict[str, Any]
 """Nested tables of plain values, as JSON has them; the same wherever the same campaign is run."""
 
-MAX_SHOWN = 3
-"""Differences that a message shows."""
+MAX_SHOWN = 3  # differences that a message shows
+MAX_SCENES = 10_000_000  # of a family in a campaign
 
 IN_WORDS = {"code": "the package's source", "version": "the package's version", "compiled": "whether runs are compiled"}
 
 SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
 """Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a link to the first."""
-
-MAX_SCENES = 10_000_000
-"""Scenes of a family that a campaign may have."""
 
 
 def of_code() -> Identity:
@@ -85,20 +82,10 @@ def in_words(texts: Sequence[str], most: int = MAX_SHOWN) -> str:
 
 @dataclass(frozen=True)
 class Campaign(Experiment):
-    """What is run.
+    """So many scenes of each family, drawn with a seed, each run in every condition with every controller.
 
-    Attributes
-    ----------
-    name, title, question
-        The file's name without its ending; for reports: what it is, and what it is to answer.
-    families, scenes, half, seed
-        Where scenes are drawn from, how many of each family, ``"held-out"`` or ``"training"``, and their seed.
-    controllers
-        Every scene is run with every controller; the unconstrained baseline is the first.
-    conditions
-        Those in which scenes are run; all that each family has if empty.
-    scenes_in
-        The maximum number of scenes of conditions whose runs take long: the first of each family.
+    ``question`` is what it is to answer, for reports. Scenes are of the ``half`` ``"held-out"`` or ``"training"``.
+    Without ``conditions`` each family is run in all that it has; ``scenes_in`` limits the number of scenes in some.
     """
 
     name: str
@@ -130,18 +117,10 @@ class Campaign(Experiment):
             demand_known(tables, ["controllers"], name)
             tuned = demand_table(tables.get("controllers", {}), f"{name}.controllers")
             controllers += entries_of(tuned, f"{name}.controllers", folder)
-        return cls(
-            source.stem,
-            file.title or source.stem,
-            file.question,
-            tuple(Family.load(name, folder) for name in file.families),
-            controllers,
-            tuple(file.conditions),
-            file.scenes,
-            file.half,
-            file.seed,
-            dict(file.scenes_in),
-        ).checked()
+        families = tuple(Family.load(name, folder) for name in file.families)
+        name, title, conditions = source.stem, file.title or source.stem, tuple(file.conditions)
+        sizes = file.scenes, file.half, file.seed, dict(file.scenes_in)
+        return cls(name, title, file.question, families, controllers, conditions, *sizes).checked()
 
     def select(
         self,
@@ -150,17 +129,10 @@ class Campaign(Experiment):
         scenes: int | None = None,
         settings: Iterable[str] = (),
     ) -> Campaign:
-        """The campaign a command line asks for.
+        """The campaign a command line asks for, with families and controllers of these names, or paths, if any.
 
-        Parameters
-        ----------
-        families, controllers
-            Names of the campaign's own or of registered ones, or paths of families; the campaign's own if empty.
-        scenes
-            Instead of the campaign's.
-        settings
-            ``KEY=VALUE`` with KEY ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``, or a
-            controller's name and an option. VALUE as in TOML, or plain text.
+        KEY of ``settings``, ``KEY=VALUE``, is ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``,
+        or a controller's name and an option.
         """
         own = {family.name: family for family in self.families}
         campaign = replace(

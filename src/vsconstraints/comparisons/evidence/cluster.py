@@ -14,7 +14,9 @@ import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from queue import Empty, SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 from ...errors import ConfigurationError, WorkersLost, described
@@ -23,27 +25,12 @@ from ..runs.pool import DIED, Failure, Key, OpenWorkers, unpacked
 from .campaign import differences, in_words
 from .remote import Call, IncompatibleWorker, Session, answered, end
 
-CONNECT = 5.0
-"""How long a scheduler may take to answer [s]."""
-
-BEGIN = 120.0
-"""How long workers may take to start their processes and answer what results depend on there [s]."""
-
-PER_THREAD = 3
-"""Calls that are sent ahead for each thread of the workers."""
-
-CHECK = 1.0
-"""How often silent workers are counted [s]."""
-
-SOON = 0.02
-"""How often new workers' answers are polled when nothing else goes on [s]."""
-
-MAX_LOST = 3
-"""A call that loses more workers than this is taken to be the reason."""
-
-PATIENCE = 60.0
-"""How long a cluster may be without any worker [s]: those that died may be started again."""
-
+CONNECT = 5.0  # how long a scheduler may take to answer [s]
+BEGIN = 120.0  # how long workers may take to start their processes and answer what results depend on there [s]
+PER_THREAD = 3  # calls that are sent ahead for each thread of the workers
+CHECK, SOON = 1.0, 0.02  # how often silent workers are counted, and answers of new ones polled [s]
+MAX_LOST = 3  # a call that loses more workers than this is taken to be the reason
+PATIENCE = 60.0  # how long a cluster may be without any worker [s]: those that died may be started again
 GOES_ON = "what was finished is stored, and the same command goes on"
 
 
@@ -54,27 +41,17 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     Workers store nothing: answers are sent back. A worker that dies loses only its current call, which another one
     gets. One that comes later takes part if it would give the same results; otherwise it gets nothing, with a warning.
 
-    Parameters
-    ----------
-    address
-        Of the scheduler, for example ``tcp://10.0.0.1:8786``.
-    identity
-        Returns what results depend on where it is called: picklable, its answers are nested tables.
-
-    Raises
-    ------
-    ConfigurationError
-        if no scheduler answers there, it has no worker, or one of those that are there would give other results.
-    WorkersLost
-        if the scheduler or all workers go away.
+    ``address`` is the scheduler's, such as ``tcp://10.0.0.1:8786``; ``identity``, picklable, returns what results
+    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers there, it has no
+    worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go away.
     """
     demand("cluster")
     client = _connected(address)
     session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", identity, identity())
     try:
-        members = _Members(client, session)
-        members.demand_compatible(address)
-        yield lambda function: nullcontext(_Cluster(client, address, members, function))
+        connected = _Cluster(client, address, session)
+        connected.demand_workers()
+        yield lambda function: nullcontext(SimpleNamespace(run=partial(connected.run, function)))
     finally:
         with suppress(Exception), _quiet():  # whatever has become of the cluster, this command is done with it
             if client.status == "running":
@@ -83,101 +60,107 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
             client.close(timeout=CONNECT)
 
 
-class _Members:
-    """Workers of a scheduler: addresses of compatible ones, and those of refused ones with the reason."""
+class _Cluster:
+    """The workers of a scheduler: those that are asked what results depend on there, compatible and refused ones."""
 
-    def __init__(self, client: Any, session: Session) -> None:
-        self._client, self.session = client, session
-        self._there: set[str] = set()
-        self.asked: dict[str, tuple[Any, float]] = {}
-        self.compatible: set[str] = set()
-        self.refused: dict[str, str] = {}
+    def __init__(self, client: Any, address: str, session: Session) -> None:
+        self._client, self._address, self._session = client, address, session
+        self._asked: dict[str, tuple[Any, float]] = {}
+        self._compatible: set[str] = set()
+        self._refused: set[str] = set()
+        self._started = False
 
-    def threads(self) -> dict[str, int]:
-        """Threads of the compatible workers that are there; new workers are asked what results depend on there."""
+    def demand_workers(self) -> None:
+        """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
+        threads = self._threads()
+        while self._asked:
+            time.sleep(SOON)
+            threads = self._threads()
+        if not threads:
+            raise ConfigurationError(
+                f"the scheduler at {self._address} has no worker; start one or more on each machine with "
+                f"`dask worker {self._address}`"
+            )
+        self._started = True
+
+    def _threads(self) -> dict[str, int]:
+        """How many calls each compatible worker can answer at once; new workers are asked."""
         there: dict[str, int] = self._client.nthreads()
-        for worker in there.keys() - self._there:  # another one may come to the address of one that is gone
-            self.compatible.discard(worker)
-            self.refused.pop(worker, None)
-        self._there = set(there)
-        for worker in there.keys() - self.compatible - self.refused.keys() - self.asked.keys():
-            future = self.submit(self.packed(Call(str, ())), [worker])
-            self.asked[worker] = future, time.monotonic() + BEGIN
-        for worker, (future, until) in list(self.asked.items()):
+        # another one may come to the address of one that is gone
+        self._compatible &= there.keys()
+        self._refused &= there.keys()
+        for worker in there.keys() - self._compatible - self._refused - self._asked.keys():
+            self._asked[worker] = self._submit(self._packed(Call(str, ())), [worker]), time.monotonic() + BEGIN
+        for worker, (future, until) in list(self._asked.items()):
             if worker in there and not future.done() and time.monotonic() <= until:
                 continue
-            del self.asked[worker]
-            if why := self._why_not(worker, future, worker in there):
-                self.refused[worker] = why
-            else:
-                self.compatible.add(worker)
-        return {worker: count for worker, count in there.items() if worker in self.compatible}
+            del self._asked[worker]
+            if worker not in there:
+                asked = "what results depend on there: can vsconstraints be imported there?"
+                self._refuse(worker, f"ended when it was asked {asked}")
+            elif not future.done():
+                self._refuse(worker, f"said nothing for {BEGIN:g} s")
+            elif (error := future.exception()) is not None:  # for example, this package is not installed there
+                self._refuse(worker, f"cannot make runs: {described(error)}")
+            elif not self._refused_by(unpacked(future.result())):
+                self._compatible.add(worker)
+        return {worker: count for worker, count in there.items() if worker in self._compatible}
 
-    def demand_compatible(self, address: str) -> None:
-        """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
-        threads = self.threads()
-        while self.asked:
-            time.sleep(SOON)
-            threads = self.threads()
-        for why in self.refused.values():
-            raise ConfigurationError(why)
-        if not threads:
-            start = f"start one or more on each machine with `dask worker {address}`"
-            raise ConfigurationError(f"the scheduler at {address} has no worker; {start}")
+    def _refused_by(self, answer: Any) -> bool:
+        """Whether an answer says that a worker would give other results; it gets nothing more then."""
+        if not isinstance(answer, IncompatibleWorker):
+            return False
+        if isinstance(answer.identity, Failure):
+            self._refuse(answer.address, f"cannot make runs: {answer.identity.reason}")
+        else:
+            what = in_words(list(differences(answer.identity, self._session.expected)))
+            self._refuse(
+                answer.address, f"would give other results: {what} (there: the worker). Install the same there"
+            )
+        return True
 
-    def packed(self, call: Call) -> bytes:
+    def _refuse(self, worker: str, why: str) -> None:
+        self._compatible.discard(worker)
+        self._refused.add(worker)
+        if not self._started:
+            raise ConfigurationError(f"worker {worker} {why}")
+        warnings.warn(f"worker {worker} {why}; it is given nothing", RuntimeWarning, stacklevel=2)
+
+    def _packed(self, call: Call) -> bytes:
         """A call of this session; raises whatever an own part raises when it is pickled."""
-        return pickle.dumps((self.session, call))
+        return pickle.dumps((self._session, call))
 
-    def submit(self, packed: bytes, workers: list[str]) -> Any:
+    def _submit(self, packed: bytes, workers: list[str]) -> Any:
         """The future of a call that one of these workers answers."""
-        key = f"{self.session.name}-{uuid.uuid4().hex}"
+        key = f"{self._session.name}-{uuid.uuid4().hex}"
         return self._client.submit(answered, packed, key=key, pure=False, workers=workers)
 
-    def refuse(self, answer: IncompatibleWorker) -> str:
-        """Send a worker nothing more, for this reason."""
-        self.compatible.discard(answer.address)
-        if isinstance(answer.identity, Failure):
-            why = f"worker {answer.address} cannot make runs: {answer.identity.reason}"
-        else:
-            what = in_words(list(differences(answer.identity, self.session.expected)))
-            why = (
-                f"worker {answer.address} would give other results: {what} (there: the worker). Install the same there"
-            )
-        self.refused[answer.address] = why
-        return why
-
-    def _why_not(self, worker: str, future: Any, there: bool) -> str:
-        if not there:
-            asked = "what results depend on there: can vsconstraints be imported there?"
-            return f"worker {worker} ended when it was asked {asked}"
-        if not future.done():
-            return f"worker {worker} said nothing for {BEGIN:g} s"
-        if (error := future.exception()) is not None:  # for example, this package is not installed there
-            return f"worker {worker} cannot make runs: {described(error)}"
-        answer = unpacked(future.result())
-        return self.refuse(answer) if isinstance(answer, IncompatibleWorker) else ""
-
-
-class _Cluster:
-    """The :class:`.Workers` that call one function on a cluster."""
-
-    def __init__(self, client: Any, address: str, members: _Members, function: Callable[..., Any]) -> None:
-        self._client, self._address, self._members, self._function = client, address, members, function
-        self._seen = 0.0
-        self._warned = set(members.refused.values())
-
     def run(
-        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
+        self,
+        function: Callable[..., Any],
+        calls: Mapping[Key, tuple[Any, ...]],
+        limits: Mapping[Key, float] | None = None,
+        *,
+        again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
+        """See :meth:`.Pool.run`; raises WorkersLost when the scheduler is gone, or there has been nobody for long."""
+        from distributed import CancelledError
+
         waiting, limits = deque(calls), limits or {}
         under_way: dict[Any, tuple[Key, set[str]]] = {}
         lost: Counter[Key] = Counter()
         done: SimpleQueue[Any] = SimpleQueue()
-        self._seen = time.monotonic()
+        seen = time.monotonic()
         try:
             while waiting or under_way:
                 threads = self._threads()
+                if threads or self._asked:
+                    seen = time.monotonic()
+                elif time.monotonic() - seen > PATIENCE:
+                    raise WorkersLost(
+                        f"the scheduler at {self._address} has had no worker that can be used for {PATIENCE:g} s; "
+                        f"{GOES_ON}"
+                    )
                 for future, (key, workers) in list(under_way.items()):
                     if workers.isdisjoint(threads):  # all that may have the call are gone: others may have come
                         del under_way[future]
@@ -190,24 +173,25 @@ class _Cluster:
                 room = PER_THREAD * sum(threads.values()) - len(under_way)
                 for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
                     try:
-                        packed = self._members.packed(Call(self._function, calls[key], limits.get(key), again))
+                        packed = self._packed(Call(function, calls[key], limits.get(key), again))
                     except Exception as error:  # own parts can raise anything when they are packed
-                        yield key, Failure(f"it cannot be sent to a worker: {type(error).__name__}: {error}")
+                        yield key, Failure.of(error, "it cannot be sent to a worker: ")
                         continue
-                    with self._cluster_may_go():
-                        future = self._members.submit(packed, list(threads))
+                    future = self._submit(packed, list(threads))
                     under_way[future] = key, set(threads)
                     future.add_done_callback(done.put)
                 with suppress(Empty):
                     future = done.get(timeout=CHECK)
                     if future in under_way:
                         key, _ = under_way.pop(future)
-                        answer = self._answer(future)
-                        if isinstance(answer, IncompatibleWorker):
-                            self._members.refuse(answer)
+                        answer = _answer_of(future)
+                        if self._refused_by(answer):
                             waiting.appendleft(key)
                         else:
                             yield key, answer
+        except (CancelledError, OSError, RuntimeError) as error:  # what a client raises whose scheduler is gone
+            gone = f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}"
+            raise WorkersLost(gone) from error
         finally:
             self._cancel(list(under_way))
 
@@ -216,43 +200,16 @@ class _Cluster:
             with suppress(Exception), _quiet():  # the cluster may be gone
                 self._client.cancel(futures)
 
-    def _threads(self) -> dict[str, int]:
-        """How many calls each worker can answer at once; raises WorkersLost when there has been nobody for long."""
-        with self._cluster_may_go():
-            threads = self._members.threads()
-        for why in set(self._members.refused.values()) - self._warned:
-            self._warned.add(why)
-            warnings.warn(f"{why}; it is given nothing", RuntimeWarning, stacklevel=3)
-        if threads or self._members.asked:
-            self._seen = time.monotonic()
-        elif time.monotonic() - self._seen > PATIENCE:
-            raise WorkersLost(
-                f"the scheduler at {self._address} has had no worker that can be used for {PATIENCE:g} s; {GOES_ON}"
-            )
-        return threads
 
-    def _answer(self, future: Any) -> Any:
-        from distributed import KilledWorker
+def _answer_of(future: Any) -> Any:
+    from distributed import KilledWorker
 
-        with self._cluster_may_go():
-            error = future.exception()
-            packed = b"" if error is not None else future.result()
-        if isinstance(error, KilledWorker):
-            return Failure(DIED)
-        if error is not None:
-            raise WorkersLost(f"a worker cannot make runs: {error!r}; {GOES_ON}")
-        return unpacked(packed)
-
-    @contextmanager
-    def _cluster_may_go(self) -> Iterator[None]:
-        from distributed import CancelledError
-
-        try:
-            yield
-        except (CancelledError, OSError, RuntimeError) as error:  # what a client raises whose scheduler is gone
-            raise WorkersLost(
-                f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}"
-            ) from error
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return Failure(DIED)
+    if error is not None:
+        raise WorkersLost(f"a worker cannot make runs: {error!r}; {GOES_ON}")
+    return unpacked(future.result())
 
 
 def _connected(address: str) -> Any:

@@ -22,9 +22,7 @@ from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES
 from .work import Batch, Bench, set_up, task_of
 
-MARK = "runs"
-"""The table that is written last: a shard is there when this part of it is."""
-
+MARK = "runs"  # the table that is written last: a shard is there when this part of it is
 KINDS = Kinds(("family", "condition", "controller"), "scene", "family")
 
 
@@ -86,10 +84,7 @@ class There:
 def what_is_there(folder: Path, campaign: Campaign) -> There:
     """What is done of a campaign; what was left unfinished is removed.
 
-    Raises
-    ------
-    ConfigurationError
-        if the folder holds something else, or scenes that are no part of this campaign or were made otherwise.
+    Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were made otherwise.
     """
     _remove_unfinished(folder)
     identities = campaign.identities()

@@ -18,14 +18,12 @@ from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_
 from .parquet import TABLES, TIMING
 from .stored import Evidence, missing_scenes
 
+# Entries of a manifest that may differ from folder to folder, and of an identity that different families share.
 OWN = (
     *("shard", "command", "started", "wall_time_s", "process_time_s", "scenes", "runs", "runs_per_s"),
     *("finished", "stored_before", "trajectories", "machine"),
 )
-"""Entries of a manifest that may differ from folder to folder."""
-
 COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
-"""Entries of an identity that different families share."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +50,11 @@ class _Source(NamedTuple):
 
 
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
-    """Put folders of one campaign together.
+    """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has left.
 
-    Parameters
-    ----------
-    out
-        Folder for all of it; new, empty, or one that the same merge has left.
-    folders
-        Those to be put together.
-
-    Raises
-    ------
-    ConfigurationError
-        if they are not of the same code, settings and package versions, scenes are missing, or a scene is there twice
-        with different results; it says what, and where. Nothing has been written then.
-    StorageError
-        if something cannot be written.
+    Raises ConfigurationError if they are not of the same code, settings and package versions, scenes are missing, or a
+    scene is there twice with different results; it says what, and where, and nothing has been written then. Raises
+    StorageError if something cannot be written.
     """
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:

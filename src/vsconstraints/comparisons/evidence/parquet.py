@@ -6,9 +6,8 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from ...errors import ConfigurationError, one_line
 from ...plugins.extras import demand
@@ -20,36 +19,27 @@ demand("evidence")
 import pyarrow as pa  # noqa: E402 - a missing package is reported with what installs it
 import pyarrow.parquet as pq  # noqa: E402
 
-FACTS = b"vsconstraints"
-"""Under which a file's footer holds facts, as JSON."""
-
-EXPANDED = 100_000
-"""Bytes that a line may take when it is read: a reason has 2000 characters, lists of rows some thousand."""
+FACTS = b"vsconstraints"  # under which a file's footer holds facts, as JSON
+EXPANDED = 100_000  # bytes that a line may take when it is read: a reason has 2000 characters, rows some thousand
 
 UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
 """Exceptions of pyarrow for a damaged file."""
 
 Kind = Literal["text", "flag", "whole", "number"]
 
+KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "time": "number"}
+"""Of columns, by those of metrics."""
 
-@dataclass(frozen=True)
-class Column:
-    """A column of a table.
+# Numbers keep all their digits, so that folders can be compared.
+_TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
 
-    Attributes
-    ----------
-    name, kind
-        Its name, and what a cell holds.
-    category
-        Whether it has few values, which come again and again.
-    added
-        Whether older files may lack it; its values are missing then.
-    """
+
+class Column(NamedTuple):
+    """A column of a table: its name, what a cell holds, and whether it has few values, which come again and again."""
 
     name: str
     kind: Kind
     category: bool = False
-    added: bool = False
 
 
 KEYS = (
@@ -61,13 +51,12 @@ KEYS = (
 )
 """What identifies a run."""
 
-_KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "time": "number"}
-_CATEGORIES = ("status", "constraint", "kind", "unit")
-
 
 def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
-    kinds = {metric.column: _KINDS[metric.kind] for metric in metrics if metric.value is not None}
-    return (*KEYS, *(Column(name, kinds[name], name in _CATEGORIES) for name in names if name not in RUN))
+    """The keys of runs, then those columns of a comparison's tables that are not its own keys."""
+    kinds: dict[str, Kind] = {each.column: KINDS[each.kind] for each in metrics if each.value is not None}
+    categories = ("status", "constraint", "kind", "unit")
+    return (*KEYS, *(Column(name, kinds[name], name in categories) for name in names if name not in RUN))
 
 
 RUNS = _columns(RESULT_COLUMNS, METRICS)
@@ -84,8 +73,8 @@ SCENES = (
     Column("challenged", "text"),
     Column("share_to_hold", "number"),
     Column("values", "text"),
-    Column("least_time_s", "number", added=True),
-    Column("duration_s", "number", added=True),
+    Column("least_time_s", "number"),
+    Column("duration_s", "number"),
 )
 """One line for each scene: ``rejected`` and ``values`` as JSON."""
 
@@ -95,9 +84,6 @@ TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}
 TIMING = TIMING_COLUMNS
 """Columns that depend on the machine and the time; all others are the same wherever a scene is run."""
 
-_TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
-"""Numbers keep all their digits, so that folders can be compared."""
-
 
 def schema(columns: Sequence[Column]) -> Any:
     """The schema of a table with these columns."""
@@ -106,19 +92,17 @@ def schema(columns: Sequence[Column]) -> Any:
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
     """A table of lines; a number that does not exist, or is not finite, is missing, as in results.csv."""
-    arrays = [
-        pa.array([_cell(line[column.name], column.kind) for line in lines], _TYPES[column.kind]) for column in columns
-    ]
+
+    def cell(value: Any, kind: Kind) -> Any:
+        if kind == "number":
+            return float(value) if math.isfinite(value) else None
+        if kind == "text":
+            # a text may hold what no encoding has
+            return str(value).encode("utf-8", "backslashreplace").decode()
+        return int(value) if kind == "whole" else bool(value)
+
+    arrays = [pa.array([cell(line[name], kind) for line in lines], _TYPES[kind]) for name, kind, _ in columns]
     return pa.Table.from_arrays(arrays, schema=schema(columns))
-
-
-def _cell(value: Any, kind: Kind) -> Any:
-    if kind == "number":
-        return float(value) if math.isfinite(value) else None
-    if kind == "text":
-        # a text may hold what no encoding has
-        return str(value).encode("utf-8", "backslashreplace").decode()
-    return int(value) if kind == "whole" else bool(value)
 
 
 def joined(tables: Sequence[Any]) -> Any:
@@ -157,39 +141,21 @@ def line_count(path: Path) -> int:
 
 
 def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None) -> Any:
-    """One table of the lines of all files.
+    """One table of the lines of all files, of the named columns or all.
 
-    Parameters
-    ----------
-    paths, columns
-        The files, and their columns.
-    names
-        The columns that are wanted; all if None.
-
-    Raises
-    ------
-    ConfigurationError
-        if one of them cannot be read, or holds other columns.
+    Raises ConfigurationError if one of them cannot be read, or holds other columns.
     """
-    known = {column.name for column in columns}
-    columns = [column for column in columns if names is None or column.name in names]
-    wanted = schema(columns)
+    wanted = schema([column for column in columns if names is None or column.name in names])
     tables = [wanted.empty_table()]
     for path in paths:
-        with _reading(path):
-            # a file by itself: nothing is taken from the names of its folders
-            with pq.ParquetFile(path, page_checksum_verification=True) as file:
-                groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
-                size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + file.metadata.num_rows)
-                if size > most:
-                    raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
-                unknown = set(file.schema_arrow.names) - known
-                lines = file.read(wanted.names).replace_schema_metadata()
+        # a file by itself: nothing is taken from the names of its folders
+        with _reading(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
+            groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+            size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + file.metadata.num_rows)
+            if size > most:
+                raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
+            lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
-            for column in columns:
-                # a file with another column in its place is damaged, not old
-                if column.added and column.name not in lines.column_names and not unknown:
-                    lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
             if missing := [name for name in wanted.names if name not in lines.column_names]:
                 raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
             tables.append(lines.select(wanted.names).cast(wanted))

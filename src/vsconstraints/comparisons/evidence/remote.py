@@ -47,8 +47,22 @@ _finalizers: list[Finalize] = []
 def answered(packed: bytes) -> bytes:
     """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer would differ."""
     session, call = pickle.loads(packed)
-    pool = _pool(session)
-    return pickle.dumps(pool if isinstance(pool, IncompatibleWorker) else _answer(pool, call))
+    thread = threading.get_ident()
+    name, pool = _pools.get(thread, ("", None))
+    if pool is None or name != session.name:
+        if pool is not None:  # of an earlier session
+            pool.__exit__(None, None, None)
+        pool = Pool(_call, 1)
+        with _lock:
+            _may_have_children()
+            _pools[thread] = session.name, pool
+        identity = _answer(pool, Call(session.identity, ()))
+        if identity != session.expected:
+            end(session.name)
+            from distributed import get_worker
+
+            return pickle.dumps(IncompatibleWorker(get_worker().address, identity))
+    return pickle.dumps(_answer(pool, call))
 
 
 def end(session: str) -> None:
@@ -57,27 +71,6 @@ def end(session: str) -> None:
         pools = [_pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)]
     for _, pool in pools:
         pool.__exit__(KeyboardInterrupt, None, None)
-
-
-def _pool(session: Session) -> Pool[Any] | IncompatibleWorker:
-    """The pool of this thread; a new one where there is none, or one of an earlier session."""
-    thread = threading.get_ident()
-    name, pool = _pools.get(thread, ("", None))
-    if pool is not None:
-        if name == session.name:
-            return pool
-        pool.__exit__(None, None, None)
-    pool = Pool(_call, 1)
-    with _lock:
-        _may_have_children()
-        _pools[thread] = session.name, pool
-    identity = _answer(pool, Call(session.identity, ()))
-    if identity == session.expected:
-        return pool
-    end(session.name)
-    from distributed import get_worker
-
-    return IncompatibleWorker(get_worker().address, identity)
 
 
 def _answer(pool: Pool[Any], call: Call) -> Any:

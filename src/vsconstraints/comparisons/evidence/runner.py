@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ...compiled import prepare
 from ..runs.files import seal, storing, write_json
@@ -21,11 +21,8 @@ from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there
 from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, scored, tasks_of
 
-OF_WORK = ("wall_time_s", "runs_per_s")
-"""Entries of a manifest about the last command that made runs: how long it took, and its runs per second."""
-
-GRACE = 60.0
-"""A run apart from all others is ended by its pool, with the reason; so much later [s] its process ends itself."""
+OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a manifest keeps them
+GRACE = 60.0  # a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
 
 
 class Kind(NamedTuple):
@@ -40,16 +37,9 @@ class Kind(NamedTuple):
 class Progress:
     """How far a campaign is.
 
-    Attributes
-    ----------
-    scenes, stored_before
-        How many there are, and how many of them were done before.
-    done, found, runs
-        Scenes that are done, those of before included; that were found now; runs that were made now.
-    of_kind, failed, reasons
-        Runs that were made now, those of them that failed, and why the first of each kind did.
-    seconds
-        Process time of these runs [s].
+    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included; ``found`` were found now.
+    ``runs`` were made now in ``seconds`` of process time; ``of_kind`` counts them, ``failed`` those that failed, and
+    ``reasons`` says why the first of each kind did.
     """
 
     scenes: int
@@ -84,16 +74,9 @@ class Progress:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign.
+    """The result of a campaign: where it is, how far, how long it took [s], how many trajectories are kept.
 
-    Attributes
-    ----------
-    folder, progress
-        Where it is stored, and how far it is.
-    wall_time, kept
-        How long it took [s], and how many trajectories there are.
-    interrupted
-        Number of the signal that ended it; 0 if none did.
+    ``interrupted`` is the number of the signal that ended it; 0 if none did.
     """
 
     folder: Path
@@ -112,16 +95,9 @@ class Finished:
 class Plan:
     """How a campaign is carried out; it changes none of its results.
 
-    Attributes
-    ----------
-    shard, keep
-        Which part of the scenes; whose trajectories are kept.
-    limit
-        How long a run may take [s]; by its number of samples if None.
-    fresh
-        Whether the content of the folder is replaced.
-    workers
-        The executor of the runs.
+    ``shard`` is the part of the scenes, ``keep`` says whose trajectories are kept, ``limit`` how long a run may take
+    [s] (by its number of samples if None), ``fresh`` whether the content of the folder is replaced, ``workers`` who
+    makes the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -141,23 +117,9 @@ def collect(
 ) -> Finished:
     """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
 
-    Parameters
-    ----------
-    campaign, plan
-        What is run, and how.
-    folder
-        Created if it does not exist.
-    command
-        What the user typed, for the manifest.
-    on_progress
-        Called with the progress, first of all and after every task.
-
-    Raises
-    ------
-    ConfigurationError
-        if the folder cannot be used, or a family has no scene.
-    StorageError
-        if something cannot be written; what is there stays.
+    ``command`` is what the user typed, for the manifest; ``on_progress`` is called first of all and after every task.
+    Raises ConfigurationError if the folder cannot be used, or a family has no scene, and StorageError if something
+    cannot be written; what is there stays.
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
@@ -172,13 +134,12 @@ def collect(
             family.demand_scenes(campaign.half, campaign.seed)
         prepare()
         configuration = campaign.resolved()
-        manifest: dict[str, Any] = {
+        manifest = {
             **made_by(command, used_versions(configuration)),
             "seed": campaign.seed,
             "shard": [plan.shard.number, plan.shard.of],
             "keep": plan.keep,
             "configuration": configuration,
-            # of a command that finds all done, these stay what they were
             **{name: value for name, value in manifest_of(folder).items() if name in OF_WORK},
         }
         with storing("evidence", folder):
@@ -193,11 +154,10 @@ def collect(
             if tasks:
                 with plan.workers(scored) as workers:
                     for i, part in results(tasks, workers):
-                        task, tables = tasks[i], {name: getattr(part, name) for name in TABLES}
-                        identity = identities[task.family.name]
-                        facts = Facts(task.family.name, task.scenes, identity, here, part.runs.num_rows, part.seconds)
+                        task, name = tasks[i], tasks[i].family.name
+                        facts = Facts(name, task.scenes, identities[name], here, part.runs.num_rows, part.seconds)
                         with storing("evidence", folder):
-                            write_parts(folder, task.name, tables, facts)
+                            write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
                         progress.add(task, part)
                         on_progress(progress)
             with storing("evidence", folder):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -19,33 +19,22 @@ from ..record import RunRecord
 from ..runs.files import TRAJECTORIES, demand_unchanged
 from ..runs.folder import MANIFEST, Keep, kind_of
 from ..runs.machine import most_samples
-from ..stored import part, read_folder
+from ..stored import Number, Texts, entries, read_folder
 from . import parquet
 from .campaign import MAX_SCENES
 from .folder import MARK, Facts, RunKey, shard_file, shard_names, stored_files, trajectory_file
 from .parquet import KEYS, TABLES
 
-MAX_ROWS = 1000
-"""Rows that a run may have in a shard."""
-
-MAX_NAMED = 5
-"""Ranges of scenes that a message names."""
+MAX_ROWS = 1000  # rows that a run may have in a shard
+MAX_NAMED = 5  # ranges of scenes that a message names
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """The results of a campaign.
+    """The results of a campaign in their folder, with its manifest.
 
-    Attributes
-    ----------
-    folder
-        Where they are stored.
-    manifest
-        version, git_commit, command, started, configuration, machine, packages, wall_time_s, runs, runs_per_s, ….
-    trusted
-        Whether code that families and controllers name as ``module:Class`` may run.
-    remarks
-        What a reader should know: that there are no checksums, or that code is not run.
+    Where it is ``trusted``, code that families and controllers name as ``module:Class`` may run. ``remarks`` are what a
+    reader should know: that there are no checksums, or that code is not run.
     """
 
     folder: Path
@@ -57,10 +46,7 @@ class Evidence:
     def load(cls, folder: Path, trust: bool = False) -> Evidence:
         """Read a folder; nothing that is named in it is imported unless it is trusted.
 
-        Raises
-        ------
-        ConfigurationError
-            that says what is missing in it, or is not what a campaign has stored.
+        Raises ConfigurationError that says what is missing in it, or is not what a campaign has stored.
         """
         if kind_of(folder) != "evidence":
             raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
@@ -141,53 +127,29 @@ class Evidence:
 
 def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
     """Raise ConfigurationError if something in a manifest is not what a campaign writes there."""
-    read = part(_Manifest, manifest, where)
+    others: dict[str, Any] = {
+        **dict.fromkeys(("machine", "packages"), Table),
+        **dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number),
+        **dict.fromkeys(("runs", "scenes", "finished"), int),
+    }
+    others |= {"command": Texts, "shard": tuple[int, int], "keep": Keep}
+    manifest = entries(manifest, where, {"configuration": Table}, others)
     where += ".configuration"
-    configuration = part(_Configuration, read.configuration, where)
-    if not (0 < configuration.scenes <= MAX_SCENES and configuration.seed >= 0 and configuration.half in HALVES):
+    needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
+    configuration = entries(manifest["configuration"], where, needed, {"scenes_in": dict[str, int]})
+    scenes, families, controllers = (configuration[name] for name in ("scenes", "families", "controllers"))
+    if not (0 < scenes <= MAX_SCENES and configuration["seed"] >= 0 and configuration["half"] in HALVES):
         raise ConfigurationError(
             f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
         )
-    demand_stored_names({"family": configuration.families, "controller": configuration.controllers}, where)
-    for name, entry in configuration.families.items():
-        conditions = part(_Family, entry, f"{where}.families.{name}").conditions
-        demand_stored_names({"condition": conditions}, f"{where}.families.{name}")
-    for name, entry in configuration.controllers.items():
+    demand_stored_names({"family": families, "controller": controllers}, where)
+    for name, entry in families.items():
+        at = f"{where}.families.{name}"
+        family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
+        demand_stored_names({"condition": family["conditions"]}, at)
+    for name, entry in controllers.items():
         at = f"{where}.controllers.{name}"
         checked(demand_table(entry, at).get("type", name), str, at, "type")
-
-
-@dataclass(frozen=True)
-class _Manifest:
-    configuration: Table
-    machine: Table = field(default_factory=dict)
-    packages: Table = field(default_factory=dict)
-    command: Sequence[str] = ()
-    shard: tuple[int, int] = (1, 1)
-    keep: Keep = "none"
-    wall_time_s: float | None = None
-    process_time_s: float | None = None
-    runs_per_s: float | None = None
-    runs: int = 0
-    scenes: int = 0
-    finished: int = 0
-
-
-@dataclass(frozen=True)
-class _Configuration:
-    families: Table
-    controllers: Table
-    scenes: int
-    half: str
-    seed: int
-    scenes_in: dict[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Family:
-    folder: str
-    conditions: Sequence[str]
-    tables: Table
 
 
 def missing_scenes(configuration: Mapping[str, Any], shards: Iterable[Facts], wanted: range) -> str:

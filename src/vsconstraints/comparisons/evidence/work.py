@@ -14,6 +14,7 @@ from typing import Any
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
 from ...scenarios.families import Drawn, Family
+from ...scenarios.reading import NOTHING
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
 from ..metrics import Score, score
@@ -25,15 +26,10 @@ from . import parquet
 from .campaign import Campaign
 from .parquet import TABLES
 
-RUNS_OF_TASK = 600
-"""Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written.
-
-At 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
-shards of some hundred kilobytes each. No result depends on it.
-"""
-
-MIN_TASKS = 16
-"""Minimum number of tasks of a family, so that there is work for several processes."""
+# Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written. At
+# 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
+# shards of some hundred kilobytes each. No result depends on it, nor on how many tasks a family is split into at least.
+RUNS_OF_TASK, MIN_TASKS = 600, 16
 
 Lines = dict[str, list[dict[str, Any]]]
 """Lines by table, each with its values by column."""
@@ -66,16 +62,9 @@ class Shard:
 class Batch:
     """All that a worker needs, so that it can be sent anywhere.
 
-    Attributes
-    ----------
-    family, scenes, half, seed
-        Where the scenes are drawn from, and their numbers.
-    conditions, controllers
-        Each scene is run in every condition with every controller, the unconstrained baseline first.
-    limit
-        How long one step, drawing a scene or one run, may take until the worker's process is ended [s].
-    single
-        The only controller whose runs are requested; None for all, and the line of each scene.
+    Each of the ``scenes`` of a family is run in every condition with every controller, the unconstrained baseline
+    first. One step, drawing a scene or one run, may take ``limit`` [s] until the worker's process is ended. ``single``
+    is the only controller whose runs are requested; None for all, and the line of each scene.
     """
 
     family: Family
@@ -106,39 +95,29 @@ class Batch:
         return [*runs, replace(self, conditions=())]
 
 
-def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
-    """The task of these scenes of a family, which are run in the same conditions.
+ALL = Shard()
 
-    ``limit`` is that of :class:`Batch`, by the number of samples of a run if None.
-    """
+
+def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
+    """The task of these scenes of a family, run in the same conditions; without ``limit`` by a run's samples."""
     limit = limit or run_limit(family.tables)
     conditions = campaign.conditions_of(family, scenes[0])
     return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
 
 
 def tasks_of(
-    campaign: Campaign,
-    shard: Shard | None = None,
-    limit: float | None = None,
-    there: Mapping[str, set[int]] | None = None,
+    campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Mapping[str, set[int]] = NOTHING
 ) -> dict[str, Batch]:
-    """A campaign's tasks by their names, families in turn, so that a family of slow scenes is not left for the end.
+    """A campaign's tasks by their names, but for scenes that are ``there``, whose numbers stand by family.
 
-    Parameters
-    ----------
-    campaign, shard
-        Whose scenes, and which of them.
-    limit
-        See :func:`task_of`.
-    there
-        Numbers of the scenes that are done already, by family.
+    Families come in turn, so that one of slow scenes is not left for the end.
     """
-    scenes = (shard or Shard()).scenes(campaign.scenes)
+    scenes = shard.scenes(campaign.scenes)
 
     def of_family(family: Family) -> list[Batch]:
         runs = len(campaign.conditions_of(family)) * len(campaign.controllers)
         size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
-        done = (there or {}).get(family.name, set())
+        done = there.get(family.name, set())
         missing = (number for number in scenes if number not in done)
         alike = groupby(missing, key=lambda number: (number // size, campaign.conditions_of(family, number)))
         return [task_of(campaign, family, list(batch), limit) for _, batch in alike]
@@ -218,9 +197,8 @@ def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
 
 
 def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> None:
-    scene, condition, controller = key
-    keys = {"family": task.family.name, "condition": condition, "half": task.half, "scene": scene}
-    keys["controller"] = controller
+    names = ("family", "half", "scene", "condition", "controller")
+    keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
     lines["runs"].append({**keys, **run.result})
     lines["rows"] += [
         {**keys, **row}
@@ -231,7 +209,7 @@ def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> No
 
 def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
     if isinstance(scene, str):
-        # nothing else is known of a scene that could not be drawn
+        # could not be drawn, and nothing else is known of it
         scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
     return {
         "family": task.family.name,

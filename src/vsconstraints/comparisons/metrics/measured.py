@@ -11,7 +11,6 @@ import numpy as np
 
 from ...formulas.tracking import goals_at
 from ...rows import Array, BoolArray
-from ...simulation import Trajectory
 from ...simulation.outcome import settling_times
 from ..record import RunRecord
 
@@ -22,86 +21,59 @@ A controller that keeps a row on its boundary is off by the curvature inside a s
 gain enters: what T_s u⁺ (43) explains is violated all the same.
 """
 
-TOLERANT = 1e-2
-"""The same of the tolerant standard, which is about what cameras and arms resolve."""
+TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what cameras and arms resolve
 
 TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
 """Where reports show how success grows with the depth that is tolerated."""
 
-SLIDING_GAP = 10  # in a sliding mode φ crosses zero again and again: within this many samples, from either side
-AT_BOUNDARY = 3  # samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
+SLIDING_GAP = 10  #: in a sliding mode φ crosses zero again and again: within this many samples, from either side
+AT_BOUNDARY = 3  #: samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
 STEPS = 2.0
 """While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Measured:
-    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the same trial."""
+    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the same trial.
+
+    ``run`` is what the simulation left, ``Ts`` the sampling time [s]. (m,) ``least`` clearances are of the whole run,
+    between samples too, NaN without samples; ``violated`` are the depths of the rows that are violated by the strict
+    standard, 0 of the others, and ``within_band`` those of them that were never deeper than their sampling band;
+    ``fraction`` is the greatest depth of each row, however slight, as a fraction of its characteristic length.
+    (N, m) ``outside`` says in which periods a row is as deep outside as violated ones are, (T, m) ``outside_alone`` the
+    same of the baseline, of the T that it lasts: none without it, or if it has other rows. (N, m) ``usage`` is 1 − c/L,
+    from 0 to 1, of clearances c; 0 where there is no boundary in sight.
+
+    Of the command, from sample to sample within the scenario's duration (a run that takes longer is not calmer for it):
+    ``switches``, whether the active set changes, and ``command_changes`` ‖Δq̈_c‖. ``step_times`` and ``rows_times`` are
+    those of the controller's calls, and of rows and task, but the first [µs].
+    """
 
     record: RunRecord
     baseline: RunRecord | None = None
 
-    @property
-    def run(self) -> Trajectory:
-        """What the simulation left."""
-        return self.record.trajectory
-
-    @property
-    def Ts(self) -> float:  # noqa: N802 - a symbol of the formulas
-        """Sampling time [s]."""
-        return self.record.Ts
-
-    # --- clearance ---
-
-    @cached_property
-    def in_period(self) -> Array:
-        """(N, m) least clearance of each sampling period, at its beginning and inside."""
-        least: Array = np.minimum(self.run.clearance, self.run.between_clearance)
-        return least
-
-    @cached_property
-    def least(self) -> Array:
-        """(m,) least clearance of the whole run; NaN without samples."""
-        return self.in_period.min(axis=0) if len(self.run.t) else np.full(len(self.run.labels), np.nan)
-
-    @cached_property
-    def violated(self) -> Array:
-        """(m,) depth of the rows that are violated by the strict standard; 0 of the others."""
-        return np.where(self.least < -NEGLIGIBLE * self.record.length, -self.least, 0.0)
-
-    @property
-    def within_band(self) -> Array:
-        """(m,) the same of those that were never deeper than their sampling band; 0 of the others."""
-        return np.where(self.violated > self.record.sampling_band, 0.0, self.violated)
-
-    @property
-    def fraction(self) -> Array:
-        """(m,) greatest depth of each row as a fraction of its characteristic length; 0 where it was never outside."""
-        depth: Array = np.fmax(-self.least / self.record.length, 0.0)
-        return depth
-
-    @cached_property
-    def outside(self) -> BoolArray:
-        """(N, m) periods in which a row is as deep outside as violated ones are."""
-        return self.in_period < -NEGLIGIBLE * self.record.length
-
-    @cached_property
-    def outside_alone(self) -> BoolArray:
-        """(T, m) periods, of the T that it lasts, in which the baseline is outside; none if it has other rows."""
-        if self.baseline is None or self.baseline.trajectory.labels != self.run.labels:
-            return np.zeros((0, len(self.run.labels)), dtype=np.bool_)
-        return Measured(self.baseline).outside
+    def __post_init__(self) -> None:
+        record, run = self.record, self.record.trajectory
+        self.run, self.Ts = run, record.Ts
+        in_period, nothing = _in_period(record), np.zeros((0, len(run.labels)), dtype=np.bool_)
+        self.least = in_period.min(axis=0) if len(run.t) else np.full(len(run.labels), np.nan)
+        self.violated = np.where(self.least < -NEGLIGIBLE * record.length, -self.least, 0.0)
+        self.within_band = np.where(self.violated > record.sampling_band, 0.0, self.violated)
+        self.fraction = np.fmax(-self.least / record.length, 0.0)
+        self.outside = in_period < -NEGLIGIBLE * record.length
+        alone = self.baseline
+        if alone is not None and alone.trajectory.labels != run.labels:
+            alone = None
+        self.outside_alone = nothing if alone is None else _in_period(alone) < -NEGLIGIBLE * alone.length
+        self.usage = np.clip(np.nan_to_num(1.0 - run.clearance / record.length), 0.0, 1.0)
+        active, command = run.active[: record.common], run.qdd_command[: record.common]
+        self.switches = (active[1:] != active[:-1]).any(axis=1)
+        self.command_changes: Array = np.sqrt((np.diff(command, axis=0) ** 2).sum(axis=1))
+        self.step_times, self.rows_times = run.step_time[1:] * 1e6, run.rows_time[1:] * 1e6
 
     def named(self, depth: Array) -> str:
         """Labels of the rows with a depth (m,), separated by semicolons."""
         return "; ".join(self.run.labels[i] for i in np.flatnonzero(depth > 0.0))
-
-    # --- usage ---
-
-    @cached_property
-    def usage(self) -> Array:
-        """(N, m) 1 − c/L, from 0 to 1, of clearances c; 0 where there is no boundary in sight."""
-        return np.clip(np.nan_to_num(1.0 - self.run.clearance / self.record.length), 0.0, 1.0)
 
     @cached_property
     def usage_at_speed(self) -> Array:
@@ -140,8 +112,6 @@ class Measured:
             return float("nan")
         return float(self.usage[:common][when].mean())
 
-    # --- φ ---
-
     @cached_property
     def band(self) -> tuple[float, float]:
         """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the other; NaN if none."""
@@ -165,27 +135,9 @@ class Measured:
         """(m,) longest time with φ ≥ 0 of each row [s]."""
         return np.array([longest_run(phi >= 0.0) * self.Ts for phi in self.run.phi.T])
 
-    # --- command, within the scenario's duration: a run that takes longer is not calmer for it ---
-
-    @property
-    def switches(self) -> BoolArray:
-        """Whether the active set changes, from sample to sample."""
-        active = self.run.active[: self.record.common]
-        changes: BoolArray = (active[1:] != active[:-1]).any(axis=1)
-        return changes
-
-    @cached_property
-    def command_changes(self) -> Array:
-        """‖Δq̈_c‖ from sample to sample."""
-        command = self.run.qdd_command[: self.record.common]
-        change: Array = np.sqrt((np.diff(command, axis=0) ** 2).sum(axis=1))
-        return change
-
     def per_second(self, changes: Array | BoolArray) -> float:
         """Sum of changes from sample to sample per second; NaN for a run of one sample."""
         return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
-
-    # --- time ---
 
     def settling_time(self) -> float:
         """From the beginning of each goal until it is reached for good [s], added up; NaN if it did not converge."""
@@ -197,16 +149,6 @@ class Measured:
         unreached = np.array([samples[-1] if len(samples) else -1 for samples in unsettled])
         return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
 
-    @property
-    def step_times(self) -> Array:
-        """Of the controller's calls but the first [µs]."""
-        return self.run.step_time[1:] * 1e6
-
-    @property
-    def rows_times(self) -> Array:
-        """Of rows and task in all samples but the first [µs]."""
-        return self.run.rows_time[1:] * 1e6
-
     def missed_periods(self) -> float:
         """Samples but the first that took longer than a period; NaN where there is no other.
 
@@ -216,6 +158,12 @@ class Measured:
             return self.record.missed
         both = self.step_times + self.rows_times
         return int((both > 1e6 * self.Ts).sum()) if len(both) else np.nan
+
+
+def _in_period(record: RunRecord) -> Array:
+    """(N, m) least clearance of each sampling period, at its beginning and inside."""
+    least: Array = np.minimum(record.trajectory.clearance, record.trajectory.between_clearance)
+    return least
 
 
 def mean_while(values: Array, when: BoolArray) -> Array:

@@ -11,14 +11,14 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import ConfigurationError, StorageError
 
-MAX_BYTES = 2e9
-"""Bytes of the arrays of a file; a run may take as much memory."""
+MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
+MAX_NAMED = 3  # files that a message names
 
 SUMS = "checksums.sha256"
 """Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends."""
@@ -26,12 +26,8 @@ SUMS = "checksums.sha256"
 TRAJECTORIES = "trajectories"
 """Folder of the runs' records, below that of the results."""
 
-CHANGED = "not what was stored (checksums differ)"
-MISSING = "missing"
+CHANGED, MISSING = "not what was stored (checksums differ)", "missing"
 UNKNOWN = f"not in {SUMS} (put there later, or by a command that was ended)"
-
-MAX_NAMED = 3
-"""Files that a message names."""
 
 Sums = dict[str, str]
 """SHA-256 of files, by their names as seen from the folder."""
@@ -39,7 +35,7 @@ Sums = dict[str, str]
 
 @contextmanager
 def storing(what: str, folder: Path) -> Iterator[None]:
-    """Raise what the system raises meanwhile as an error that says what stays."""
+    """Raise what the system raises meanwhile as a StorageError that says what stays."""
     try:
         yield
     except OSError as error:
@@ -88,26 +84,21 @@ def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     more than ``most`` bytes.
     """
     with path.open("rb") as file:
-        _demand_bounded(file, most)
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            if (size := sum(member.file_size for member in members)) > most:
+                raise ValueError(f"it expands to {size} bytes, and may take {most:.0f}")
+            for member in members:
+                with archive.open(member) as array:
+                    version = np.lib.format.read_magic(array)
+                    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+                    shape, _, dtype = header[version](array)
+                    if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
+                        raise ValueError(f"{member.filename} is not as large as it says")
         file.seek(0)
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     return {**json.loads(str(arrays.pop("facts"))), **arrays}
-
-
-def _demand_bounded(file: IO[bytes], most: float) -> None:
-    """Raise ValueError unless the arrays of an archive are as large as it says, and together no larger than allowed."""
-    with zipfile.ZipFile(file) as archive:
-        members = archive.infolist()
-        if (size := sum(member.file_size for member in members)) > most:
-            raise ValueError(f"it expands to {size} bytes, and may take {most:.0f}")
-        for member in members:
-            with archive.open(member) as array:
-                version = np.lib.format.read_magic(array)
-                header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-                shape, _, dtype = header[version](array)
-                if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
-                    raise ValueError(f"{member.filename} is not as large as it says")
 
 
 def digests(folder: Path, paths: Iterable[Path]) -> Sums:
@@ -121,7 +112,7 @@ def digests(folder: Path, paths: Iterable[Path]) -> Sums:
 
 
 def recorded(folder: Path) -> Sums | None:
-    """The hashes recorded in a folder; None if there are none, as in those of older versions.
+    """The hashes recorded in a folder; None if there are none.
 
     An incomplete last line is left out: the process was ended meanwhile. Raises ConfigurationError if another line is
     no checksum, or the file cannot be read.
@@ -182,10 +173,7 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def compared(folder: Path, paths: Iterable[Path], sums: Mapping[str, str]) -> dict[str, list[str]]:
-    """Names of files by what is wrong with them, for :func:`problems`.
-
-    ``paths`` are all that there should be, ``sums`` what is recorded of them.
-    """
+    """Names of files by what is wrong with them: of all that there should be, against what is recorded."""
     there = digests(folder, paths)
     return {
         CHANGED: [name for name, digest in there.items() if sums.get(name, digest) != digest],
@@ -195,26 +183,16 @@ def compared(folder: Path, paths: Iterable[Path], sums: Mapping[str, str]) -> di
 
 
 def problems(differences: Mapping[str, Sequence[str]]) -> list[str]:
-    """A sentence for each kind, with the first few files."""
+    """A sentence for each kind of :func:`compared` files, with the first few."""
     return [f"{what}: {_named(names)}" for what, names in differences.items() if names]
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
     """A remark on a folder's checksums for the reader; empty if every file is as it was stored.
 
-    Parameters
-    ----------
-    folder, paths
-        Of the results, and the files that they consist of.
-    finished
-        Whether the command that makes them has ended; before that, those that it still writes are not recorded.
-    all_there
-        Whether no trajectory may be missing; reports name those that are.
-
-    Raises
-    ------
-    ConfigurationError
-        if one was changed, put there later, or is missing.
+    ``paths`` are the files that results consist of. Before the command that makes them has ``finished``, those that it
+    still writes are not recorded. Trajectories may be missing, which reports name, unless ``all_there``. Raises
+    ConfigurationError if a file was changed, put there later, or is missing.
     """
     sums = recorded(folder)
     if sums is None:

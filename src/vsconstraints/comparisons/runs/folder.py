@@ -28,13 +28,8 @@ _locked: set[Path] = set()
 def held(folder: Path, kind: Kind) -> Iterator[None]:
     """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
 
-    A process may lock it more than once. The lock ends with the process.
-
-    Raises
-    ------
-    ConfigurationError
-        if the folder cannot be created, holds something else than results of this kind, or another process has locked
-        it. Nothing in it has been touched then.
+    A process may lock it more than once. The lock ends with the process. Raises ConfigurationError if the folder cannot
+    be created, holds something else, or another process has locked it; nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _locked:

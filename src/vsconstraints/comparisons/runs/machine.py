@@ -20,20 +20,15 @@ from typing import Any
 
 from ...plugins.extras import EXTRAS
 
-OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
-"""Required packages that draw, format and print what is there already."""
-
-OPTIONAL = ("quadprog",)
-"""Packages that are used wherever they are installed."""
-
 VERSION = version("vsconstraints")
+OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")  # required, but no result depends on them
+OPTIONAL = ("quadprog",)  # used wherever they are installed
 
-PROCESS_MEMORY = 300e6
-"""What a process takes that simulates [bytes]: the interpreter, Pinocchio, the compiler and a trajectory."""
+PROCESS_MEMORY = 300e6  # of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
 
+# A run may take so long [s], and so long for each sample: shipped laws take 1e-5 to 1e-3 s a sample, and the first run
+# of a process may have to compile.
 MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
-"""A run may take this long, and in addition so long per sample [s]: shipped laws take 1e-5 to 1e-3 s per sample, and
-the first run of a process may have to compile."""
 
 
 def machine() -> dict[str, str | int]:
@@ -64,10 +59,7 @@ def code_hash() -> str:
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Versions of Python and of all packages that this one requires, but for those that only make output.
-
-    For what else a configuration uses, see :func:`used_versions`.
-    """
+    """Versions of Python and of all required packages that results can depend on; others: :func:`used_versions`."""
     names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
     return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}
 
@@ -88,7 +80,7 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
-    """Versions of modules, which are loaded for it, each with the distribution that it comes from."""
+    """Versions of modules, which are loaded for it, each after the distribution that it comes from."""
     return {name: module_version(name) for name in modules}
 
 
@@ -149,19 +141,17 @@ def made_by(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
 
 def git_commit() -> str:
     """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git checkout."""
+
+    def git(*arguments: str) -> str:
+        folder, command = Path(__file__).parent, ["git", *arguments]
+        try:
+            return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=5, check=True).stdout
+        except (OSError, subprocess.SubprocessError):
+            return ""
+
     # an installed copy can lie inside the checkout of another project: only where git knows this file it is its commit
-    if _git("ls-files", "--error-unmatch", Path(__file__).name) is None:
-        return ""
-    return _git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*") or ""
-
-
-def _git(*arguments: str) -> str | None:
-    folder = Path(__file__).parent
-    try:
-        answer = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, timeout=5, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return answer.stdout.strip() if answer.returncode == 0 else None
+    known = git("ls-files", "--error-unmatch", Path(__file__).name)
+    return git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip() if known else ""
 
 
 def _field(path: str, name: str) -> str:
@@ -174,17 +164,13 @@ def _field(path: str, name: str) -> str:
 
 
 def cores() -> int:
-    """Cores that this process may use, which can be fewer than there are."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # only Linux says so
-        return os.cpu_count() or 1
+    """Cores that this process may use, which can be fewer than there are; only Linux says so."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def process_count(asked: int | None = None) -> int:
     """How many processes to use: as requested, or as possible if None, but no more than cores and memory allow."""
-    fitting = int(available_memory() // PROCESS_MEMORY)
-    return max(1, min(asked or cores(), cores(), fitting))
+    return max(1, min(asked or cores(), cores(), int(available_memory() // PROCESS_MEMORY)))
 
 
 def available_memory() -> float:
@@ -195,11 +181,11 @@ def available_memory() -> float:
 
 
 def most_samples(tables: Mapping[str, Any]) -> float:
-    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
+    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers, as a family's.
 
     It may take three durations until it settles, and on an arm it also holds the periods of its stop.
     """
-    return 1000.0 + 4.0 * _samples(tables, math.inf)  # a family may draw them
+    return 1000.0 + 4.0 * _samples(tables, math.inf)
 
 
 def run_limit(tables: Mapping[str, Any]) -> float:

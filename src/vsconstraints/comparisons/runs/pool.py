@@ -15,7 +15,6 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
-from types import TracebackType
 from typing import Any, Generic, Protocol, TypeVar
 
 from ...compiled import COMPLAINT
@@ -27,19 +26,13 @@ from .signals import SIGNALS, signals_held
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
 
+# Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent."""
 
 DIED = "the process that ran it died"
-
-CHECK = 1.0
-"""How often silent processes are checked [s]."""
-
-PATIENCE = 5.0
-"""How long processes may take to end by themselves when nothing is left to do [s]."""
-
-MAX_FAILED_STARTS = 5
-"""Processes in a row that may die before they are ready."""
+CHECK = 1.0  # how often silent processes are checked [s]
+PATIENCE = 5.0  # how long processes may take to end by themselves when nothing is left to do [s]
+MAX_FAILED_STARTS = 5  # processes in a row that may die before they are ready
 
 
 @dataclass(frozen=True)
@@ -68,28 +61,23 @@ OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 
 
 class Pool(Generic[Answer]):
-    """Calls one function in several processes, which are started when they are needed.
+    """Calls one function of a module in several processes, which are started when they are needed.
 
     A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure` with the reason. If a process
-    dies, its call is made once more when all others are done and nothing else runs; another process takes over the
-    others. A call that takes longer than its limit is ended with its process.
-
-    Processes end with the pool, at once if the ``with`` block is left by an exception, and with the process that
-    started them, for whatever reason that ends. The function is one of a module, which other processes can import.
+    dies, its call is made once more when all others are done and nothing else runs. A call that takes longer than its
+    limit is ended with its process. Processes end with the pool, at once if the ``with`` block is left by an exception,
+    and with the process that started them, for whatever reason that ends.
     """
 
     def __init__(self, function: Callable[..., Answer], processes: int) -> None:
-        self._function = function
-        self._max_processes = max(1, processes)
+        self._function, self._max_processes = function, max(1, processes)
         self._workers: list[_Worker] = []
         self._failed_starts = 0
 
     def __enter__(self) -> Pool[Answer]:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         for worker in self._workers:
             worker.connection.close()
         deadline = time.monotonic() + (PATIENCE if kind is None else 0.0)
@@ -100,21 +88,10 @@ class Pool(Generic[Answer]):
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
     ) -> Iterator[tuple[Key, Answer | Failure]]:
-        """Answers as they come, with their keys.
+        """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be started.
 
-        Parameters
-        ----------
-        calls
-            The function's arguments; they are started in this order.
-        limits
-            How long a call may take [s]; without an entry, as long as it likes.
-        again
-            Whether a call whose process died is made once more.
-
-        Raises
-        ------
-        VsconstraintsError
-            if processes cannot be started.
+        ``calls`` are arguments of the function, started in this order; ``limits`` how long calls may take [s], without
+        an entry as long as they like; ``again`` whether a call whose process died is made once more.
         """
         limits = limits or {}
         waiting, suspects = deque(calls), deque[Key]()
@@ -183,18 +160,10 @@ def carry_out(
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
-    """Make calls in a :class:`Pool`, and return all answers by their keys.
+    """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their keys.
 
-    Parameters
-    ----------
-    function, limits
-        See :class:`Pool`.
-    batches
-        Arguments by keys; calls of a batch are started when all of the one before are answered.
-    workers
-        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
-    on_answer, on_progress
-        Called with every answer as it comes, and with the numbers of calls that are answered and that there are.
+    Calls of a batch are started when all of the one before are answered. ``on_answer`` is called with every answer as
+    it comes, ``on_progress`` with the numbers of calls that are answered and that there are.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
@@ -224,7 +193,7 @@ class _Worker:
         self.connection, self._theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
         self.key: Any = None
-        self.limit = math.inf
+        self.limit, self._begun = math.inf, 0.0
         self.ready = self.dead = False
 
     def start(self, function: Callable[..., object]) -> None:

@@ -14,9 +14,12 @@ from types import FrameType
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What asks a command to stop: Ctrl-C, the system, and a terminal that is closed."""
 
+# Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
+# ends services, send several; while the first one is obeyed tables are written.
 SAME_REQUEST = 2.0
-"""Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
-ends services, send several; while the first one is obeyed tables are written."""
+
+# A step may take so much longer than its limit [s]: setting the clock for every short one would take a share of it.
+SLACK = 1.0
 
 
 class Stopped(BaseException):
@@ -56,7 +59,11 @@ def obey_signals() -> None:
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal obeyed
         if number == signal.SIGHUP:
-            _forget(terminals)
+            # what is written to a terminal that was closed would raise in the middle of keeping results
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for terminal in terminals:
+                os.dup2(nowhere, terminal)
+            os.close(nowhere)
         if time.monotonic() - obeyed >= SAME_REQUEST:
             obeyed = time.monotonic()
             if not _Held.depth:
@@ -83,18 +90,6 @@ def signals_held() -> Iterator[None]:
         waiting, _Held.waiting = _Held.waiting, 0
         if waiting:
             raise Stopped(waiting)
-
-
-def _forget(terminals: list[int]) -> None:
-    """A terminal that was closed: what is written there would raise in the middle of keeping results."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for terminal in terminals:
-        os.dup2(nowhere, terminal)
-    os.close(nowhere)
-
-
-SLACK = 1.0
-"""A step may take so much longer than its limit [s]: setting the clock for every short one would take a share of it."""
 
 
 @contextmanager

@@ -20,14 +20,9 @@ from .machine import VERSION, code_hash, package_versions, run_limit, used_versi
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A controller as results name it.
+    """A controller as results name it; its law is a registered name or ``module:Class``, the same name if empty.
 
-    Attributes
-    ----------
-    name, law, options
-        What results call it; registered name or ``module:Class``, ``name`` if empty; options of the law.
-    folder
-        Where the module of an own controller is looked for first.
+    The module of an own controller is looked for in ``folder`` first.
     """
 
     name: str
@@ -72,16 +67,10 @@ SLIDING_MODE = ControllerSpec("sliding-mode")
 
 @dataclass(frozen=True, eq=False)
 class RunSpec:
-    """One run: a scenario, a controller, a trial. Two are equal if they give the same result.
+    """One run: a scenario, or the name of a shipped one, a controller, a trial. Two are equal if their results are.
 
-    Attributes
-    ----------
-    scenario, controller, overrides
-        The scenario, or the name of a shipped one; the law; dotted keys of the scenario that are set to other values.
-    trial, seed
-        Where it starts, see :meth:`Scenario.setup`.
-    may_end_early
-        Whether it is run to see how it fails or is aborted.
+    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where it starts, see
+    :meth:`Scenario.setup`; ``may_end_early``, that it is run to see how it fails or is aborted.
     """
 
     scenario: Scenario | str

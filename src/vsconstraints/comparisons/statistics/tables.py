@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ from .judged import (
 )
 from .rates import mcnemar, median, paired, rate
 
-BY = ("family", "condition")  # scenes that have these in common are looked at together
+BY = ("family", "condition")  #: scenes that have these in common are looked at together
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
@@ -100,22 +101,9 @@ def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
     return pandas.DataFrame(lines, columns=list(columns))
 
 
-class Comparison(NamedTuple):
-    """A pair of laws: columns of :func:`compare_laws`."""
-
-    scenes: int
-    paired: int
-    only_a: int
-    only_b: int
-    differ: int
-    difference: float
-    low: float
-    high: float
-    ratio: float
-    ratio_low: float
-    ratio_high: float
-    effect: float
-    p: float
+Comparison = namedtuple(  # of a pair of laws: columns of compare_laws
+    "Comparison", "scenes paired only_a only_b differ difference low high ratio ratio_low ratio_high effect p"
+)
 
 
 def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Comparison:

@@ -26,10 +26,9 @@ from .problem import Evaluate, Options, Problem, Searched, evaluating
 JOURNAL, TUNED = "journal.jsonl", "tuned.toml"
 EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
 
-EXCESS = "excess"  # attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
+EXCESS = "excess"  #: attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
 
-Setting = tuple[str, str]
-"""A law's name, and its options as JSON."""
+Setting = tuple[str, str]  #: a law's name, and its options as JSON
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
@@ -197,16 +196,15 @@ class Tuning:
         """Write tables and settings, each file whole or not at all; raises StorageError."""
         import pandas
 
+        columns = [objective.column for objective in OBJECTIVES]
         evaluations = [
             {
                 "law": law.law.name,
                 "seed": each.seed,
                 "number": each.number,
                 "options": json.dumps(each.options, sort_keys=True),
-                **dict(zip([objective.column for objective in OBJECTIVES], each.judged.point, strict=True)),
-                "violations": each.judged.violations,
-                "runs": each.judged.runs,
-                "converged": each.judged.converged,
+                **dict(zip(columns, each.judged.point, strict=True)),
+                **{key: value for key, value in each.judged._asdict().items() if key != "point"},
                 "feasible": each.feasible,
                 "on_front": each.on_front,
                 "chosen": each is law.chosen,

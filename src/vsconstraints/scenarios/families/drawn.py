@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -87,41 +88,24 @@ def reasons(rejected: Mapping[str, int]) -> str:
     return ", ".join(f"{reason} {count}" for reason, count in ordered) or "none rejected"
 
 
-@dataclass(frozen=True)
+@dataclass
 class Summary:
-    """Counts over the first scenes of a family, those that were not found too, and the time of drawing them [s]."""
+    """Counts over the first scenes of a family, those that were not ``found`` too, drawn in so many ``seconds``.
 
-    family: str
+    ``rejected`` are attempts by reason, ``acceptance`` the share of them that was not. ``challenged`` says in how many
+    scenes tracking alone violates a row of each kind; ``beyond_limits`` is the share of them with
+    :attr:`Drawn.share_to_hold` above 1, NaN without limits; of those ``timed`` the least time to arrive in is known.
+    """
+
     scenes: tuple[Drawn, ...]
     seconds: float
 
-    @property
-    def found(self) -> list[Drawn]:
-        """Those for which an attempt was accepted."""
-        return [scene for scene in self.scenes if scene.found]
-
-    @property
-    def rejected(self) -> Counter[str]:
-        """Attempts that were rejected, by reason."""
-        return sum((Counter(scene.rejected) for scene in self.scenes), Counter())
-
-    @property
-    def acceptance(self) -> float:
-        """Share of the attempts that was accepted."""
-        return len(self.found) / max(sum(scene.attempts for scene in self.scenes), 1)
-
-    @property
-    def challenged(self) -> Counter[str]:
-        """In how many scenes tracking alone violates a row of each kind."""
-        return Counter(kind for scene in self.found for kind in {label.partition("[")[0] for label in scene.challenged})
-
-    @property
-    def beyond_limits(self) -> float:
-        """Share of the scenes with :attr:`Drawn.share_to_hold` above 1; NaN without limits."""
+    def __post_init__(self) -> None:
+        self.found = [scene for scene in self.scenes if scene.found]
+        self.rejected = sum((Counter(scene.rejected) for scene in self.scenes), Counter())
+        self.acceptance = len(self.found) / max(sum(scene.attempts for scene in self.scenes), 1)
+        kinds = ({label.partition("[")[0] for label in scene.challenged} for scene in self.found)
+        self.challenged = Counter(chain.from_iterable(kinds))
         shares = np.array([scene.share_to_hold for scene in self.found])
-        return float((shares > 1.0).mean()) if np.isfinite(shares).any() else np.nan
-
-    @property
-    def timed(self) -> list[Drawn]:
-        """Those of which the least time to arrive in is known."""
-        return [scene for scene in self.found if np.isfinite(scene.least_time)]
+        self.beyond_limits = float((shares > 1.0).mean()) if np.isfinite(shares).any() else np.nan
+        self.timed = [scene for scene in self.found if np.isfinite(scene.least_time)]

@@ -9,8 +9,7 @@ import numpy as np
 from ...rows import Array
 from ..trajectory import Trajectory
 
-LAGS = (0.0, *np.geomspace(1e-4, 0.3, 60))
-"""Time constants that C is sought among [s]."""
+LAGS = (0.0, *np.geomspace(1e-4, 0.3, 60))  #: Time constants that C is sought among [s].
 
 
 @dataclass(frozen=True)

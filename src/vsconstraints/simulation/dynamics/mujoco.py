@@ -10,8 +10,7 @@ from ...plugins.extras import demand
 from ...robots.robot import Robot
 from ...rows import Array
 
-NOTHING = 1e-12
-"""Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²]."""
+NOTHING = 1e-12  #: Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²].
 
 
 class MujocoArm:

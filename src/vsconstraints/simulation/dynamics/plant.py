@@ -13,16 +13,16 @@ from ...compiled.workspace import Workspace
 from ...control.packing import joints
 from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
+from ...robots.limits import per_joint
 from ...robots.robot import Robot
 from ...rows import Array, IntArray
 from ..plant import Plant, cubic, without_limits
 from .mujoco import MujocoArm
-from .settings import OUTER, ArmDynamics, MujocoDynamics, per_joint
+from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
-SINGULAR = 1e-9
-"""Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular."""
+SINGULAR = 1e-9  #: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
 
 
 def with_masses(
@@ -141,15 +141,15 @@ class DynamicPlant(Plant):
         self.transition = np.eye(4)
         self.x = np.zeros((4, n))
         self.x[0], self.x[1] = q0, qd0
-        rotor = per_joint("rotor_inertia", dynamics.rotor_inertia, n)
+        rotor = per_joint("plant: rotor_inertia", dynamics.rotor_inertia, n)
         #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
         self.model = with_masses(robot, dynamics, rotor)
         self.believed = with_masses(robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor)
         demand_inertia(robot, self.model, q0)
-        own = robot.limits.of_joint("effort", n)
-        effort = own if dynamics.effort is None else per_joint("effort", dynamics.effort, n)
+        own = robot.limits.effort if dynamics.effort is None else dynamics.effort
+        effort = per_joint("plant: effort", own, n)
         demand_holding(robot, self.model, q0, effort)
-        speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("speed", dynamics.speed, n)
+        speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("plant: speed", dynamics.speed, n)
         friction = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
         drive = Drive(

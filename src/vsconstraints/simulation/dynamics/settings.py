@@ -12,21 +12,16 @@ import pinocchio as pin
 
 from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ...robots.geometry import Vector3, vector
+from ...robots.limits import per_joint
 from ...rows import Array
 
-Number = float | Sequence[float]
-"""One number for all joints, or n of them."""
-
-JointController = Literal["computed-torque", "position", "speed"]
-"""What drives the joints."""
-
-Integrator = Literal["verlet", "runge-kutta"]
-"""How the motion within a substep is integrated."""
+Number = float | Sequence[float]  #: One number for all joints, or n of them.
+JointController = Literal["computed-torque", "position", "speed"]  #: What drives the joints.
+Integrator = Literal["verlet", "runge-kutta"]  #: How the motion within a substep is integrated.
 
 MAX_SUBSTEPS = 1000
 
-OUTER = 0.25
-"""Rate κ of the position loop by that of the speed loop in it."""
+OUTER = 0.25  #: Rate κ of the position loop by that of the speed loop in it.
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,7 @@ class Friction:
         values = self.viscous, self.coulomb, self.coulomb if self.static is None else self.static, self.stribeck_speed
         names = ("viscous", "coulomb", "static", "stribeck_speed")
         viscous, coulomb, static, speed = (
-            per_joint(f"friction: {name}", value, n) for name, value in zip(names, values, strict=True)
+            per_joint(f"plant: friction: {name}", value, n) for name, value in zip(names, values, strict=True)
         )
         if (static < coulomb).any():
             raise InvalidInput(
@@ -179,16 +174,8 @@ class MujocoDynamics(ArmDynamics):
     at_once = False
 
 
+#: Types of plants that scenario files know; without any, commands are carried out as eq. (6) says.
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
-"""Types of plants that scenario files know; without any, commands are carried out as eq. (6) says."""
-
-
-def per_joint(name: str, value: Number | None, n: int) -> Array:
-    """(n,) a setting of a plant; infinite where it is None. Raises InvalidInput if there are not n."""
-    values = np.array(math.inf if value is None else value, dtype=np.float64)
-    if values.shape not in ((), (n,)):
-        raise InvalidInput(f"plant: {name} must be one number or {n}, one per joint, not {len(values)}")
-    return np.broadcast_to(values, (n,)).copy()
 
 
 def _demand(name: str, value: Number | None, least: float | None = None) -> None:
