@@ -51,12 +51,6 @@ def remarks(view: View) -> list[bool]:
     ]
 
 
-def told(view: View) -> list[str]:
-    sheet = draw_tracks(view)
-    assert sheet is not None
-    return [text.get_text() for text in sheet.figure.legends[0].get_texts()]
-
-
 def test_a_track_comes_into_a_window_between_its_samples_too() -> None:
     def record(*pixels: tuple[float, float]) -> Any:
         class Made:
@@ -92,15 +86,3 @@ def test_a_close_up_shows_a_boundary_within_what_is_shown(view: View, u: float, 
     sigma = np.max([one.sigma(corners) for one in plane.constraints], axis=0)
     assert (sigma > 0.0).any()
     assert (sigma <= 0.0).any()
-
-
-def test_ends_that_are_not_in_the_picture_are_not_in_the_legend(view: View) -> None:
-    """Both runs end on their way: at the border they are seen, and far beyond it they are not."""
-    entry = "end, where not at the goal"
-    assert entry in told(view)
-    gone = view
-    for law in ("sliding-mode", "hierarchical-qp"):
-        run = gone.runs[law].trajectory
-        away = replace(run, features_px=np.where(run.t[:, None, None] > 6.9, 5e3, run.features_px))
-        gone = replace(gone, runs={**gone.runs, law: replace(gone.runs[law], trajectory=away)})
-    assert entry not in told(gone)

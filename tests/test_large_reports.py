@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Callable
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -127,9 +126,9 @@ def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
 ) -> None:
     drawn: list[str] = []
 
-    def draw_all(jobs: list[ScenarioJob], overview: Callable[[], str], on_drawn: Any) -> tuple[dict[str, Drawn], str]:
+    def draw_all(jobs: list[ScenarioJob], on_drawn: Any) -> dict[str, Drawn]:
         drawn[:] = [job.scenario.name for job in jobs]
-        return {name: Drawn() for name in drawn}, overview()
+        return {name: Drawn() for name in drawn}
 
     monkeypatch.setattr(report, "draw_all", draw_all)
     monkeypatch.setattr(report, "draw_overview", lambda *given: "![Trade-off](figures/trade-off.png)")

@@ -15,7 +15,7 @@ from vsconstraints.reports.plots import INK
 from vsconstraints.reports.replay import ReplayRun
 from vsconstraints.reports.replay.runs import things_of
 from vsconstraints.reports.replay.space import scene_of
-from vsconstraints.reports.scene3d import Scene3D, Viewpoint, obstacle_meshes, setup_frames, viewpoint_of
+from vsconstraints.reports.scene3d import Scene3D, Viewpoint, ball, obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.occluders import Occluders
@@ -48,7 +48,7 @@ def test_a_plate_hides_none_of_its_markers(azimuth: float) -> None:
         without_one.target(markers, 0.01, 0.08)
         without_one.parts = [part for part in with_all.parts if part.name != "markers"]
         for other in np.delete(markers, number, axis=0):
-            without_one.ball(other, 0.08, INK, 10)
+            without_one.add(ball(other, 0.08, 10), INK)
         differs = (picture(with_all, 45.0, azimuth) != picture(without_one, 45.0, azimuth)).any(axis=-1)
         seen.append(int(differs.sum()))
     assert min(seen) > 0.6 * max(seen), seen

@@ -30,7 +30,8 @@ from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, display, inputs
+from vsconstraints.reports.notebooks import Comparison, NotebookRun, inputs
+from vsconstraints.reports.notebooks import comparison as session
 from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -382,7 +383,7 @@ def test_how_far_a_comparison_is_is_told_in_a_terminal_alone(
     compare("sliding-mode", brief, workers=0)
     assert capfd.readouterr() == ("", "")
     terminal = StringIO()
-    monkeypatch.setattr(display, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
+    monkeypatch.setattr(session, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
     compare("sliding-mode", brief, workers=0, progress=False)
     assert terminal.getvalue() == ""
     compare("sliding-mode", brief, workers=0)

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..compiled import load
 from ..errors import InvalidInput, SceneError
-from ..formulas.tracking import gains
 from ..rows import Array, Rows
 from ..vision.scene import State
 from ..vision.tracking import VisualTask
@@ -126,6 +125,16 @@ class Model:
         following = self.task.goals[self.goal + 1 :]
         return following[0].from_time - JUST_BEFORE if following else np.inf
 
+    @property
+    def loop(self) -> Bound | None:
+        """The compiled step in the loop; None where anything runs in NumPy."""
+        return self._of.bound()
+
+    @property
+    def frozen(self) -> bool:
+        """Whether everything is predicted at the present time."""
+        return self._of.believes
+
     def compiled(self) -> Bound | None:
         """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
         self._own.remember(self._of)
@@ -164,12 +173,6 @@ class Model:
         N = load("from_state").predict(packed.workspace, t, q, qd, step.out, out)
         parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
         return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
-
-    def gains(self, error: Array) -> Array:
-        """(N, 2) K_p and K_v of the tracking law at errors (N, k)."""
-        own = self.task.gains
-        squared = (error * error).sum(axis=1).tolist()
-        return np.array([gains(each, own.Kp0, own.Kp_slope, own.damping) for each in squared]).reshape(-1, 2)
 
     def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
         own, t = self._own, self.present.t if self._of.believes else t

@@ -137,7 +137,7 @@ class BoundLaw:
     (0,) and ``count`` (1,) of iterations; ``answer`` is the workspace of what it writes: an :class:`.Answer`.
     """
 
-    def __init__(self, resolver: Any, law: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
+    def __init__(self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
         self._resolver, self._law, self._rows, self._code = resolver, law, rows, 0
         self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK

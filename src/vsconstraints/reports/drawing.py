@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import product
 from pathlib import Path, PurePath
 from urllib.parse import quote
@@ -26,11 +25,8 @@ from .replay.runs import run_of
 from .results import Results
 from .selection import TRIAL_SHOWN, acting_in, lane_rows, phi_rows, replayed_runs
 
-IN_PROCESS = 2
-"""Up to this many scenarios are drawn in this process: starting others takes about as long."""
-
-REPLAYS = "replays"
-"""Folder below that of the comparison."""
+IN_PROCESS = 2  # up to this many scenarios are drawn in this process: starting others takes about as long
+REPLAYS = "replays"  # folder below that of the comparison
 
 
 @dataclass(frozen=True)
@@ -104,46 +100,31 @@ def scenario_jobs(
     return jobs
 
 
-def draw_all(
-    jobs: Sequence[ScenarioJob], overview: Callable[[], str], on_drawn: Callable[[int, int], None]
-) -> tuple[dict[str, Drawn], str]:
-    """Draw the figures of every scenario, and beside them the overview, whose text is returned.
+def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
+    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised.
 
-    A scenario whose figures cannot be drawn is reported, not raised. ``on_drawn`` is called with how many scenarios are
-    done, and how many there are.
+    ``on_drawn`` is called with how many scenarios are done, and how many there are.
     """
     drawn: dict[str, Drawn] = {}
-    text = ""
     on_drawn(0, len(jobs))
 
-    def done(key: str, answer: Drawn | str | Failure) -> None:
-        nonlocal text
-        if not key:
-            text = f"A figure could not be drawn: {answer.reason}." if isinstance(answer, Failure) else str(answer)
-            return
-        if not isinstance(answer, Drawn):
-            answer = Drawn(problems=[f"Its figures could not be drawn: {getattr(answer, 'reason', answer)}."])
-        drawn[key] = answer
+    def done(name: str, answer: Drawn | Failure) -> None:
+        if isinstance(answer, Failure):
+            answer = Drawn(problems=[f"Its figures could not be drawn: {answer.reason}."])
+        drawn[name] = answer
         on_drawn(len(drawn), len(jobs))
 
     def size(job: ScenarioJob) -> int:
         return sum(path.stat().st_size for path in job.files().values() if path.is_file())
 
     # the longest first, so that no process is left with one at the end
-    calls: dict[str, Callable[[], Drawn | str]] = {
-        **{job.scenario.name: partial(draw_scenario, job) for job in sorted(jobs, key=size, reverse=True)},
-        "": overview,
-    }
+    calls = {job.scenario.name: (job,) for job in sorted(jobs, key=size, reverse=True)}
     if len(jobs) <= IN_PROCESS or process_count() < 2:
-        for key, call in calls.items():
-            done(key, call())
+        for name, call in calls.items():
+            done(name, draw_scenario(*call))
     else:
-        carry_out(_called, {key: (call,) for key, call in calls.items()}, on_answer=done)
-    return drawn, text
-
-
-def _called(call: Callable[[], Drawn | str]) -> Drawn | str:
-    return call()
+        carry_out(draw_scenario, calls, on_answer=done)
+    return drawn
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:

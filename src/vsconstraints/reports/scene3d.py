@@ -27,12 +27,8 @@ from .plots.style import INK, rgb
 
 LINK, JOINT, CAMERA, PLATE, OBSTACLE = "#C9CED6", "#4A5568", "#0072B2", "#F4F1E6", "#F0A202"
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
-GLASS = 0.4
-"""Opacity of obstacles."""
-
-LIGHT = np.array([0.35, -0.55, 0.76])
-"""(3,) direction to the light, in the base frame."""
-
+GLASS = 0.4  # opacity of obstacles
+LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the base frame
 REACH = 0.8
 """Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they are longer."""
 
@@ -42,14 +38,11 @@ BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
 PLATE_CELLS = 8
 """A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners."""
 
-MIN_DEPTH = 0.05
-"""At which the camera's view is drawn at least [m], where markers are behind it."""
-
+MIN_DEPTH = 0.05  # at which the camera's view is drawn at least [m], where markers are behind it
 IN_VIEW, MARGIN = 1.16, 1.12
 """Half the height that a view shows, relative to half the side of its cube; and what is added for thick links."""
 
-ELEVATION, ELEVATION_FLAT = 20.0, 55.0
-"""From which a scene is seen, and one that lies in a horizontal plane [deg]."""
+ELEVATION, ELEVATION_FLAT = 20.0, 55.0  # from which a scene is seen, and one that lies in a horizontal plane [deg]
 
 
 class Part(NamedTuple):
@@ -90,18 +83,10 @@ class Scene3D:
         if len(mesh.triangles):
             self.parts.append(Part(mesh, colour, frame, **look))
 
-    def tube(self, points: Array, radius: float, colour: str, sides: int = 10, caps: bool = True) -> None:
-        """A round bar along a polyline (p, 3), in the base frame."""
-        self.add(tube(points, radius, sides, caps), colour)
-
-    def ball(self, centre: Array, radius: float, colour: str, count: int = 16) -> None:
-        """A sphere, in the base frame."""
-        self.add(ball(centre, radius, count), colour)
-
     def axes(self, pose: Pose, length: float, radius: float) -> None:
         """Red, green and blue bars along the x, y and z axes of a frame."""
         for axis, colour in zip(pose.R.T, AXIS_COLOURS, strict=True):
-            self.tube(np.array([pose.t, pose.t + length * axis]), radius, colour, sides=6)
+            self.add(tube(np.array([pose.t, pose.t + length * axis]), radius, 6), colour)
 
     def pyramid(self, base: Array, colour: str, frame: str = "", name: str = "") -> None:
         """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
@@ -357,7 +342,7 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     corners = view_corners(setup, camera, q, t)
     for a, b in pairwise([*corners, corners[0]]):
         for start, end in ((camera.t, a), (a, b)):
-            scene.tube(np.linspace(start, end, 12), 0.0022 * scale, CAMERA, 4, caps=False)
+            scene.add(tube(np.linspace(start, end, 12), 0.0022 * scale, 4, caps=False), CAMERA)
     scene.draw(ax, view, frames)
 
 

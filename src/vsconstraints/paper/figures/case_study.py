@@ -21,7 +21,7 @@ from ...reports.plots import (
     symbol,
     zero_line,
 )
-from ...reports.scene3d import Placement, Scene3D, Viewpoint, bars, setup_frames
+from ...reports.scene3d import Placement, Scene3D, Viewpoint, ball, bars, setup_frames, tube
 from ...robots.geometry import Pose
 from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
@@ -131,7 +131,7 @@ def add_path(scene: Scene3D, points: Array, radius: float, colour: str, most: in
     """A curve through points (p, 3)."""
     if len(points) > 1:
         chosen = np.unique(np.linspace(0, len(points) - 1, most).astype(int))
-        scene.tube(points[chosen], radius, colour, 6, caps=False)
+        scene.add(tube(points[chosen], radius, 6, caps=False), colour)
 
 
 def system(case: Run, k: int) -> tuple[Scene3D, dict[str, Placement]]:
@@ -147,7 +147,7 @@ def system(case: Run, k: int) -> tuple[Scene3D, dict[str, Placement]]:
 
 
 def _add_sphere(scene: Scene3D, sphere: Any, count: int) -> None:
-    scene.ball(sphere.centre, sphere.radius, ORANGE, count=count)
+    scene.add(ball(sphere.centre, sphere.radius, count), ORANGE)
 
 
 def _space(sheet: Sheet, left: float, top: float, side: float) -> Any:

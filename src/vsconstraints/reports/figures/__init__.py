@@ -16,8 +16,8 @@ OVERVIEW = Figure("trade-off", "utilization against acceleration variation",
 
 TRACKS = Figure("tracks", "the markers' tracks", "Tracks of the markers in the image.", draw_tracks,
     reading="**Tracks**: what is far outside the image is cut off. The square is shown enlarged beside its panel: "
-    "it is where a controller is deepest outside by less than 5 % of the image or, if none is, where the first one "
-    "is nearest to a boundary.")  # fmt: skip
+    "it is where a controller is deepest outside by less than 5 % of the image or, if none is, where one that acts is "
+    "nearest to a boundary.")  # fmt: skip
 
 PHI = Figure("phi", "φ", "φ of the rows that matter, and when each row holds the arm back.", draw_phi,
     reading="**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines "

@@ -11,12 +11,8 @@ from ..numbers import median
 from ..plots import Look, Sheet, darker, decades, logarithmic, looks, shortened, symbol
 from ..results import Line, Results
 
-LEAST_UNUSED = 1e-4
-"""Share of the allowed space left unused below which points are drawn at the edge."""
-
-SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
-"""Ticks of utilization."""
-
+LEAST_UNUSED = 1e-4  # share of the allowed space left unused below which points are drawn at the edge
+SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)  # ticks of utilization
 HEIGHT, GREY = 3.6, "#666666"
 OTHER = symbol("o", "#D0D0D0", "none", 4.0)
 

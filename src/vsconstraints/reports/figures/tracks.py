@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,19 +21,10 @@ SHARE, MAX_DEPTH = 0.025, 0.05
 """Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
 image's larger side."""
 
-GRID = 33
-"""Points in each direction at which it is asked whether a boundary passes."""
-
+GRID = 33  # points in each direction at which it is asked whether a boundary passes
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27
-BESIDE, APART = 0.5, 0.06
-"""Side of a close-up relative to the width of its panel, and the gap between them [in]."""
-
-SEEN = 0.005
-"""Distance from the goal that is seen, relative to the size of the picture."""
-
-NO_MARKER = "no marker\nenters"
-"""In a close-up of a law that stays away from where another one is shown."""
-
+BESIDE, APART = 0.5, 0.06  # side of a close-up relative to the width of its panel, and the gap between them [in]
+NO_MARKER = "no marker\nenters"  # in a close-up of a law that stays away from where another one is shown
 REMARK: dict[str, Any] = {"fontsize": 8, "color": INK, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
 EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
 VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
@@ -50,7 +42,11 @@ def draw_tracks(view: View) -> Sheet | None:
     if not any(run.trajectory.features_px.size for run in view.runs.values()):
         return None
     names = view.competitors or view.shown
-    plane = Plane.of(view.setup) if view.setup is not None else Plane(_size_seen(view))
+    if view.setup is not None:
+        plane = Plane.of(view.setup)
+    else:
+        seen = np.concatenate([run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()])
+        plane = Plane(tuple(2.0 * np.nanmax(np.abs(seen), axis=0)))
     detail = close_up(view, plane)
     # beside its close-up a panel takes half as much room again
     columns, share, apart = (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
@@ -91,9 +87,8 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     if view.baseline is not None and name != BASELINE:
         tracks(ax, view.baseline.trajectory.features_px, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
     tracks(ax, pixels, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
-    for i, marker in rows_in_image(run):
-        if (outside := run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]).any():
-            ax.plot(*np.where(outside[:, None], pixels[:, marker], np.nan).T, **VIOLATED, zorder=5)
+    for track in _violations(run):
+        ax.plot(*track.T, **VIOLATED, zorder=5)
     ax.plot(*pixels[-1].T, **symbol("o", look.colour, "white", 5.5), zorder=6)
     goals = view.setup.task.goals if view.setup is not None else ()
     for goal in goals:
@@ -111,37 +106,17 @@ def rows_in_image(run: RunRecord) -> list[tuple[int, int]]:
     return rows
 
 
-def _size_seen(view: View) -> tuple[float, float]:
-    w, h = 2.0 * np.nanmax(
-        [np.nanmax(np.abs(r.trajectory.features_px), axis=(0, 1)) for r in view.runs.values()], axis=0
-    )
-    return float(w), float(h)
-
-
 def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None) -> list[dict[str, Any]]:
     goals = view.setup.task.goals if view.setup is not None else ()
-
-    def seen_apart(run: RunRecord) -> bool:
-        """Whether a marker ends in the part of the plane that is shown, where its goal's symbol does not hide it."""
-        ends = run.trajectory.features_px[-1]
-        seen = (np.abs(ends) <= plane.half).all(axis=-1)
-        if goals and ends.shape == goals[-1].pixels.shape:
-            seen &= (np.abs(ends - goals[-1].pixels) > SEEN * max(_size_seen(view))).any(axis=-1)
-        return bool(seen.any())
-
-    def violated(run: RunRecord) -> bool:
-        return any((run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]).any() for i, _ in rows_in_image(run))
-
     entries = [START | {"label": "start of marker 1, 2, …"}]
     if len(goals) > 1:
         entries.append(EARLIER | {"label": "earlier goal"})
     if goals:
         entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
-    if any(seen_apart(view.runs[name]) for name in names):
-        entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
+    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
         entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(violated(view.runs[name]) for name in names):
+    if any(True for name in names for _ in _violations(view.runs[name])):
         entries.append(line("row in the image violated", **VIOLATED))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:
@@ -150,45 +125,34 @@ def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None)
     return entries
 
 
+def _violations(run: RunRecord) -> Iterator[Array]:
+    """(N, 2) pixels of a marker where it is outside a row in the image, NaN elsewhere."""
+    for i, marker in rows_in_image(run):
+        outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
+        if outside.any():
+            yield np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan)
+
+
 # --- close-ups ---
-
-
-class _Nearest(NamedTuple):
-    """Where a row's marker is nearest to its boundary in the part that is shown, in one of the runs."""
-
-    run: int
-    place: Array
-    clearance: float
-    relative: float
-    acts: bool
 
 
 def close_up(view: View, plane: Plane) -> CloseUp | None:
     """The same close-up for all panels, or None where no row in the image matters.
 
-    Around the deepest violation of a competitor; without one where the first controller that acts on such a row comes
-    nearest to its boundary. It lies in the part of the plane that is shown, and a boundary passes through it.
+    Where a competitor is deepest outside, or nearest to a boundary on which it acts, relative to the row's L. It lies
+    in the part of the plane that is shown, and a boundary passes through it.
     """
-    size, found, places = max(plane.size), [], []
-    for number, run in enumerate(run for name, run in view.runs.items() if name != BASELINE):
+    size, found = max(plane.size), dict[tuple[float, int], CloseUp]()
+    for run in (run for name, run in view.runs.items() if name != BASELINE):
         for i, marker in rows_in_image(run):
-            if run.trajectory.labels[i] in view.phi_rows:
-                pixels = run.trajectory.features_px[:, marker]
-                seen = (np.abs(pixels) <= plane.half).all(axis=1)
-                clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
-                k, acts = int(np.argmin(clearance)), bool(run.trajectory.active[:, i].any())
-                least = float(clearance[k])
-                found.append(_Nearest(number, pixels[k], least, least / run.length[i], acts))
-    violated = [one for one in found if -MAX_DEPTH * size < one.clearance and one.relative < -NEGLIGIBLE]
-    acting = [one for one in found if one.acts]
-    if violated:
-        deepest = min(violated, key=lambda one: one.relative)
-        places.append((deepest.place, -deepest.clearance))
-    if acting:
-        first = [one for one in acting if one.run == acting[0].run]
-        places.append((min(first, key=lambda one: one.clearance).place, 0.0))
-    details = (CloseUp(centre, max(SHARE * size, 1.6 * depth)) for centre, depth in places)
-    return next((detail for detail in details if _has_boundary(plane, detail)), None)
+            pixels = run.trajectory.features_px[:, marker]
+            seen = (np.abs(pixels) <= plane.half).all(axis=1)
+            clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
+            k, acts = int(np.argmin(clearance)), run.trajectory.active[:, i].any()
+            least, matters = float(clearance[k]), run.trajectory.labels[i] in view.phi_rows
+            if matters and least > -MAX_DEPTH * size and (acts or least < -NEGLIGIBLE * run.length[i]):
+                found[least / run.length[i], len(found)] = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
+    return next((found[key] for key in sorted(found) if _has_boundary(plane, found[key])), None)
 
 
 def _has_boundary(plane: Plane, detail: CloseUp) -> bool:

@@ -4,7 +4,6 @@
 """
 
 from .comparison import Comparison, compare
-from .display import Plots
-from .notebook_run import NotebookRun, run
+from .notebook_run import NotebookRun, Plots, run
 
 __all__ = ["Comparison", "NotebookRun", "Plots", "compare", "run"]

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+import time
 import warnings
 import weakref
-from collections.abc import Iterable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
 
 from ...comparisons import RunRecord, StoredComparison, Suite
 from ...comparisons import compare as compare_suite
@@ -25,16 +28,14 @@ from ..numbers import FORMATS, over_trials
 from ..results import Results, shown
 from ..selection import lane_rows, phi_rows
 from ..summary import FIRST, outcome
-from .display import Plots, table, table_of
-from .display import progress as progress_shown
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
-from .notebook_run import NotebookRun, ReplayPage
+from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-NAME = "session"
-"""What results call the suite of a session."""
+UPDATE = 0.2  # between two updates of a notebook's line [s]
+NAME = "session"  # what results call the suite of a session
 
 
 def compare(
@@ -221,3 +222,47 @@ class Comparison:
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
         legend = "† a row was violated; ‡ none was, but one was outside within the sampling band."
         return table(header, lines) + "".join(f"<p>{escape(text)}</p>" for text in (legend, *self.notes))
+
+
+# --- progress ---
+
+
+@contextmanager
+def progress_shown(total: int) -> Iterator[Callable[[], None]]:
+    """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
+    console = Console(stderr=True)
+    if console.is_jupyter:
+        yield from _line(total)
+    elif console.is_terminal:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=console) as bars:
+            bar = bars.add_task("comparing", total=total)
+            yield lambda: bars.advance(bar)
+    else:
+        yield lambda: None
+
+
+def _line(total: int) -> Iterator[Callable[[], None]]:
+    """A line below a cell, updated as runs are done."""
+    from IPython import display
+
+    begun = updated = time.monotonic()
+    done = 0
+
+    def text() -> dict[str, str]:
+        return {"text/plain": f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"}
+
+    show: Any = display.display
+    line = show(text(), raw=True, display_id=True)
+
+    def advance() -> None:
+        nonlocal done, updated
+        done += 1
+        if time.monotonic() - updated > UPDATE:
+            updated = time.monotonic()
+            line.update(text(), raw=True)
+
+    yield advance
+    line.update(text(), raw=True)

@@ -19,20 +19,15 @@ from ...vision.motion import Motion
 from .marks import line, patch, symbol
 from .style import FAINT, INK
 
-AROUND = 1.12
-"""How much of the image plane figures show, relative to the image; what lies beyond is cut off."""
-
+AROUND = 1.12  # how much of the image plane figures show, relative to the image; what lies beyond is cut off
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
-LABELLED = 0.93
-"""How far from the centre a time may stand, relative to the half of what is shown."""
-
+LABELLED = 0.93  # how far from the centre a time may stand, relative to the half of what is shown
 MOMENTS, INSTANTS = 5, 200
 """How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image."""
 
-GRID_STEP = 2.0
-"""Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
+GRID_STEP = 2.0  # of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact
 
 
 @dataclass

@@ -25,9 +25,7 @@ VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDat
 """Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes."""
 
 FORMATS = (*PNG, *VECTOR)
-WIDTH = 8.0
-"""Width of every figure [in]: at this width the smallest text is 8 pt."""
-
+WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI, SCREEN_DPI = 150, 100
 EDGE, FOOT = 0.03, 0.45
 """Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in]."""

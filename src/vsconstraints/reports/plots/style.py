@@ -22,8 +22,7 @@ FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "v
 
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
-TUNED = "-tuned"
-"""How the name of a tuned law ends, after that of the law it was tuned from."""
+TUNED = "-tuned"  # how the name of a tuned law ends, after that of the law it was tuned from
 
 
 @dataclass(frozen=True)

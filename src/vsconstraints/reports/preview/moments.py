@@ -19,12 +19,8 @@ from ...vision.features import Goal
 from ...vision.pose_estimate import estimated_pose
 from ...vision.scene import MINIMUM_DEPTH, Scene
 
-ROUNDING = 1e-9
-"""Of σ relative to the row's scale, that counts as none."""
-
-NEAR = 0.9
-"""Usage 1 − clearance/L from which a row counts as near: 1 is on its boundary."""
-
+ROUNDING = 1e-9  # of σ relative to the row's scale, that counts as none
+NEAR = 0.9  # usage 1 − clearance/L from which a row counts as near: 1 is on its boundary
 TRIES, TURNS = 20, 4
 """Configurations from which one at a goal is sought, besides those that are near; and turns of the camera about its
 optical axis, from which the pose behind an image is sought."""

@@ -15,11 +15,8 @@ from ...simulation import Setup
 from ...simulation.start import implausible
 from .moments import NEAR, Moment, Row, goal_configuration, moment_at, nowhere, rows_of
 
-MAX_LISTED = 15
-"""Rows that are listed, unless more are near."""
-
-OF_GOALS = "performance-funnel"
-"""Constraints that are about the goals."""
+MAX_LISTED = 15  # rows that are listed, unless more are near
+OF_GOALS = "performance-funnel"  # constraints that are about the goals
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,7 @@ from .space import common_viewpoint
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
 """Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s]."""
 
-WIDTH, DPI, COLOURS = 8.0, 100, 96
-"""Of a film [in], dots per inch, and colours of a GIF."""
-
+WIDTH, DPI, COLOURS = 8.0, 100, 96  # of a film [in], dots per inch, and colours of a GIF
 MAX_LABELS, LETTERS = 3, 12.0
 """Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it."""
 

@@ -23,14 +23,9 @@ from ..scene3d import draw_setup
 from .runs import Frames, ReplayRun, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
 
-PICTURE = (6.4, 4.8)
-"""Of the arm, for browsers that cannot draw it [in]."""
-
-MAX_ROWS = 14
-"""Rows that are listed for a run: those that are highlighted longest."""
-
-PLAYED = ("period", "frames", "half", "moving", "goals", "runs")
-"""Of the data, what the page's script needs."""
+PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot draw it [in]
+MAX_ROWS = 14  # rows that are listed for a run: those that are highlighted longest
+PLAYED = ("period", "frames", "half", "moving", "goals", "runs")  # of the data, what the page's script needs
 
 
 def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:

@@ -23,22 +23,12 @@ from ...scenarios import Scenario
 from ...simulation import Setup, Trajectory
 from ..plots import looks
 
-RATE, MAX_FRAMES = 25.0, 300
-"""Frames per second of time, unless that makes more frames than so many."""
-
-INACTIVE, ACTIVE, VIOLATED = 0, 1, 2
-"""States of a constraint's row."""
-
+RATE, MAX_FRAMES = 25.0, 300  # frames per second of time, unless that makes more frames than so many
+INACTIVE, ACTIVE, VIOLATED = 0, 1, 2  # states of a constraint's row
 HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
-"""Their colours."""
-
 States = npt.NDArray[np.uint8]
 Thing = tuple[str, int] | None
-"""What a row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
-
-MAX_RUNS = 4
-"""More than so many beside each other cannot be distinguished."""
-
+MAX_RUNS = 4  # more than so many beside each other cannot be distinguished
 HOW = (
     "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
@@ -60,25 +50,23 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
     """Raise ConfigurationError unless there is something to see in each of these runs, and all are of one scene."""
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
-    first, names = runs[0].setup, [run.law for run in runs]
+    names = [run.law for run in runs]
     for run in runs:
         if len(run.trajectory.t) < 2:
             why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
             raise ConfigurationError(f"the run of {run.law} left no trajectory that could be replayed{why}")
-        scene = run.setup.scene
-        alike = (
-            (scene.robot.n, scene.robot.name) == (first.scene.robot.n, first.scene.robot.name)
-            and scene.camera.size == first.scene.camera.size
-            and np.array_equal(scene.markers, first.scene.markers)
-            and run.setup.constraints.labels == first.constraints.labels
-        )
-        if not alike:
-            raise ConfigurationError(
-                f"the runs of {runs[0].law} and {run.law} are of different scenes: a replay shows one robot, camera, "
-                "target and the same rows"
-            )
+        if _shown(run) != _shown(runs[0]):
+            alike = "a replay shows one robot, camera, target and the same rows"
+            raise ConfigurationError(f"the runs of {runs[0].law} and {run.law} are of different scenes: {alike}")
         if names.count(run.law) > 1:
             raise ConfigurationError(f"two of the runs are called {run.law!r}: give each its own name")
+
+
+def _shown(run: ReplayRun) -> tuple[object, ...]:
+    """What is the same in all runs of a scene."""
+    scene = run.setup.scene
+    robot, camera = scene.robot, scene.camera
+    return robot.n, robot.name, camera.size, scene.markers.tolist(), run.setup.constraints.labels
 
 
 def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
@@ -158,7 +146,7 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> list[Highlight]:
 
 
 def things_of(run: ReplayRun) -> list[Thing]:
-    """(m,) what each row is about."""
+    """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
     constraints, scene = run.setup.constraints, run.setup.scene
     counts = {"marker": len(scene.markers), "joint": scene.robot.n}
     solid = [bool(constraint.meshes(0.0, 1.0)) for constraint in constraints.constraints]

@@ -46,15 +46,12 @@ Two surfaces in one place would flicker into each other; so where arms agree, th
 MAX_TRIANGLES, MERGED = 36_000, 1e-3
 """Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more."""
 
-INSTANTS = 9
-"""Of each run, in which everything is in view."""
-
+INSTANTS = 9  # of each run, in which everything is in view
 ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
 """Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
 around what is in view, relative to half the side of its cube."""
 
-UNCHANGED = 1e-6
-"""What moves less from frame to frame is not sent again."""
+UNCHANGED = 1e-6  # what moves less from frame to frame is not sent again
 
 
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
