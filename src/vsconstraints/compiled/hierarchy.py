@@ -12,7 +12,7 @@ import numpy as np
 
 from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
-from .compiler import inner
+from .compiler import in_place, inner
 from .least_distance import KINDS, MULTIPLIER, SIDE, nearest
 from .least_residual import cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
@@ -108,7 +108,7 @@ def find_center(J: Array, b: Array, rest: Array, tolerance: float, G: Array, X: 
     return rank
 
 
-@inner
+@in_place
 def count_resisting(demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved) -> int:
     """How many demands accelerations influence; −1 if tracking, which is written to q̈, meets them all, and the box.
 
@@ -170,7 +170,7 @@ def gather_walls(
     return Walls(normals, sides, limits, held, rows, W, which, violation)
 
 
-@inner
+@in_place
 def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
     """State the rows in y of x = origin + Z y: H (p, w), and their sides; False if there is none that is a number."""
     p, n, free = H.shape[0], X.shape[1], walls.violation.size
@@ -190,7 +190,7 @@ def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
     return True
 
 
-@inner
+@in_place
 def hold(walls: Walls) -> None:
     """Mark the rows that pull on the answer."""
     strongest = 0.0
@@ -223,7 +223,7 @@ def solve_stage(
     return FAILED, steps
 
 
-@inner
+@in_place
 def report(walls: Walls, resolved: Resolved) -> bool:
     """Write slack and the rows that act; whether any demand is unmet."""
     qdd, slack, acted = resolved

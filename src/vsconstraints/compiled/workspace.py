@@ -6,6 +6,7 @@ Records are arrays whose fields compiled code takes as attributes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -42,7 +43,7 @@ def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
     return np.dtype(columns)
 
 
-F8, I8 = np.dtype("f8"), np.dtype("i8")
+F8, I8, BOOL = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 V3, M3 = (3,), (3, 3)
 POSE = ("R", M3), ("t", V3)
 
@@ -122,7 +123,7 @@ class Answer(NamedTuple):
     """
 
     qdd: Annotated[Array, F8, "n"]
-    acted: Annotated[BoolArray, np.dtype("?"), "m"]
+    acted: Annotated[BoolArray, BOOL, "m"]
     slack: Annotated[Array, F8, "m"]
     iterations: Annotated[IntArray, I8, 1]
     alone: Annotated[Array, F8, "n"]
@@ -264,6 +265,26 @@ def fields(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
+def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
+    """The shape of a declared array; letters without a length count 1."""
+    return tuple(length if isinstance(length, int) else lengths.get(length, 1) for length in declared.__metadata__[1:])
+
+
+def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None) -> Any:
+    """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields that are there."""
+    values, lengths = dict(known or {}), lengths or {}
+    for name, declared in fields(kind).items():
+        if name not in values and declared in (int, float):
+            values[name] = declared(0)
+        elif name not in values and declared is JointLimits:
+            values[name] = JointLimits(*(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0)
+        elif name not in values and hasattr(declared, "__metadata__"):
+            values[name] = np.zeros(shape_of(declared, lengths), declared.__metadata__[0])
+        elif name not in values:
+            values[name] = zeros(declared, lengths, known)
+    return kind(**{name: values[name] for name in kind._fields})
+
+
 @dataclass(frozen=True)
 class Size:
     """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and their parameters.
@@ -282,18 +303,18 @@ class Size:
     limited: bool = False
     rests: bool = False
 
-    def shape(self, declared: Any) -> tuple[int, ...]:
-        """The shape of a field."""
+    @property
+    def lengths(self) -> dict[str, int]:
+        """What the letters in declarations count."""
         n, M, k = self.n, self.M, self.k
         counts = {"n + 1": n + 1, "2M": 2 * M, "k or 6": max(k, 6), "limits": n * self.limited, "rest": n * self.rests}
-        lengths = {**vars(self), **counts}
-        return tuple(lengths.get(length, length) for length in declared.__metadata__[1:])
+        return {**vars(self), **counts}
 
     @property
     def outputs(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
         """Place in the array of outputs, and shape, of each."""
-        declared = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}
-        shapes = {name: self.shape(declared[name]) for name in OUTPUTS}
+        declared, lengths = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}, self.lengths
+        shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
         starts = [0, *ends[:-1]]
         return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, starts, ends, strict=True)}
@@ -303,23 +324,10 @@ class Size:
         outputs = self.outputs
         out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
         views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
-        none = JointLimits(*(np.zeros(self.n * self.limited),) * 5, ranges=0, period=1.0)
-        step: Step = self._zeros(Step, {**views, "limits": limits or none})
+        step: Step = zeros(Step, self.lengths, views if limits is None else {**views, "limits": limits})
         step.bodies["R"][0] = np.eye(3)
         step.bounds[:] = np.inf
         return step, out
-
-    def _zeros(self, kind: Any, known: dict[str, Any]) -> Any:
-        values = dict(known)
-        for name, declared in fields(kind).items():
-            if name not in values and declared is int:
-                values[name] = 0
-            elif name not in values:
-                nested = not hasattr(declared, "__metadata__")
-                values[name] = (
-                    self._zeros(declared, known) if nested else np.zeros(self.shape(declared), declared.__metadata__[0])
-                )
-        return kind(**{name: values[name] for name in kind._fields})
 
 
 _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()

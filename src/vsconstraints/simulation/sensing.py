@@ -249,5 +249,5 @@ class GradientError:
     def write(self, step: Step) -> None:
         """Let a compiled step make the same rows."""
         if self.any:
-            step.gradient_error["address"] = load("gradient_error").APPLY
+            step.gradient_error["address"] = load("constraint_rows").APPLY_GRADIENT_ERROR
             step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share
