@@ -44,7 +44,7 @@ from vsconstraints.constraints import (
 )
 from vsconstraints.constraints.base import PositionConstraint
 from vsconstraints.constraints.curves import SHAPES, Shape
-from vsconstraints.constraints.regions import RegionAroundAxis
+from vsconstraints.constraints.regions import KnownRegion, RegionAroundAxis
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import Kinematics
 from vsconstraints.rows import Array
@@ -411,7 +411,7 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
 
 def concrete(base: type) -> set[type]:
     """Classes of the package that derive from ``base`` and can be made."""
-    bases = ImageConstraint, PointConstraint, ForbiddenRegion, RegionAroundAxis, Shape
+    bases = ImageConstraint, PointConstraint, ForbiddenRegion, KnownRegion, RegionAroundAxis, Shape
     abstract = inspect.isabstract(base) or base in bases
     found = {base} if not abstract and base.__module__.startswith("vsconstraints.") else set()
     return found.union(*(concrete(derived) for derived in base.__subclasses__()))

@@ -214,8 +214,7 @@ class ImageSensor(Sensor):
 
     def braking(self, qd: Array) -> Array:
         """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they will."""
-        slower: Array = -qd / STOPPING
-        return slower
+        return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of the images."""

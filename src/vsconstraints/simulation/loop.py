@@ -249,10 +249,7 @@ class _Run:
         return rows, step.task
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
-        """Take the controller's command, or end the run.
-
-        A loss of rank that the law claims counts where the rows that it was given show it.
-        """
+        """Take the controller's command, or end the run; a claimed loss of rank counts where the rows show it."""
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return

@@ -190,8 +190,7 @@ class Setup:
         own = self.tolerances
         at_rest = own.joint_speed if self.scene.motion is None else np.inf
         factors = np.array([goal.tolerance_factor for goal in self.task.goals])
-        tolerances: Array = np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
-        return tolerances
+        return np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
 
     @property
     def goal_begins(self) -> Array:
