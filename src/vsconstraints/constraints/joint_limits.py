@@ -48,11 +48,10 @@ class JointConstraint(Constraint):
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows that say that they are linear, as they are at rest."""
-        rest, linear = (
-            np.zeros(scene.robot.n),
-            self.linear and self.says("linear", ("sigma", "gradient", "curvature", "rows")),
-        )
-        return Form("joint_rows", gradients=self.gradient(rest), offsets=self.sigma(rest)) if linear else None
+        if not (self.linear and self.says("linear", ("sigma", "gradient", "curvature", "rows"))):
+            return None
+        rest = np.zeros(scene.robot.n)
+        return Form("joint_rows", gradients=self.gradient(rest), offsets=self.sigma(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
@@ -88,11 +87,10 @@ class SpeedConstraint(Constraint):
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows that say that they are linear, as they are at rest."""
-        rest, linear = (
-            np.zeros(scene.robot.n),
-            self.linear and self.says("linear", ("phi", "gradient", "curvature", "rows")),
-        )
-        return Form("speed_rows", gradients=self.gradient(rest), offsets=self.phi(rest)) if linear else None
+        if not (self.linear and self.says("linear", ("phi", "gradient", "curvature", "rows"))):
+            return None
+        rest = np.zeros(scene.robot.n)
+        return Form("speed_rows", gradients=self.gradient(rest), offsets=self.phi(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""

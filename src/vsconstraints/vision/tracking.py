@@ -83,10 +83,11 @@ class VisualTask:
     towards it as the goal's reference says. ∂s/∂t, in ė and in the last term, is that of a target whose motion is known
     (section 5.4).
 
-    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref with s̈_ref come ``"exact"``
-    from the kinematics, or from ``"differences"`` between samples (``drift``, ``velocity`` and ``reference``: lines 5, 2,
-    3 and 4 of Appendix B), which start afresh, those of the reference at zero, at the first sample and where the goal
-    changes. ``rest`` is what joints do that the feature leaves free; None for that of :meth:`rest_of`.
+    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref with s̈_ref come
+    ``"exact"`` from the kinematics, or from ``"differences"`` between samples (``drift``, ``velocity`` and
+    ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start afresh, those of the reference at zero, at the first
+    sample and where the goal changes. ``rest`` is what joints do that the feature leaves free; None for that of
+    :meth:`rest_of`.
     """
 
     def __init__(
