@@ -23,7 +23,7 @@ SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELA
 other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
 """
 
-CAMERA_POSE, IMAGE_POINTS = range(2)
+CAMERA_POSE, IMAGE_POINTS, OWN = range(3)
 """Features of the task."""
 
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
@@ -59,12 +59,12 @@ TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3)
 POINT = record("#body", ("offset", V3))
 """A robot point: its body (0 is the base) and place in its frame."""
 TASK = record(
-    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "Kp0", "slope", "damping", "rest_damping",
-    "rest_stiffness",
+    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
+    "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
 )  # fmt: skip
 """See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""
-GOAL = record("from_time", *POSE)
-"""When a goal begins, and the camera's pose there."""
+GOAL = record("from_time", "reach_in", *POSE)
+"""When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there."""
 PART = record("#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION))
 """A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
 image R[:2, :2] and t[:2]); the motion of what it forbids."""
@@ -86,8 +86,8 @@ MEASUREMENT = record("#given", "time", "#pose_given")
 """Whether pixels are measured, and when; whether the camera's pose is."""
 GRADIENT_ERROR = record("#address", "#in_phi")
 """The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too."""
-SAMPLE = record("time", "#goal")
-"""The sample before; goal −1 if there is none."""
+SAMPLE = record("time", "#goal", "began")
+"""The sample before; goal −1 if there is none; the time of its goal's first sample."""
 
 
 class RowArrays(NamedTuple):
@@ -216,11 +216,13 @@ class Step(NamedTuple):
     qd: Annotated[Array, F8, "n"]
     limits: JointLimits
     last_command: Annotated[Array, F8, "n"]
-    # memory of the task: the sample before, its error, ∂s/∂t and J_s
+    # memory of the task: the sample before, its s less the value at the goal, ∂s/∂t and J_s; s at the goal's first
+    # sample and s_ref likewise, and ṡ_ref
     last: Annotated[Records, SAMPLE, 1]
     last_error: Annotated[Array, F8, "k or 6"]
     last_partial: Annotated[Array, F8, "k"]
     last_J: Annotated[Array, F8, "k", "n"]
+    last_reference: Annotated[Array, F8, 3, "k"]
     # the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist relative to it
     bodies: Annotated[Records, BODY, "n + 1"]
     eye: Annotated[Records, EYE, 1]

@@ -15,8 +15,7 @@ from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
 from ..vision.camera import Camera
-from ..vision.features import Goal
-from ..vision.references import MinimumJerk
+from ..vision.features import Goal, MinimumJerk
 from ..vision.scene import MINIMUM_DEPTH, Scene
 from .reading import Table, demand_known, demand_table, from_table, parameters
 from .toml import PLACES

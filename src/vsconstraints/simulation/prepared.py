@@ -8,7 +8,6 @@ import numpy as np
 
 from ..compiled.samples import Goals, Kept, Loop, Running
 from ..compiled.workspace import Answer, Size, Step, zeros
-from ..control import ControlStep
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
 from ..robots.geometry import Pose
@@ -28,7 +27,7 @@ class Prepared:
         # what is kept is what is true; where nothing is disturbed, that is what the control believes
         self.world = self.control
         if setup.sensor().disturbed or self.gradient_error.any:
-            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
+            self.world = setup.world()
         self.baseline = Tracking()
         #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
         self.bound, self.true = self.control.bound(), self.world.bound()

@@ -163,7 +163,7 @@ def check_ends(setup: Setup, ends: Ends) -> None:
 
 def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
     try:
-        _, sigma = setup.constraints.rows(setup.scene.evaluate(t, q, np.zeros_like(q)))
+        sigma = setup.world().evaluate(t, q, np.zeros_like(q)).sigma
     except SceneError as error:
         raise Rejected(reason, str(error)) from error
     violated = np.flatnonzero(sigma > 0.0)
@@ -234,8 +234,8 @@ def least_time(setup: Setup, ends: Ends) -> float:
     robot, goal = setup.scene.robot, ends.q[-1]
     if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
         return math.nan
-    there = setup.scene.evaluate(0.0, goal, np.zeros(robot.n))
-    if np.linalg.matrix_rank(setup.task.feature.evaluate(there, setup.task.goals[-1], None).J) < robot.n:
+    there = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
+    if np.linalg.matrix_rank(there.task.J) < robot.n:
         return math.nan
     way = goal - setup.q0
     speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
