@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..formulas.features import image_row
 from ..formulas.rotation import turn_by
 from ..formulas.vectors import Matrix, Vector, matrix, minus, plus, product, turned, turned_back, vector
@@ -20,12 +18,12 @@ from ..vision.scene import MINIMUM_DEPTH
 from . import images
 from . import scratch as parts
 from .compiler import OPTIONS, compiled, in_place, inner, register_formulas
-from .images import Images, Lenses, Sensing
+from .images import Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
-from .workspace import Scratch, Step
+from .workspace import Scratch, Step, zeros
 
 in_place(images.usable)
 register_formulas()
@@ -72,14 +70,7 @@ def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch)
     return True, R, t
 
 
-_none = np.zeros((1, 1, 1))
-load_sensing = struct_loader(
-    Sensing(
-        Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
-        Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
-        Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
-    )
-)
+load_sensing = struct_loader(zeros(Sensing))
 
 
 @checked(Sensing, Step, Step)

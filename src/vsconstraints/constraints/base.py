@@ -100,9 +100,9 @@ class Constraint(ABC):
         """Natural unit of each row's clearance; :attr:`unit` for all unless rows differ."""
         return (self.unit,) * len(self.labels(scene))
 
-    @abstractmethod
     def rows(self, state: State, points: slice) -> RowBlock:
-        """The rows now; ``points`` is where this constraint's robot points stand among the scene's."""
+        """The rows now, where there is no compiled form; ``points``: where its robot points stand among the scene's."""
+        raise NotImplementedError(f"{self.kind} needs rows, or a compiled form")
 
     @abstractmethod
     def clearance(self, trace: Trace, points: slice) -> Array:
@@ -117,7 +117,7 @@ class Constraint(ABC):
         return ""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """What the compiled step needs to make the rows itself, as :meth:`rows`; None if they are made in NumPy."""
+        """What the compiled step needs to make the rows itself; None if :meth:`rows` makes them in NumPy."""
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:

@@ -1,4 +1,4 @@
-"""What a camera has measured: pixels of markers, their depths, its own pose; and what a controller then believes."""
+"""What a camera has measured: pixels of markers, their depths, its own pose; and what of that cannot be right."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from typing import Self
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown
-from ..formulas.innovation import MEMORY, image_innovation
-from ..formulas.motion import angle
 from ..robots.geometry import Pose
 from ..rows import Array
 from .camera import Camera
-from .scene import Scene, State
 
 
 @dataclass(frozen=True)
@@ -100,59 +97,6 @@ class Measurement:
     def undistorted(self, camera: Camera) -> Self:
         """The same with ideal pixels; raises InvalidInput for one where the lens cannot be inverted."""
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
-
-    def believed(self, scene: Scene, state: State, correction: Array) -> State:
-        """What a controller believes that is told this of a state; the compiled step does the same.
-
-        Pixels are ideal by now. ``correction`` (M, 2) is by how much markers were last seen beside where the model has
-        them, and is kept up.
-        """
-        if self.pixels is None:
-            return scene.believed(state, self.camera)
-        assert self.depth is not None
-        assert self.taken is not None
-        model, eye = state.normalised.position, scene.camera
-        Z = np.where(np.isnan(self.depth), state.depth, self.depth)
-        seen = np.flatnonzero(np.isfinite(self.pixels).all(axis=1))
-        there = state.pixels.position.copy()
-        there[seen] = self.pixels[seen]
-        velocity = scene.believed(state, self.camera, (there, Z)).normalised.velocity
-        moved = eye.normalised(there) + (state.t - self.taken) * velocity
-        correction[seen] = (moved - model)[seen]
-        return scene.believed(state, self.camera, (eye.pixels(model + correction), Z))
-
-
-def innovation(
-    measured: Measurement | None, model: State, camera: Camera, correction: Array, slip: Array, bounds: Array
-) -> Array:
-    """(7,) :data:`INNOVATIONS`, and the greatest ratio of them to their bounds; the compiled step does the same.
-
-    Parameters
-    ----------
-    measured
-        With ideal pixels.
-    model
-        The state as the model predicts it.
-    camera
-        The scene's.
-    correction
-        (M, 2) by how much markers are seen beside that, in normalised coordinates.
-    slip
-        (n,) see :func:`.formulas.innovation.slip`.
-    bounds
-        (6,) see :meth:`Plausible.bounds`.
-    """
-    found = np.zeros(7)
-    if measured is not None and measured.pixels is not None:
-        assert measured.taken is not None
-        seen = model.pixels.position + correction * camera.focal
-        found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
-    if measured is not None and measured.camera is not None:
-        found[2] = np.linalg.norm(measured.camera.t - model.camera.t)
-        found[3] = angle(((measured.camera.R - model.camera.R) ** 2).sum())
-    found[5] = np.abs(slip).max(initial=0.0) / MEMORY
-    found[6] = (found[:6] / bounds).max()
-    return found
 
 
 def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, correction: Array, slip: Array) -> str:

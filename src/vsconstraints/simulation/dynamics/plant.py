@@ -96,8 +96,7 @@ def felt_inertia(model: pin.Model, q: Array) -> Array:
 
     Torques of these by accelerations never make more than n times the accelerations, whichever way the arm moves.
     """
-    felt: Array = 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
-    return felt
+    return 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
 
 
 def _inertia(model: pin.Model, q: Array) -> Array:
