@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import numpy_form
 import vsconstraints.robots.robot
 import vsconstraints.vision.features
 import vsconstraints.vision.scene
@@ -488,9 +489,9 @@ def test_a_slip_in_the_interaction_matrix_is_noticed(monkeypatch) -> None:
 
 def test_a_slip_in_the_rotation_vectors_rate_is_noticed(monkeypatch) -> None:
     # the sign of the middle term of L_θu for ω in the fixed frame: the slip that eq. (44) invites
-    right = vsconstraints.vision.features.rotation_vector_rate
+    right = numpy_form.rotation_vector_rate
     monkeypatch.setattr(
-        vsconstraints.vision.features,
+        numpy_form,
         "rotation_vector_rate",
         lambda w, omega: tuple(np.array(part).T for part in right(w, omega)),
     )

@@ -56,26 +56,12 @@ class Trace:
 
 
 class Constraint(ABC):
-    """A constraint with one or more rows.
+    """A constraint with one or more rows."""
 
-    Attributes
-    ----------
-    kind
-        First part of the labels, for example ``"fov"``.
-    unit
-        Natural unit of its clearance.
-    K, switching_gain
-        Approach time constant of eq. (19) [s], and u⁺ of eq. (11) [units of φ per second].
-    scale
-        Size of the allowed range in units of φ, for laws that need one: 1 for normalised constraints.
-    points
-        Robot points whose motion the rows need.
-    """
-
-    kind: ClassVar[str]
-    unit: ClassVar[str]
-    scale: float = 1.0
-    points: Sequence[RobotPoint] = ()
+    kind: ClassVar[str]  #: First part of the labels, for example ``"fov"``.
+    unit: ClassVar[str]  #: Natural unit of its clearance.
+    scale: float = 1.0  #: Size of the allowed range in units of φ: 1 for normalised constraints.
+    points: Sequence[RobotPoint] = ()  #: Robot points whose motion the rows need.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
@@ -154,17 +140,10 @@ class PositionConstraint(ByFormula, Constraint):
     A formula says all about it, for arrays and for the compiled step: see :class:`.ByFormula`. A subclass that gives
     :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled
     ones. What it forbids may move (section 5.4): see :meth:`moving`.
-
-    Attributes
-    ----------
-    margin
-        σ is the formula's value plus this.
-    motion
-        How what it forbids moves; None if it stands still.
     """
 
-    margin: float = 0.0
-    motion: Motion | None = None
+    margin: float = 0.0  #: σ is the formula's value plus this.
+    motion: Motion | None = None  #: How what it forbids moves; None if it stands still.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         super().__init__(K=K, switching_gain=switching_gain)

@@ -13,7 +13,7 @@ from ..rows import Array
 from ..rows.readable import counted, enumerated, in_one_line
 from ..vision.scene import Scene
 from .base import Constraint, RowBlock, Trace
-from .joint_constraint import SpeedConstraint
+from .joint_limits import SpeedConstraint
 
 
 def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
@@ -24,16 +24,8 @@ def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
 class ConstraintSet:
     """Evaluates constraints together; what does not change from step to step is prepared once.
 
-    Attributes
-    ----------
-    labels, kinds, units
-        (m,) unique names, what each row is about, and the natural unit of its clearance.
-    switching_gain, scale, K
-        (m,) u⁺, scale and approach time constant of each row.
-    approach_time
-        (m,) K of each row, 0 of those whose φ is not σ + K σ̇ [s].
-    characteristic_length
-        (m,) L of each row, in its natural unit.
+    Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances, ``switching_gain``,
+    ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and ``characteristic_length`` in its unit.
 
     Raises
     ------

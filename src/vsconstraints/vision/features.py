@@ -45,34 +45,16 @@ class MinimumJerk:
 
 @dataclass(frozen=True)
 class Goal:
-    """What the camera should see, from a given time on.
+    """What the camera should see, from a given time on."""
 
-    Attributes
-    ----------
-    from_time
-        Time from which this goal holds [s].
-    pixels, normalised
-        (m, 2) where the markers should be, from the image's centre [px], and in normalised coordinates.
-    camera
-        Desired pose of the camera in the target's frame; None if only the image is given.
-    depth
-        (m,) Z of the markers there [m]; None if not known.
-    reference
-        How s_ref moves on the way to the goal; None if it is the goal from the start.
-    q
-        (n,) joint coordinates at which the camera is there at t = 0; None where the goal was not given by them.
-    tolerance_factor
-        By how much the tolerances within which this goal counts as reached are wider than those of the setup.
-    """
-
-    from_time: float
-    pixels: Array
-    normalised: Array
-    camera: Pose | None = None
-    depth: Array | None = None
-    reference: MinimumJerk | None = None
-    q: Array | None = None
-    tolerance_factor: float = 1.0
+    from_time: float  #: Time from which this goal holds [s].
+    pixels: Array  #: (m, 2) where the markers should be, from the image's centre [px].
+    normalised: Array  #: The same in normalised coordinates.
+    camera: Pose | None = None  #: Desired pose of the camera in the target's frame; None if only the image is given.
+    depth: Array | None = None  #: (m,) Z of the markers there [m]; None if not known.
+    reference: MinimumJerk | None = None  #: How s_ref moves to the goal; None if it is the goal from the start.
+    q: Array | None = None  #: (n,) joint coordinates at which the camera is there at t = 0, if it was given by them.
+    tolerance_factor: float = 1.0  #: By how much its tolerances are wider than those of the setup.
 
     @cached_property
     def interaction(self) -> Array:

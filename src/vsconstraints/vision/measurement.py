@@ -20,27 +20,14 @@ class Plausible:
 
     Measured on the families' noise, calibration errors and delays by ``python -m checks.plausible``, which prints how
     often these are exceeded though nothing is wrong.
-
-    Attributes
-    ----------
-    image_share
-        How far a marker may be seen from where the model has it, as a share of the image's shorter side.
-    shape_share
-        By how much the markers' pattern may differ from the predicted one in shape, as a share of its size.
-    pose_m, pose_rad
-        How far a measured pose of the camera may be from that of the kinematics [m, rad]; it is as old as its image.
-    image_s
-        How old an image may be [s]: six periods of a camera of 30 Hz.
-    speed_rad_s
-        By how much measured joint speeds may differ from the change of measured positions [rad/s or m/s].
     """
 
-    image_share: float = 0.1
-    shape_share: float = 0.5
-    pose_m: float = 0.2
-    pose_rad: float = 0.4
-    image_s: float = 0.2
-    speed_rad_s: float = 1.0
+    image_share: float = 0.1  #: Distance of a marker from where the model has it, by the image's shorter side.
+    shape_share: float = 0.5  #: Difference of the markers' pattern from the predicted one, by its size.
+    pose_m: float = 0.2  #: Distance of a measured pose of the camera from that of the kinematics [m].
+    pose_rad: float = 0.4  #: Likewise [rad].
+    image_s: float = 0.2  #: Age of an image [s]: six periods of a camera of 30 Hz.
+    speed_rad_s: float = 1.0  #: Difference of joint speeds from the change of positions [rad/s or m/s].
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -37,78 +37,36 @@ def interaction_matrix(xy: Array, Z: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
-    """Where points are and how they move, in the image (d = 2) or in space (d = 3).
+    """Where points are and how they move, in the image (d = 2) or in space (d = 3)."""
 
-    Attributes
-    ----------
-    position
-        (m, d) coordinates.
-    J
-        (m, d, n) ∂position/∂q.
-    velocity
-        (m, d) time derivative.
-    drift
-        (m, d) second time derivative when q̈ = 0.
-    """
-
-    position: Array
-    J: Array
-    velocity: Array
-    drift: Array
+    position: Array  #: (m, d) coordinates.
+    J: Array  #: (m, d, n) ∂position/∂q.
+    velocity: Array  #: (m, d) time derivative.
+    drift: Array  #: (m, d) second time derivative when q̈ = 0.
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One instant of a scene, as it is or as a controller believes it to be.
-
-    Attributes
-    ----------
-    t
-        Time [s].
-    robot
-        Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
-    camera
-        Pose of the camera in the target's frame.
-    camera_J
-        (6, n) ∂(v, ω)/∂q̇ of the camera's twist relative to the target, expressed in the camera frame.
-    camera_twist
-        (6,) that twist: J q̇, less the target's own motion.
-    camera_drift
-        (6,) its derivative when q̈ = 0.
-    depth
-        (m,) Z of the markers in the camera frame [m].
-    normalised, pixels
-        The markers in the image: normalised coordinates, and pixels from the image's centre.
-    believed
-        Whether this is what a controller believes: then motions that it is not told of count as none.
-    """
+    """One instant of a scene, as it is or as a controller believes it to be."""
 
     t: float
-    robot: Kinematics
-    camera: Pose
-    camera_J: Array
-    camera_twist: Array
-    camera_drift: Array
-    depth: Array
-    normalised: PointMotion
-    pixels: PointMotion
-    believed: bool = False
+    robot: Kinematics  #: Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    camera: Pose  #: Pose of the camera in the target's frame.
+    camera_J: Array  #: (6, n) ∂(v, ω)/∂q̇ of its twist relative to the target, expressed in the camera frame.
+    camera_twist: Array  #: (6,) that twist: J q̇, less the target's own motion.
+    camera_drift: Array  #: (6,) its derivative when q̈ = 0.
+    depth: Array  #: (m,) Z of the markers in the camera frame [m].
+    normalised: PointMotion  #: The markers in normalised coordinates.
+    pixels: PointMotion  #: The same in pixels from the image's centre.
+    believed: bool = False  #: Whether motions that a controller is not told of count as none.
 
 
 class Scene:
     """A robot and a camera, one of which carries it or the markers that it looks at.
 
-    Attributes
-    ----------
-    robot, camera
-        Who moves, and through what it is seen.
-    markers
-        (m, 3) positions of the target's markers in the target's frame [m]: the base frame at t = 0 or, for a camera
-        that is fixed in space, the robot's tip frame.
-    points
-        Robot points whose motion constraints need.
-    motion
-        How the target moves; None if it stands still, or is carried by the robot.
+    Markers (m, 3) are in the target's frame [m]: the base frame at t = 0 or, for a camera that is fixed in space, the
+    robot's tip frame. ``points`` are robot points whose motion constraints need; ``motion`` is that of the target, None
+    if it stands still, or is carried by the robot.
     """
 
     def __init__(

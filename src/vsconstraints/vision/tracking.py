@@ -24,20 +24,11 @@ class TrackingGains:
 
     K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``Kp_slope`` at zero error
     and vanishes at infinity; K_v = ``damping`` √K_p.
-
-    Attributes
-    ----------
-    Kp0
-        Gain at zero error [1/s²].
-    Kp_slope
-        How fast it falls with the error's norm [1/s² per unit of the error].
-    damping
-        K_v / √K_p: 2 is critically damped, 3 is the paper's.
     """
 
-    Kp0: float
-    Kp_slope: float = 0.0
-    damping: float = 3.0
+    Kp0: float  #: Gain at zero error [1/s²].
+    Kp_slope: float = 0.0  #: How fast it falls with the error's norm [1/s² per unit of the error].
+    damping: float = 3.0  #: K_v / √K_p: 2 is critically damped, 3 is the paper's.
 
     def __post_init__(self) -> None:
         for name, least in (("Kp0", 1e-300), ("Kp_slope", 0.0), ("damping", 0.0)):
@@ -57,17 +48,10 @@ class Rest:
     """What joints do where task and rows leave them free: q̈₀ = −d q̇ + (d/2)² (q_posture − q).
 
     Without it, an arm with more joints than the task needs goes on moving once the camera is where it should be.
-
-    Attributes
-    ----------
-    damping
-        d [1/s]; 0 for q̈₀ = 0.
-    posture
-        (n,) q_posture [rad or m], approached with critical damping; none if not given.
     """
 
-    damping: float = 5.0
-    posture: Sequence[float] = ()
+    damping: float = 5.0  #: d [1/s]; 0 for q̈₀ = 0.
+    posture: Sequence[float] = ()  #: (n,) q_posture [rad or m], approached with critical damping; none if not given.
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.damping) and self.damping >= 0.0):
@@ -99,23 +83,11 @@ class VisualTask:
     towards it as the goal's reference says. ∂s/∂t, in ė and in the last term, is that of a target whose motion is known
     (section 5.4).
 
-    Attributes
-    ----------
-    feature
-        What is tracked.
-    goals
-        In the order of their times; the first holds from the start.
-    gains
-        K_p and K_v.
-    drift
-        Where J̇_s q̇ comes from: ``"exact"`` from the kinematics, or ``"differences"`` of J_s between samples, as in
-        line 5 of Appendix B. Differences start afresh at the first sample and where the goal changes.
-    velocity
-        Where ṡ comes from, likewise (line 2 of Appendix B).
-    reference
-        Where ṡ_ref and s̈_ref come from, likewise (lines 3 and 4 of Appendix B); both are zero where differences start.
-    rest
-        What joints do that the feature leaves free; None for that of :meth:`rest_of`.
+    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref with s̈_ref come
+    ``"exact"`` from the kinematics, or from ``"differences"`` between samples (``drift``, ``velocity`` and
+    ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start afresh, those of the reference at zero, at the first
+    sample and where the goal changes. ``rest`` is what joints do that the feature leaves free; None for that of
+    :meth:`rest_of`.
     """
 
     def __init__(
