@@ -21,10 +21,9 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
-    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀.
-    In a singular configuration the directions whose singular values fall below the tolerance are left alone,
-    so that the command stays finite (see :func:`.least_norm`) and its status stays ``ok``; next to one it can
-    be large.
+    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀. In a singular
+    configuration directions whose singular values fall below the tolerance are left alone, so that the command stays
+    finite and its status ``ok``; next to one it can be large.
 
     Parameters
     ----------
@@ -132,13 +131,11 @@ class HierarchicalQP(Law):
     2. of these, those with the least ‖J q̈ − b‖;
     3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
-    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
-    Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet
-    and by how much. Level 1 measures every demand in the unit of its φ per second: how rows of different
-    kinds share an unavoidable violation depends on these units; nothing is normalised silently, ``weights``
-    change it.
-
-    How it is computed, and how strict level 2 is: see :class:`vsconstraints.controllers.resolvers.Hierarchy`.
+    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit. Where rows
+    contradict each other it has the status ``relaxed`` and says which demands are unmet and by how much. Level 1
+    measures every demand in the unit of its φ per second: how rows of different kinds share an unavoidable violation
+    depends on these units; ``weights`` change it. How it is computed, and how strict level 2 is: see
+    :class:`vsconstraints.controllers.resolvers.Hierarchy`.
 
     Parameters
     ----------

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ..compiled import workspace as codes
-from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
+from ..errors import ConfigurationError, shown, unknown_name
 from ..formulas.row import share
 from ..qp import SolverChain
-from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
-from .cascade import Target, descend
+from .cascade import by_solvers
 from .compiled import NO_SLACK
 from .demand import Demand
-from .least_norm import RANK_TOLERANCE, least_norm
+from .least_norm import RANK_TOLERANCE
 from .ranges import Choices, Fixed, Range, option, positive_number, rank_tolerance
-from .resolver import COMPILED, Additive, Priority, Resolver
+from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 
 @dataclass(frozen=True)
@@ -165,35 +165,7 @@ class Hierarchy(Resolver):
         if command is not None and (self.compiles or not command.iterations):
             return command
         assert solvers is not None
-        tracking, n = least_norm(task.J, task.b, self.rank_tolerance, task.rest), task.J.shape[1]
-        box = self.box(rows, n)
-        center, acted = self.center(rows, tracking.qdd, c, box)
-        cost = Target.of(tracking, self.damping, self.rank_tolerance, self.aim == codes.STRICT)
-        if self.aim in (codes.NEAREST, codes.SCALED):
-            cost = Target(center, np.eye(n), np.ones(n), self.damping, self.rank_tolerance, False)
-        which = np.flatnonzero(c < np.inf)
-        fixed = np.linalg.norm(rows.Lg[which], axis=1) <= ZERO_GRADIENT * rows.scale[which]
-        free, stuck = which[~fixed], which[fixed]
-        weights = row_weights([rows.labels[i] for i in free], self.weights or {})
-        try:
-            best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
-        except InvalidInput as error:
-            raise SolverError(f"beyond the range of floating point: {error}") from error
-        slack = np.zeros(len(rows.labels))
-        acted[free] |= best.holding
-        slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
-        status: Literal["ok", "relaxed", "suboptimal"] = "suboptimal" if best.shortfall else "ok"
-        return Command(
-            best.x,
-            "relaxed" if slack.any() else status,
-            acted,
-            rows.labels,
-            reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
-            slack=slack,
-            solver=best.verified.solver if best.verified else "",
-            iterations=best.verified.answer.iterations if best.verified else 0,
-            fallback=best.fallback,
-        )
+        return by_solvers(self, rows, task, c, solvers)
 
     def box(self, rows: Rows, n: int) -> Array:
         """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
@@ -246,11 +218,10 @@ class Scaling(Hierarchy):
     Whichever row is the first to resist slows everything down: a baseline. It is the scaling of :class:`Saturation`
     without its null space, of the present sample only; :class:`~vsconstraints.controllers.GoalGovernor` moves the goal.
 
-    Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much; nor is any κ right where c < 0 of a row
-    that tracking leads inwards, but not fast enough. Then κ is the largest that no row would by itself have smaller: 0
-    in the first case, what the other rows allow in the second. And the least ‖q̈ − κ q̈_track‖ that meets all demands,
-    or violates them least, is added: that of :class:`Filter`. So a row that has to brake brakes, by the least
-    acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
+    Where c < 0 of a row, no κ may be right. Then κ is the largest that no row would by itself have smaller: 0 where
+    tracking leads outwards, what the other rows allow where it leads inwards, but not fast enough. And the least ‖q̈ −
+    κ q̈_track‖ that meets all demands, or violates them least, is added, as by :class:`Filter`. So a row that has to
+    brake brakes, by the least acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
     """
 
     name = "scaling"
@@ -276,23 +247,20 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
 
-    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the
-    null space that is left. With the saturated rows A
+    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the null
+    space that is left. With the saturated rows A
 
         q̈(s) = A†c + (J(I − A†A))† (s b − J A†c).
 
     At first there are none, and s = 1. As long as a bound is exceeded, the most critical one is saturated too: that
     which allows the least s. If that depends on those that are, the task is scaled as little as necessary: of all sets
     on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
-    allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
+    allows any s: then the command is that of :class:`Hierarchy`, with its statuses. So the task keeps its direction,
+    J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k, is slowed down as a whole: where no
+    demand asks for braking, this is then :class:`Scaling`.
 
-    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k,
-    has no null space and is slowed down as a whole: where no demand asks for braking, this is then :class:`Scaling`.
-
-    With ``scales=False``, a variant of SNS, a task that the null space is too small for is met in
-    the least-squares sense instead, and loses its direction. It is then never scaled as long as q̈ = 0 meets all
-    demands: each row is saturated at the s up to which it allowed the task, and what is within all bounds there still
-    is.
+    With ``scales=False`` a task that the null space is too small for is met in the least-squares sense instead, and
+    loses its direction. It is then never scaled as long as q̈ = 0 meets all demands.
 
     Nothing that is saturated is let go again. Where that would be better, the task is met less well than by
     :class:`Hierarchy`; where it pulls against all that is saturated, as against one row, they are the same.
@@ -318,23 +286,6 @@ class Saturation(Hierarchy):
 
 RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
 """Resolvers that files can name, by their ``name``."""
-
-
-def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Say which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
-    exceeded = np.flatnonzero(slack > 0.0)
-    if not exceeded.size:
-        return ""
-    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in exceeded)
-    without = ", ".join(labels[i] for i in exceeded if i in fixed)
-    why = f"; no acceleration influences {without}" if without else ""
-    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
-
-
-def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
-    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
-    keys = (max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None) for label in labels)
-    return np.array([1.0 if key is None else weights[key] for key in keys])
 
 
 def _weight(prefix: str, value: object) -> float:
