@@ -142,7 +142,7 @@ class Sensor:
         return wrong.image or wrong.intrinsics or wrong.distortion or wrong.mount or wrong.target
 
     def sensing(self, samples: int) -> Sensing:
-        """What the compiled form of :meth:`observe` works with, in a run of so many samples."""
+        """What the compiled form of :meth:`measured` works with, in a run of so many samples."""
         M, camera, address = len(self.scene.markers), self.scene.camera, 0
         if camera.distortion is not None:
             address = load("lenses").address_of(camera.distortion.model)
