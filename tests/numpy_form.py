@@ -12,11 +12,11 @@ from vsconstraints.compiled import load
 from vsconstraints.constraints import ConstraintSet, Manipulability, PerformanceFunnel, RowBlock
 from vsconstraints.constraints.manipulability import ROWS_OF
 from vsconstraints.control import ControlStep
-from vsconstraints.formulas.features import image_motion, pose_error, pose_rates
+from vsconstraints.formulas.features import MINIMUM_DEPTH, image_motion, pose_error, pose_rates
 from vsconstraints.formulas.innovation import MEMORY, image_innovation, slip
 from vsconstraints.formulas.limits import joint_box
 from vsconstraints.formulas.motion import angle
-from vsconstraints.formulas.rotation import rotation_vector_rate
+from vsconstraints.formulas.rotation import rotation_vector_rate, turn_by
 from vsconstraints.formulas.tracking import demanded, funnel, goal_at, resting
 from vsconstraints.formulas.vectors import turned
 from vsconstraints.robots.geometry import Pose
@@ -84,6 +84,22 @@ def innovation(
     found[5] = np.abs(slip).max(initial=0.0) / MEMORY
     found[6] = (found[:6] / bounds).max()
     return found
+
+
+def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
+    """Pose of the camera in the target's frame that explains an image best, by singular values of LAPACK."""
+    camera = near
+    for _ in range(10):
+        P = (markers - camera.t) @ camera.R
+        Z = np.maximum(P[:, 2], MINIMUM_DEPTH)
+        xy = P[:, :2] / Z[:, None]
+        U, s, Vt = np.linalg.svd(interaction_matrix(xy, Z).reshape(-1, 6), full_matrices=False)
+        kept = s > 1e-4 * s[0]
+        step = Vt[kept].T @ ((U[:, kept].T @ (normalised - xy).ravel()) / s[kept])
+        camera = camera @ Pose(np.array(turn_by(step[3:].tolist())), step[:3])
+        if np.sqrt(step @ step) < 1e-10:
+            break
+    return camera
 
 
 SAMPLES: WeakKeyDictionary[Any, int] = WeakKeyDictionary()

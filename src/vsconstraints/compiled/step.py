@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..formulas.features import image_motion
+from ..formulas.features import MINIMUM_DEPTH, image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle, carried, relative_twist, target_pose
@@ -24,7 +24,6 @@ from ..formulas.vectors import (
     vector,
 )
 from ..rows import Array, BoolArray
-from ..vision.scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
 from .constraint_rows import displaced
 from .kinematics import move, place, point_jacobian, put, put_matrix

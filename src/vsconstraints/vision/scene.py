@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InvalidInput, SceneError
+from ..formulas.features import MINIMUM_DEPTH as MINIMUM_DEPTH
 from ..formulas.features import image_motion, image_row
 from ..formulas.motion import carried, relative_twist
 from ..formulas.vectors import cross, minus
@@ -23,9 +24,6 @@ from ..rows import Array
 from ..rows.readable import counted, in_one_line
 from .camera import Camera
 from .motion import TargetMotion
-
-MINIMUM_DEPTH = 1e-3
-"""Depth [m] in front of the camera below which a marker cannot be projected."""
 
 
 def interaction_matrix(xy: Array, Z: Array) -> Array:
