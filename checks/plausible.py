@@ -48,7 +48,7 @@ def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
     sensor.images(len(run.t))
     scene, every = sensor.believed, round((disturbances.image_period or Ts) / Ts)
     camera, half, first = scene.camera, 0.5 * np.asarray(scene.camera.size), None
-    nothing, world = ConstraintSet([], Scene(scene.robot, camera, scene.markers)), setup.world()
+    nothing, world = ConstraintSet([], Scene(scene.robot, camera, scene.markers, (), scene.motion)), setup.world()
     steps = {name: ControlStep(nothing.scene, nothing, setup.task) for name in FAULTS}
     found: dict[str, list[Array]] = {name: [] for name in FAULTS}
     for k in range(len(run.t)):
