@@ -17,7 +17,6 @@ from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.control.model import Prediction
-from vsconstraints.control.packing import NotCompiled
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, Rows, Task
@@ -26,11 +25,6 @@ from vsconstraints.vision.features import Goal
 from vsconstraints.vision.motion import Motion, TargetMotion
 from vsconstraints.vision.scene import Scene, State
 from vsconstraints.vision.tracking import Rest, TrackingGains
-
-
-def not_compiled(*_: object) -> None:
-    """In place of ``vsconstraints.control.evaluator.Packed``: everything runs in NumPy."""
-    raise NotCompiled("nothing is compiled")
 
 
 def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:

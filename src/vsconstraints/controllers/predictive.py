@@ -25,7 +25,8 @@ from .base import Controller
 from .compiled import COUNT, SCRATCH, BoundLaw
 from .least_norm import RANK_TOLERANCE
 from .ranges import Declared, Range, positive_number
-from .resolvers import Hierarchy, row_weights
+from .resolver import row_weights
+from .resolvers import Hierarchy
 
 MAX_BLOCKS, MAX_PERIODS = 100, 10_000
 """Of a horizon, and of a block."""
@@ -45,45 +46,34 @@ class Plan(NamedTuple):
 class PredictiveControl(Controller):
     """A predictive safety filter: minimise the tracking law's residual along a plan whose states keep all rows.
 
-    What is filtered is the command of the tracking law (Wabersich and Zeilinger 2021): where its motion keeps all rows
-    over the horizon, it is commanded unchanged, and otherwise the least is taken from it. Differences to that paper:
-    nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first alone (multi-step safety
-    filters: Pizarro Bejarano, Brunke and Schoellig 2023); rows are soft where no plan meets them; and the plan ends
+    What is filtered is the command of the tracking law (Wabersich and Zeilinger, Automatica 129, 2021): where its
+    motion keeps all rows over the horizon, it is commanded unchanged, and otherwise the least is taken from it.
+    Differences to that paper: nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first
+    alone (Pizarro Bejarano, Brunke and Schoellig, CDC 2023); rows are soft where no plan meets them; and the plan ends
     with a brake in place of an invariant set, so that nothing proves that there will always be a plan. It is not the
-    model predictive control of Allibert, Courtial and Chaumette (2010), which minimises the error of the image features
-    themselves over the horizon: here the tracking law alone says how the error falls.
+    model predictive control of Allibert, Courtial and Chaumette (IEEE Transactions on Robotics, 2010), which minimises
+    the error of the image features themselves over the horizon: here the tracking law alone says how the error falls.
 
     The plan u has H blocks of constant q̈; the first one's is the command, and in the next sample all is computed anew.
     Along the plan of the sample before, moved on in time, the model gives rows and task, which are linearised there in
-    every sample: one real-time iteration (Diehl, Bock, Schlöder 2005) of
+    every sample: one real-time iteration (Diehl, Bock, Schlöder, SIAM Journal on Control and Optimization, 2005) of
 
         min Σₖ ‖J uₖ − b‖² + λ‖u − q̈₀‖²,   σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ),   q̈_min ≤ u ≤ q̈_max
 
     J, b and q̈₀ are those of the beginning of block k, where b falls with the errors that the plan makes by K_p and K_v
     of the tracking law, and q̈₀ with its motion. Instants τ are now, one sampling period later, and the ends of blocks;
-    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath 2021) lets
-    it approach its boundary with the time constant κ. A Riccati recursion and a dual active-set
-    method solve it: see :mod:`vsconstraints.compiled.plan_program`.
+    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath, ACC 2021)
+    lets it approach its boundary with the time constant κ. States are eliminated, so that u alone is left.
 
-    Terminal treatment: after the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a
-    plan that meets its rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
+    After the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a plan that meets its
+    rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
 
-    What the model says otherwise of now than rows and task do is taken to stay so (the internal model of Allibert,
-    Courtial, Chaumette 2010). Where rows contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i
-    is exceeded by, the status is ``relaxed`` and the reason names the rows. States that the model cannot give, with a
-    marker behind the camera, shorten the horizon, and ``Command.remark`` says so. Where no row resists, the command is
-    that of :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex,
-    such as a bowl, a plan may come to lie beyond it.
-
-    References: Wabersich, Zeilinger, "A predictive safety filter for learning-based control of constrained nonlinear
-    dynamical systems", Automatica 129, 2021. Pizarro Bejarano, Brunke, Schoellig, "Multi-step model predictive safety
-    filters: reducing chattering by increasing the prediction horizon", IEEE Conference on Decision and Control, 2023.
-    Allibert, Courtial, Chaumette, "Predictive control for constrained image-based visual servoing", IEEE
-    Transactions on Robotics, 2010. Hajiloo, Keshmiri, Xie, Wang, "Robust online model predictive control for a
-    constrained image-based visual servoing", IEEE Transactions on Industrial Electronics, 2016. Diehl, Bock, Schlöder,
-    "A real-time iteration scheme for nonlinear optimization in optimal feedback control", SIAM Journal on Control and
-    Optimization, 2005. Zeng, Zhang, Sreenath, "Safety-critical model predictive control with discrete-time control
-    barrier function", American Control Conference, 2021.
+    What the model says otherwise of now than rows and task do is taken to stay so, as in Allibert's internal model.
+    Where rows contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by, the status
+    is ``relaxed`` and the reason names the rows. States that the model cannot give, with a marker behind the camera,
+    shorten the horizon, and ``Command.remark`` says so. Where no row resists, the command is that of
+    :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex, such as a
+    bowl, a plan may come to lie beyond it.
 
     Parameters
     ----------

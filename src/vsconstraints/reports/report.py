@@ -32,7 +32,7 @@ from .scenario import (
     metric_table,
     robot_name,
     usage_table,
-)
+)  # fmt: skip
 from .selection import hidden_lanes, shown_scenarios
 
 TABLES = (

@@ -25,7 +25,7 @@ from .results import (
     shown,
     tally,
     violated,
-)
+)  # fmt: skip
 from .selection import lane_rows
 
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
@@ -108,11 +108,9 @@ def usage_table(results: Results, scenario: str) -> Table:
 
 def effort_table(results: Results, scenario: str) -> Table:
     """The share of the acceleration limits that satisfying each row takes; empty where no limits are stated."""
-    needed = {
-        row["constraint"] for name in results.controllers for row in results.rows(scenario, name)
-        if row["share_to_hold"] > 0.0
-    }  # fmt: skip
-    labels = [label for label in results.labels(scenario) if label in needed]
+    rows = [row for name in results.controllers for row in results.rows(scenario, name)]
+    labels = list(dict.fromkeys(row["constraint"] for row in rows if row["share_to_hold"] > 0.0))
+    labels.sort(key=results.labels(scenario).index)
 
     def cell(rows: Sequence[Line]) -> str:
         return over_trials([row["share_to_hold"] for row in rows], percent)
