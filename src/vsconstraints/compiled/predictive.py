@@ -400,8 +400,10 @@ def decide(law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays,
     plans.outcome[CODE] = code
     planned = code in (SOLVED, RELAXED_ROWS)
     if planned:
+        # bounds are met up to rounding
         for k in range(plans.low.shape[0]):
-            copy_vector(plans.plan[k], plans.space.u[k])
+            for j in range(plans.low.shape[1]):
+                plans.plan[k, j] = min(max(plans.space.u[k, j], plans.low[k, j]), plans.high[k, j])
     settle(plans)
     copy_vector(qdd, plans.plan[0])
     if not planned:
