@@ -245,6 +245,7 @@ def test_plans_are_those_of_a_dense_program_with_states_eliminated(key: str) -> 
     for k in range(len(t)):
         seen = step.evaluate(t[k], q[k], qd[k])
         planner.plans.plan[:], planner.plans.then[:], planner.plans.made[:] = plan[k], then[k], made[k]
+        # begun with the rows that held another plan, some of them far away
         command = planner.solve(seen.rows, seen.task)
         np.testing.assert_allclose(command.qdd, wanted[k], atol=1e-9 * max(1.0, np.abs(wanted[k]).max()))
 

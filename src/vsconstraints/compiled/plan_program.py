@@ -532,8 +532,8 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
             if abs(side) < math.inf and dot(X, TURNED, X, TURNED, q, space.p) > INDEPENDENT:
                 append(space, row, side, q)
                 q += 1
+    minimise(space, q)
     while q > 0:
-        minimise(space, q)
         leaving = 0
         for j in range(q):
             leaving = j if X[FORCE, j] < X[FORCE, leaving] else leaving
@@ -541,6 +541,7 @@ def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
             break
         q -= 1
         drop(space, leaving, q)
+        minimise(space, q)
     return q
 
 
