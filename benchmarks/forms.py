@@ -19,27 +19,13 @@ from .steps import Walk, shortened
 from .timing import UNIT, Array, Subject, Times, compare, in_turn
 
 TEXT = """
-The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
-definition, which runs where there is no compiler (`VSCONSTRAINTS_COMPILE=0`). *Appendix B* is the paper's algorithm in
-plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds of NumPy lie between two calls of a
-compiled form, which finds the processor's caches empty: it takes longer here than among its equals above.
+The same samples of the case study, state in, command out, in several forms taken in turn. *Appendix B* is the paper's
+algorithm in plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds of NumPy lie between
+two calls of a compiled form, which finds the caches empty: it takes longer here than among its equals above.
 
 The second table shows where the time goes: parts of one step, at one sample of the case study with three rows made
 active.
 """
-
-
-class NumPyWalk(Walk):
-    """The same steps by their definition."""
-
-    def in_one(self, turn: int) -> float:
-        """Time of the definitions of both [ns]."""
-        clock, control, solve = perf_counter_ns, self.control, self.controller.define
-        t, q, qd = self.states[self.places[turn]]
-        started = clock()
-        step = control.define(control.scene.evaluate(t, q, qd))
-        solve(step.rows, step.task)
-        return clock() - started
 
 
 def measure(effort: Effort) -> Part:
@@ -57,8 +43,6 @@ def measure(effort: Effort) -> Part:
     walks: dict[str, Walk] = {}
     for name, law in laws.items():
         walks[name] = Walk(scenario.setup(), law(), run, effort.turns)
-        if not name.endswith("daqp"):
-            walks[f"{name}, NumPy form"] = NumPyWalk(scenario.setup(), law(), run, effort.turns)
     subjects: dict[str, Subject] = {name: walk.in_one for name, walk in walks.items()}
     subjects["Appendix B in NumPy"] = appendix_b_walk(scenario, run, effort.turns)
     times = in_turn(subjects, effort.turns)

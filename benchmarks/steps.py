@@ -44,8 +44,6 @@ class Walk:
     @property
     def form(self) -> str:
         """Whether rows and task are computed by the compiled step."""
-        if self.control.not_compiled:
-            return f"NumPy: {self.control.not_compiled}"
         others = sorted({constraint.kind for constraint in self.control.in_numpy})
         return f"compiled, but {', '.join(others)}" if others else "compiled"
 

@@ -13,14 +13,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from vsconstraints.constraints import ConstraintSet
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.errors import SceneError
 from vsconstraints.rows import Array
 from vsconstraints.scenarios.families import Family, families
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.vision.camera import Camera
-from vsconstraints.vision.measurement import INNOVATIONS, Measurement, Plausible, innovation
-from vsconstraints.vision.pose_estimate import estimated_pose
+from vsconstraints.vision.measurement import INNOVATIONS, Measurement, Plausible
+from vsconstraints.vision.scene import Scene
 
 CONDITIONS = dict.fromkeys(families(), "disturbed")
 """Families, and the condition whose sensors are wrong as those of a cell are."""
@@ -45,28 +47,31 @@ def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
     sensor, disturbances, Ts = setup.sensor(), setup.disturbances, setup.Ts
     sensor.images(len(run.t))
     scene, every = sensor.believed, round((disturbances.image_period or Ts) / Ts)
-    camera, M = scene.camera, len(scene.markers)
-    bounds, slip, half = Plausible().bounds(camera), np.zeros(scene.robot.n), 0.5 * np.asarray(camera.size)
-    first = None
-    corrections = {name: np.zeros((M, 2)) for name in FAULTS}
+    camera, half, first = scene.camera, 0.5 * np.asarray(scene.camera.size), None
+    nothing, world = ConstraintSet([], Scene(scene.robot, camera, scene.markers, (), scene.motion)), setup.world()
+    steps = {name: ControlStep(nothing.scene, nothing, setup.task) for name in FAULTS}
     found: dict[str, list[Array]] = {name: [] for name in FAULTS}
     for k in range(len(run.t)):
-        t, seen = float(run.t[k]), sensor.image(run.features_px[k])
+        t, q, qd = float(run.t[k]), run.q[k], run.qd[k]
+        try:
+            measured = sensor.measured(k, q, qd, world.evaluate(t, q, qd))
+        except SceneError:
+            break
+        seen = run.features_px[k] if measured is None or measured.pixels is None else measured.pixels
         first = seen if first is None else first
         if k % EVERY:
             continue
         inside = (np.abs(seen) <= half).all(axis=1)
-        try:
-            model = scene.evaluate(t, run.q[k], run.qd[k])
-        except SceneError:  # the believed camera sees less
-            break
         taken = max((k // every - disturbances.delay) * every, 0) * Ts
-        pose = estimated_pose(scene.markers, camera.normalised(seen), model.camera) if inside.all() else None
+        pose = measured.camera if measured is not None and inside.all() else None
         for name, wrong in FAULTS.items():
             shown = wrong(np.where(inside[:, None], seen, np.nan), first, camera)
-            measured = Measurement(shown, None, taken, pose).checked(M, t)
-            measured.believed(scene, model, corrections[name])
-            found[name].append(innovation(measured, model, camera, corrections[name], slip, bounds))
+            steps[name].packed.step.slip[:] = np.nan  # speeds are right
+            try:
+                steps[name].evaluate_measured(t, q, qd, Measurement(shown, None, taken, pose).checked(len(shown), t))
+            except SceneError:  # the believed camera sees less
+                return {name: np.array(each) for name, each in found.items()}
+            found[name].append(steps[name].innovation.copy())
     return {name: np.array(each) for name, each in found.items()}
 
 

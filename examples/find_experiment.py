@@ -166,15 +166,13 @@ def run(experiment: int, scene: Scene, controller: Controller, gradient_error: f
     setup = scenario.setup()
     setup.check_start()
     wrong, q, qd = setup.gradient_error(), setup.q0, setup.qd0
-    samples: list[tuple[Any, ...]] = []
+    step, samples = setup.world(), list[tuple[Any, ...]]()
     for k in range(setup.samples):
-        state = setup.scene.evaluate(k * setup.Ts, q, qd)
-        rows, sigma = setup.constraints.rows(state)
-        task, error = setup.task.evaluate(state)
-        command = controller.command(wrong(rows, qd), task)
+        now = step.evaluate(k * setup.Ts, q, qd)
+        command = controller.command(wrong(now.rows, qd), now.task)
         if command.status != "ok" or np.abs(qd).max() > 0.6:
             return None
-        samples.append((state.pixels.position, q, qd, sigma, command.acted, np.linalg.norm(error)))
+        samples.append((now.pixels, q, qd, now.sigma, command.acted, np.linalg.norm(now.error)))
         if samples[-1][-1] < 2e-3:
             names = ("pixels", "q", "qd", "sigma", "active", "error")
             return dict(zip(names, map(np.array, zip(*samples, strict=True)), strict=True))

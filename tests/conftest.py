@@ -45,8 +45,6 @@ SLOW = {
     "test_notebooks",
     "test_on_arm::test_missed_periods_of_a_real_loop_are_a_column",
     "test_pool",
-    "test_predictive::test_a_linearisation_that_is_frozen_does_not_hold",
-    "test_predictive::test_it_holds_the_case_study",
     "test_replay_in_a_browser",
     "test_report_pages",
     "test_reports::test_a_report_of_many_laws_has_figures_and_tables_of_few",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.control.model import Prediction
-from vsconstraints.control.packing import NotCompiled
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, Rows, Task
@@ -24,11 +24,7 @@ from vsconstraints.scenarios.constraint_types import make_constraint
 from vsconstraints.vision.features import Goal
 from vsconstraints.vision.motion import Motion, TargetMotion
 from vsconstraints.vision.scene import Scene, State
-
-
-def not_compiled(*_: object) -> None:
-    """In place of ``vsconstraints.control.evaluator.Packed``: everything runs in NumPy."""
-    raise NotCompiled("nothing is compiled")
+from vsconstraints.vision.tracking import Rest, TrackingGains
 
 
 def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
@@ -62,22 +58,20 @@ class Straight:
     """A model in which a robot stands still, and rows on φ itself and the task stay what they are now."""
 
     def __init__(self, rows: Rows, task: Task) -> None:
-        self.rows, self.task, n = rows, task, task.J.shape[1]
+        self.rows, self.now, n = rows, task, task.J.shape[1]
+        # no feedback
+        self.task: Any = SimpleNamespace(gains=TrackingGains(1e-300, damping=0.0), rest_of=lambda n, k: Rest(0.0))
         self.present = CurrentState(0.0, np.zeros(n), np.zeros(n))
         self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
         """See :class:`vsconstraints.control.model.Model`."""
-        rows, task = self.rows, self.task
+        rows, task = self.rows, self.now
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):
             phi = rows.phi + qd @ rows.Lg.T
         none, zeros = np.empty((len(t), 0)), np.zeros_like(b)
         return Prediction(phi, Lg, Lf, phi, Lf, J, b, zeros, zeros, none, np.empty((len(t), 0, 2)))
-
-    def gains(self, error: Array) -> Array:
-        """No feedback."""
-        return np.zeros((len(error), 2))
 
 
 def robot_names() -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import believed, define
 from scenes import WORLDS, build_constraint, constraint_tables, random_scene, robot, robot_names, slope
 from vsconstraints import RobotPoint
 from vsconstraints.compiled import available
@@ -119,7 +120,7 @@ def step_of(constraints: list[Constraint], name: str, world: str = WORLDS[0], kn
 def agree(step: ControlStep, q: Array, qd: Array, known: bool = True) -> None:
     """Compiled rows are those in NumPy, σ̇ and φ̇ those of differences."""
     state = step.scene.evaluate(0.7, q, qd)
-    found, defined = step.evaluate(0.7, q, qd), step.define(state if known else step.scene.believed(state))
+    found, defined = step.evaluate(0.7, q, qd), define(step, state if known else believed(step.scene, state))
     for name, mine, theirs in (
         ("sigma", found.sigma, defined.sigma),
         *(
@@ -218,7 +219,7 @@ def test_rows_stand_in_their_order() -> None:
     step, q, qd = step_of(some, "ur5")
     assert [one.kind for one in step.in_numpy] == ["self-collision"]
     agree(step, q, qd)
-    law, defined = SlidingMode(), step.define(step.scene.evaluate(0.7, q, qd))
+    law, defined = SlidingMode(), define(step, step.scene.evaluate(0.7, q, qd))
     command, expected = step.command(law, 0.7, q, qd)[1], law.command(defined.rows, defined.task)
     np.testing.assert_allclose(command.qdd, expected.qdd, rtol=1e-6)
 

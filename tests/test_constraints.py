@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
+from numpy_form import evaluate_rows
 from scenes import build_constraint, camera, constraint_tables, gradient, random_scene, robot, slope
 from vsconstraints import Camera, Robot, RobotPoint
 from vsconstraints.constraints import (
@@ -37,13 +38,16 @@ from vsconstraints.constraints import (
     image_constraint,
     robot_points,
 )
+from vsconstraints.control import ControlStep
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import polylines
 from vsconstraints.robots.geometry import Pose
-from vsconstraints.rows import Array
+from vsconstraints.rows import Array, Rows
 from vsconstraints.scenarios import CONSTRAINTS
+from vsconstraints.vision.features import Goal, ImagePoints
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import Scene, State
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 SQUARE = Camera((500.0, 500.0), (512, 512))
 WIDE = Camera((710.1, 709.8), (640, 480))
@@ -81,7 +85,7 @@ def test_labels_are_those_that_reports_and_files_use() -> None:
         ForbiddenSphere(centre=[0.5, 0.2, 0.4], radius=0.05, name="post", **GAINS),
     ]
     scene, state = one_scene(*constraints)
-    rows, sigma = ConstraintSet(constraints, scene).rows(state)
+    rows, sigma = evaluate_rows(ConstraintSet(constraints, scene), state)
     expected = (
         "fov[marker 1]",
         "fov[marker 2]",
@@ -144,7 +148,7 @@ def test_a_scene_without_the_constraints_points_is_refused() -> None:
 def test_no_constraint_at_all() -> None:
     scene, state = one_scene()
     nothing = ConstraintSet([], scene)
-    rows, sigma = nothing.rows(state)
+    rows, sigma = evaluate_rows(nothing, state)
     assert rows.labels == ()
     assert rows.Lg.shape == (0, 6)
     assert sigma.shape == (0,)
@@ -158,12 +162,12 @@ def test_rows_of_several_constraints_are_those_of_each() -> None:
     for type_name in CONSTRAINTS:
         constraints += [build_constraint(type_name, table, arm) for table in constraint_tables(type_name, arm)[-1:]]
     scene, state = one_scene(*constraints)
-    together, sigma = ConstraintSet(constraints, scene).rows(state)
+    together, sigma = evaluate_rows(ConstraintSet(constraints, scene), state)
     at = 0
     for constraint in constraints:
         alone_scene = Scene(arm, scene.camera, scene.markers, constraint.points)
         alone = ConstraintSet([constraint], alone_scene)
-        rows, alone_sigma = alone.rows(alone_scene.evaluate(0.0, state.robot.q, state.robot.qd))
+        rows, alone_sigma = evaluate_rows(alone, alone_scene.evaluate(0.0, state.robot.q, state.robot.qd))
         part = slice(at, at + len(rows.labels))
         assert together.labels[part] == rows.labels
         np.testing.assert_allclose(sigma[part], alone_sigma, rtol=1e-13)
@@ -254,8 +258,8 @@ def test_a_marker_that_the_scene_does_not_have_is_named() -> None:
 def test_rows_of_some_markers_are_theirs() -> None:
     every, some = FieldOfView(WIDE, **GAINS), FieldOfView(WIDE, markers=[3, 1], **GAINS)
     scene, state = one_scene()
-    all_rows, _ = ConstraintSet([every], scene).rows(state)
-    rows, _ = ConstraintSet([some], scene).rows(state)
+    all_rows, _ = evaluate_rows(ConstraintSet([every], scene), state)
+    rows, _ = evaluate_rows(ConstraintSet([some], scene), state)
     assert rows.labels == ("fov[marker 3]", "fov[marker 1]")
     for name in ("phi", "Lg", "Lf"):
         np.testing.assert_allclose(getattr(rows, name), getattr(all_rows, name)[[2, 0]], rtol=1e-14)
@@ -619,7 +623,7 @@ def test_a_sphere_is_finite_at_its_centre_and_leads_out() -> None:
     scene = Scene(arm, SQUARE, arm.pose(q).act(np.array([[0.0, 0.0, 1.0]])), sphere.points)
     constraints = ConstraintSet([sphere], scene)
     for qd in (np.zeros(6), np.full(6, 0.3)):
-        rows, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+        rows, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
         assert sigma[0] == pytest.approx(0.05, abs=1e-12)
         for array in (rows.phi, rows.Lg, rows.Lf):
             assert np.isfinite(array).all()
@@ -755,17 +759,17 @@ def test_own_constraints_work_through_a_constraint_set(make) -> None:
     constraint = make()
     scene, q, qd = random_scene(viper(), np.random.default_rng(9), [constraint])
     constraints = ConstraintSet([constraint], scene)
-    rows, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+    rows, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
 
     def along(t: float) -> tuple[Array, Array]:
-        moved, moved_sigma = constraints.rows(scene.evaluate(0.0, q + t * qd, qd))
+        moved, moved_sigma = evaluate_rows(constraints, scene.evaluate(0.0, q + t * qd, qd))
         return moved_sigma, moved.phi
 
     if not isinstance(constraint, SpeedConstraint):
         expected = sigma + constraint.K * slope(lambda t: along(t)[0], 2e-4)
         np.testing.assert_allclose(rows.phi, expected, rtol=1e-8, atol=1e-8)
         assert np.abs(rows.phi - sigma).max() > 1e-3
-    numerical = gradient(lambda v: constraints.rows(scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4)
+    numerical = gradient(lambda v: evaluate_rows(constraints, scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4)
     np.testing.assert_allclose(rows.Lg, numerical, rtol=1e-7, atol=1e-9)
     # default curvatures are differences themselves: 1e-16 over their steps of 1e-6
     np.testing.assert_allclose(rows.Lf, slope(lambda t: along(t)[1], 2e-4), rtol=1e-6, atol=1e-7)
@@ -810,6 +814,13 @@ def test_default_clearances_of_own_constraints() -> None:
     assert clearance[0, 1] == pytest.approx(0.01, rel=0.01)
 
 
+def asked(constraints: list[Constraint], scene: Scene, state: State) -> Rows:
+    """The rows as a control step gives them."""
+    goal = Goal(0.0, state.pixels.position, state.normalised.position)
+    step = ControlStep(scene, ConstraintSet(constraints, scene), VisualTask(ImagePoints(), [goal], TrackingGains(1.0)))
+    return step.evaluate(0.0, state.robot.q, state.robot.qd).rows
+
+
 def test_an_own_constraint_with_rows_of_the_wrong_shape_is_named() -> None:
     class Broken(Energy):
         kind = "broken"
@@ -821,11 +832,10 @@ def test_an_own_constraint_with_rows_of_the_wrong_shape_is_named() -> None:
     constraint = Broken(switching_gain=1.0)
     scene, state = one_scene()
     with pytest.raises(InvalidInput, match="broken"):
-        ConstraintSet([constraint], scene).rows(state)
+        asked([constraint], scene, state)
     # also beside others, whose blocks are right
-    both = [FieldOfView(camera(), **GAINS), constraint]
     with pytest.raises(InvalidInput, match="broken"):
-        ConstraintSet(both, scene).rows(state)
+        asked([FieldOfView(camera(), **GAINS), constraint], scene, state)
 
 
 def test_an_own_point_constraint_keeps_to_its_points() -> None:
@@ -834,7 +844,7 @@ def test_an_own_point_constraint_keeps_to_its_points() -> None:
     sphere = ForbiddenSphere(centre=[0.1, 0.2, 0.3], radius=0.1, points=[RobotPoint("link 6")], **GAINS)
     scene, state = one_scene(sphere, floor)
     assert scene.points == robot_points([sphere, floor])
-    _, sigma = ConstraintSet([sphere, floor], scene).rows(state)
+    _, sigma = evaluate_rows(ConstraintSet([sphere, floor], scene), state)
     arm, q = viper(), state.robot.q
     where = arm.kinematics(q, np.zeros(6), [RobotPoint("link 6"), RobotPoint("link 2"), RobotPoint("link 4")]).points
     np.testing.assert_allclose(sigma, [sphere.sigma(where[0]), floor.sigma(where[1]), floor.sigma(where[2])])

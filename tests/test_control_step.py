@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import believed, block, define, feature_motion, reset
 from scenes import (
     WORLDS,
     build_constraint,
     constraint_tables,
-    not_compiled,
     random_configuration,
     random_scene,
     robot,
@@ -26,7 +26,7 @@ from vsconstraints.constraints import Collision, Constraint, ConstraintSet, Mani
 from vsconstraints.control import ControlStep
 from vsconstraints.control.evaluator import Evaluation
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.errors import InvalidInput, SceneError
+from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
 from vsconstraints.simulation import Setup, simulate
@@ -73,13 +73,13 @@ def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: lis
     """Walk through states with both forms, told of every motion or not: what a task remembers counts too."""
     for known in (True, False):
         step = ControlStep(scene, constraints, task, known=known)
-        assert step.not_compiled == ""
         assert all(kind_in_numpy(one) for one in step.in_numpy)
         for _ in range(2):
             step.reset()
+            reset(task)
             for t, q, qd in states:
                 state = scene.evaluate(t, q, qd)
-                assert_equal(step.evaluate(t, q, qd), step.define(state if known else scene.believed(state)))
+                assert_equal(step.evaluate(t, q, qd), define(step, state if known else believed(scene, state)))
     pixels, points, seen = step.views(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
     assert seen.all()
     for k, (t, q, _) in enumerate(states):
@@ -193,17 +193,25 @@ class Own(Feature):
 
     name = "own"
 
+    def size(self, markers: int) -> int:
+        return 2 * markers
+
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        return ImagePoints().evaluate(state, goal, previous)
+        return feature_motion(ImagePoints(), state, goal, previous)
 
 
-def test_a_feature_without_a_compiled_form_is_named() -> None:
+def test_an_own_feature_is_evaluated_beside_the_compiled_step() -> None:
     scene, q, qd = random_scene(robot("ur5"), np.random.default_rng(2))
     pixels = scene.glance(q)[0]
     task = VisualTask(Own(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
-    step = ControlStep(scene, ConstraintSet([], scene), task)
-    assert step.not_compiled == "the feature own"
-    assert_equal(step.evaluate(0.0, q, qd), step.define(scene.evaluate(0.0, q, qd)))
+    for derivative in ("exact", "differences"):
+        task.drift = task.velocity = derivative
+        step = ControlStep(scene, ConstraintSet([], scene), task)
+        assert step.bound() is None
+        for k in range(3):
+            state = 0.01 * k, q + 0.01 * k * qd, qd
+            assert_equal(step.evaluate(*state), define(step, scene.evaluate(*state)))
+        reset(task)
 
 
 def test_a_marker_behind_the_camera_is_named_and_nothing_is_remembered() -> None:
@@ -241,13 +249,14 @@ class OwnMotion(Motion):
     pass
 
 
-def test_a_subclass_may_compute_anything_and_runs_in_numpy() -> None:
+def test_a_subclass_may_compute_anything_and_is_refused_or_runs_in_numpy() -> None:
     setup = Scenario.load("moving-occluder").setup()
     task = setup.task
     own_task = OwnTask(task.feature, task.goals, task.gains)
     own_gains = VisualTask(task.feature, task.goals, OwnGains(5.0))
-    for other, name in ((own_task, "VisualTask OwnTask"), (own_gains, "TrackingGains OwnGains")):
-        assert ControlStep(setup.scene, setup.constraints, other).not_compiled == f"the {name}"
+    for other, name in ((own_task, "a VisualTask, not the subclass OwnTask"), (own_gains, "not the subclass OwnGains")):
+        with pytest.raises(ConfigurationError, match=name):
+            ControlStep(setup.scene, setup.constraints, other)
     for constraint in setup.constraints.constraints:
         if getattr(constraint, "motion", None) is not None:
             constraint.moving(OwnMotion([10.0, 5.0]))
@@ -395,7 +404,7 @@ def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
             self.calls += 1
             if self.calls == 2:
                 raise RuntimeError("now")
-            return super().rows(state, points)
+            return block(self, state, points)
 
     setup = Scenario.load("case-study-6r").with_override("task.velocity", "differences").setup()
     scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers)
@@ -408,18 +417,6 @@ def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
     other.evaluate(0.0, setup.q0, setup.qd0)
     state = 0.004, setup.q0 + 0.01, setup.qd0
     np.testing.assert_array_equal(step.evaluate(*state).task.b, other.evaluate(*state).task.b)
-
-
-def test_views_without_their_compiled_form_are_those_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
-    setup = Scenario.load("moving-target").setup()
-    t, q = np.linspace(0.0, 1.0, 3), setup.q0 + np.linspace(0.0, 0.02, 3)[:, None]
-    step = ControlStep(setup.scene, setup.constraints, setup.task)
-    expected = step.views(t, q)
-    monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
-    for found, wanted in zip(
-        ControlStep(setup.scene, setup.constraints, setup.task).views(t, q), expected, strict=True
-    ):
-        np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
 def test_options_that_change_between_samples_count() -> None:

@@ -13,9 +13,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import numpy_form
 import vsconstraints.robots.robot
 import vsconstraints.vision.features
 import vsconstraints.vision.scene
+from numpy_form import believed, evaluate_rows, feature_motion
 from scenes import (
     NOW,
     SHAPE_PARAMETERS,
@@ -43,7 +45,7 @@ from vsconstraints.constraints import (
 )
 from vsconstraints.constraints.base import PositionConstraint
 from vsconstraints.constraints.curves import SHAPES, Shape
-from vsconstraints.constraints.regions import RegionAroundAxis
+from vsconstraints.constraints.regions import KnownRegion, RegionAroundAxis
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import Kinematics
 from vsconstraints.rows import Array
@@ -256,10 +258,10 @@ def compare_feature(
     scene, q, qd = random_scene(arm, rng, world=world)
     state = scene.evaluate(NOW, q, qd)
     goal = random_goal(state, scene.camera, rng, angle)
-    now = feature.evaluate(state, goal, None)
+    now = feature_motion(feature, state, goal, None)
 
     def error(x: Array, t: float = 0.0) -> Array:
-        return feature.evaluate(scene.evaluate(NOW + t, x, qd), goal, now.error).error
+        return feature_motion(feature, scene.evaluate(NOW + t, x, qd), goal, now.error).error
 
     def along(t: float) -> Array:
         return error(q + t * qd, t)
@@ -298,7 +300,10 @@ def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(which: 
         state = scene.evaluate(NOW, q, qd)
         there = scene.evaluate(NOW, q + rng.uniform(-0.05, 0.05, 7), qd)
         goal = Goal(0.0, there.pixels.position, there.normalised.position, there.camera, there.depth)
-        seen, other = ImagePoints().evaluate(state, goal, None), ImagePoints(which).evaluate(state, goal, None)
+        seen, other = (
+            feature_motion(ImagePoints(), state, goal, None),
+            feature_motion(ImagePoints(which), state, goal, None),
+        )
         np.testing.assert_array_equal(other.error, seen.error)
         np.testing.assert_allclose(other.velocity, other.J @ qd + seen.partial, atol=1e-12)
         # at the goal's depth and image, but with the arm where it is
@@ -326,13 +331,13 @@ def compare_constraint(
     at_rest, qdd = np.zeros(arm.n), rng.uniform(-3.0, 3.0, arm.n)
 
     def sigma_and_phi(x: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
-        rows, sigma = constraints.rows(scene.evaluate(NOW + t, x, v))
+        rows, sigma = evaluate_rows(constraints, scene.evaluate(NOW + t, x, v))
         return sigma, rows.phi
 
     def along(t: float, qdd: Array = at_rest) -> tuple[Array, Array]:
         return sigma_and_phi(q + t * qd + 0.5 * t * t * qdd, qd + t * qdd, t)
 
-    rows, sigma = constraints.rows(scene.evaluate(NOW, q, qd))
+    rows, sigma = evaluate_rows(constraints, scene.evaluate(NOW, q, qd))
     size = np.abs(rows.phi)
     if isinstance(constraint, SpeedConstraint):
         np.testing.assert_array_equal(rows.phi, sigma)
@@ -390,13 +395,13 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
     velocity = np.array([0.3, -0.2, 0.1])
     told.moving(Motion(velocity))
     untold.moving(Motion(velocity, known=False))
-    still.pose = Pose(np.eye(3), still.centre + NOW * velocity)
+    still.pose = Pose(np.eye(3), np.asarray(still.centre) + NOW * velocity)
     scene, q, qd = random_scene(arm, rng, [told])
     true = scene.evaluate(NOW, q, qd)
-    believed = scene.believed(true)
+    supposed = believed(scene, true)
     known, unknown, static, truth = (
-        ConstraintSet([constraint], scene).rows(state)[0]
-        for constraint, state in ((told, believed), (untold, believed), (still, true), (untold, true))
+        evaluate_rows(ConstraintSet([constraint], scene), state)[0]
+        for constraint, state in ((told, supposed), (untold, supposed), (still, true), (untold, true))
     )
     for name in ("phi", "Lg", "Lf"):
         np.testing.assert_allclose(getattr(unknown, name), getattr(static, name), atol=1e-12)
@@ -407,7 +412,7 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
 
 def concrete(base: type) -> set[type]:
     """Classes of the package that derive from ``base`` and can be made."""
-    bases = ImageConstraint, PointConstraint, ForbiddenRegion, RegionAroundAxis, Shape
+    bases = ImageConstraint, PointConstraint, ForbiddenRegion, KnownRegion, RegionAroundAxis, Shape
     abstract = inspect.isabstract(base) or base in bases
     found = {base} if not abstract and base.__module__.startswith("vsconstraints.") else set()
     return found.union(*(concrete(derived) for derived in base.__subclasses__()))
@@ -484,9 +489,9 @@ def test_a_slip_in_the_interaction_matrix_is_noticed(monkeypatch) -> None:
 
 def test_a_slip_in_the_rotation_vectors_rate_is_noticed(monkeypatch) -> None:
     # the sign of the middle term of L_θu for ω in the fixed frame: the slip that eq. (44) invites
-    right = vsconstraints.vision.features.rotation_vector_rate
+    right = numpy_form.rotation_vector_rate
     monkeypatch.setattr(
-        vsconstraints.vision.features,
+        numpy_form,
         "rotation_vector_rate",
         lambda w, omega: tuple(np.array(part).T for part in right(w, omega)),
     )

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from numpy_form import believed, evaluate_rows, observe
 from scenes import NOW, random_scene, robot
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -121,8 +122,8 @@ def test_a_constant_disturbance_enters_lf() -> None:
     plant.begin(np.zeros(6))
     plant.step()
     np.testing.assert_allclose(plant.qd, there.Ts * np.array([0.1, -0.2, 0.1, 0.3, -0.1, 0.2]), rtol=1e-12)
-    rows, _ = there.constraints.rows(there.scene.evaluate(0.0, there.q0, there.qd0))
-    after, _ = there.constraints.rows(there.scene.evaluate(there.Ts, plant.q, plant.qd))
+    rows, _ = evaluate_rows(there.constraints, there.scene.evaluate(0.0, there.q0, there.qd0))
+    after, _ = evaluate_rows(there.constraints, there.scene.evaluate(there.Ts, plant.q, plant.qd))
     np.testing.assert_allclose(
         (after.phi - rows.phi) / there.Ts, rows.Lf + rows.Lg @ there.disturbances.acceleration, rtol=1e-2, atol=1e-3
     )
@@ -134,8 +135,8 @@ def test_a_constant_disturbance_enters_lf() -> None:
 def test_nothing_disturbed_is_nothing_changed() -> None:
     there = case()
     state = there.scene.evaluate(0.0, there.q0, there.qd0)
-    assert there.sensor().observe(state) is state
-    rows, _ = there.constraints.rows(state)
+    assert observe(there.sensor(), state) is state
+    rows, _ = evaluate_rows(there.constraints, state)
     assert there.gradient_error()(rows, there.qd0) is rows
 
 
@@ -161,7 +162,7 @@ def test_every_controller_meets_the_same_disturbances() -> None:
         seen, pushed = [], []
         for k in range(20):
             state = there.scene.evaluate(k * there.Ts, there.q0, there.qd0)
-            seen.append(sensor.observe(state).pixels.position - state.pixels.position)
+            seen.append(observe(sensor, state).pixels.position - state.pixels.position)
             plant.begin(np.zeros(6))
             pushed.append(plant.x[-1].copy())
         return np.array(seen), np.array(pushed)
@@ -178,7 +179,7 @@ def test_every_controller_meets_the_same_disturbances() -> None:
 def test_pixel_noise_has_its_standard_deviation_and_no_mean() -> None:
     there = case(pixel_noise=1.5)
     sensor, state = there.sensor(), there.scene.evaluate(0.0, there.q0, there.qd0)
-    noise = np.array([sensor.observe(state).pixels.position for _ in range(400)]) - state.pixels.position
+    noise = np.array([observe(sensor, state).pixels.position for _ in range(400)]) - state.pixels.position
     assert noise.std() == pytest.approx(1.5, rel=0.05)
     assert abs(noise.mean()) < 4.0 * 1.5 / np.sqrt(noise.size)
 
@@ -191,7 +192,7 @@ def test_images_come_late_and_are_held() -> None:
     for k in range(20):
         state = there.scene.evaluate(k * there.Ts, there.q0 + 0.002 * k, there.qd0)
         true.append(state.pixels.position)
-        seen = sensor.observe(state).pixels.position
+        seen = observe(sensor, state).pixels.position
         np.testing.assert_allclose(seen, true[max(3 * (k // 3 - 2), 0)], atol=1e-9)
 
 
@@ -203,7 +204,7 @@ def test_lost_frames_leave_the_last_image() -> None:
     for k in range(300):
         state = there.scene.evaluate(k * there.Ts, there.q0 + 1e-4 * k, there.qd0)
         true.append(state.pixels.position)
-        seen = sensor.observe(state).pixels.position
+        seen = observe(sensor, state).pixels.position
         if np.abs(seen - true[k]).max() < 1e-9:
             last = k
         else:
@@ -215,7 +216,7 @@ def test_lost_frames_leave_the_last_image() -> None:
 def test_a_wrong_depth_and_wrong_intrinsics_spoil_the_jacobian_as_they_should() -> None:
     there = case(depth_factor=1.25)
     state = there.scene.evaluate(0.0, there.q0, np.full(6, 0.1))
-    believed = there.sensor().observe(state)
+    believed = observe(there.sensor(), state)
     np.testing.assert_allclose(believed.depth, 1.25 * state.depth)
     np.testing.assert_allclose(believed.pixels.position, state.pixels.position, atol=1e-9)
     # only the translational columns of L depend on Z
@@ -225,7 +226,7 @@ def test_a_wrong_depth_and_wrong_intrinsics_spoil_the_jacobian_as_they_should() 
     np.testing.assert_allclose(L[:, 3:], true[:, 3:], atol=1e-9)
 
     there = case(focal_factor=[1.1, 0.95], principal_point_error=[4.0, -3.0])
-    believed = there.sensor().observe(state)
+    believed = observe(there.sensor(), state)
     np.testing.assert_allclose(believed.pixels.position, state.pixels.position, atol=1e-9)
     xy = (state.pixels.position - [4.0, -3.0]) / np.multiply(there.scene.camera.focal, [1.1, 0.95])
     np.testing.assert_allclose(believed.normalised.position, xy, atol=1e-12)
@@ -257,25 +258,25 @@ def test_the_pose_is_that_of_a_general_least_squares_solver(seed: int) -> None:
 def test_what_two_markers_do_not_determine_is_left_as_the_kinematics_say() -> None:
     there = Scenario.load("example-2d-fov").with_override("disturbances.pixel_noise", 1e-9).setup()
     state = there.scene.evaluate(0.0, there.q0, there.qd0)
-    believed = there.sensor().observe(state)
+    believed = observe(there.sensor(), state)
     assert max(distance(believed.camera, state.camera)) < 1e-9
 
 
 def test_a_known_target_is_followed_and_an_unknown_one_taken_for_static() -> None:
     scene, q, qd = random_scene(robot("ur5"), np.random.default_rng(2), world="moving-target")
     true = scene.evaluate(NOW, q, qd)
-    assert scene.believed(true).camera_twist is true.camera_twist
+    assert believed(scene, true).camera_twist is true.camera_twist
     assert scene.motion is not None
     motion = scene.motion
     told = motion.translation
     told.known = False
     try:
-        believed = Sensor(scene, Disturbances(), 0.01).observe(true)
+        supposed = observe(Sensor(scene, Disturbances(), 0.01), true)
     finally:
         told.known = True
-    np.testing.assert_allclose(believed.camera_twist, true.camera_J @ qd, atol=1e-12)
-    assert np.abs(believed.camera_twist - true.camera_twist).max() > 0.05
-    np.testing.assert_array_equal(believed.pixels.position, true.pixels.position)
+    np.testing.assert_allclose(supposed.camera_twist, true.camera_J @ qd, atol=1e-12)
+    assert np.abs(supposed.camera_twist - true.camera_twist).max() > 0.05
+    np.testing.assert_array_equal(supposed.pixels.position, true.pixels.position)
 
 
 # --- eq. (49) ---
@@ -285,7 +286,7 @@ def test_the_gradient_error_is_eq_49() -> None:
     there = case(gradient_error=0.3)
     qd = np.array([0.1, -0.2, 0.3, 0.1, -0.3, 0.2])
     state = there.scene.evaluate(0.0, there.q0, qd)
-    rows, sigma = there.constraints.rows(state)
+    rows, sigma = evaluate_rows(there.constraints, state)
     spoilt = there.gradient_error()(rows, qd)
     signs = np.array([-1, 1, 1, 1, -1, -1])
     for i, label in enumerate(rows.labels):
@@ -305,7 +306,7 @@ def test_the_gradient_error_may_leave_phi_as_it_is() -> None:
     """The other reading of (49): ∇σ_e in L_gφ alone."""
     both, alone = case(gradient_error=0.3), case(gradient_error=0.3, gradient_error_in_phi=False)
     qd = np.array([0.1, -0.2, 0.3, 0.1, -0.3, 0.2])
-    rows, _ = alone.constraints.rows(alone.scene.evaluate(0.0, alone.q0, qd))
+    rows, _ = evaluate_rows(alone.constraints, alone.scene.evaluate(0.0, alone.q0, qd))
     spoilt = alone.gradient_error()(rows, qd)
     np.testing.assert_array_equal(spoilt.Lg, both.gradient_error()(rows, qd).Lg)
     np.testing.assert_array_equal(spoilt.phi, rows.phi)
@@ -319,7 +320,7 @@ def test_what_is_kept_is_true_whatever_is_believed() -> None:
     run = simulate(there, SlidingMode())
     for k in (0, 150, 499):
         state = there.scene.evaluate(run.t[k], run.q[k], run.qd[k])
-        rows, sigma = there.constraints.rows(state)
+        rows, sigma = evaluate_rows(there.constraints, state)
         np.testing.assert_allclose(run.phi[k], rows.phi, atol=1e-10)
         np.testing.assert_allclose(run.sigma[k], sigma, atol=1e-10)
         np.testing.assert_allclose(run.features_px[k], state.pixels.position, atol=1e-9)

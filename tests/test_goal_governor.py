@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import evaluate_rows, evaluate_task, feature_motion
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
 from vsconstraints.controllers.response import response
@@ -44,8 +45,8 @@ def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
     state = setup.scene.evaluate(0.0, setup.q0, np.full(6, 0.1))
     goal, gains = setup.task.goals[0], setup.task.gains
     moved = Goal(0.0, goal.pixels, goal.normalised + r.reshape(4, 2), goal.camera, goal.depth)
-    task, e = setup.task.evaluate(state)
-    there, _ = VisualTask(setup.task.feature, [moved], gains).evaluate(state)
+    task, e = evaluate_task(setup.task, state)
+    there, _ = evaluate_task(VisualTask(setup.task.feature, [moved], gains), state)
     b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
     np.testing.assert_allclose(b, there.b, rtol=1e-9, atol=1e-9)
 
@@ -58,7 +59,7 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
     old, new = setup.task.goals[0], setup.task.goals[-1]
     if old is new:
         new = Goal(1.0, old.pixels, old.normalised + 0.1, old.camera)
-    before, after = feature.evaluate(there, old, None).error, feature.evaluate(there, new, None).error
+    before, after = feature_motion(feature, there, old, None).error, feature_motion(feature, there, new, None).error
     np.testing.assert_allclose(feature.carried(before, old, new, after), after, atol=1e-12)
 
 
@@ -89,7 +90,7 @@ def test_a_response_to_the_goal_is_what_tracking_does() -> None:
     # accelerations are held ten times as long as in the loop, and the deepest is seen as seldom
     np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.05, atol=3e-3)
     goal = Scenario.load("case-study-6r").tables["task"]["goals"][0]["camera_at_q"]
-    at_goal, sigma = setup.constraints.rows(setup.scene.evaluate(0.0, np.array(goal), np.zeros(6)))
+    at_goal, sigma = evaluate_rows(setup.constraints, setup.scene.evaluate(0.0, np.array(goal), np.zeros(6)))
     # two steps of Newton leave the square of the square of what was left of the way
     np.testing.assert_allclose(found.sigma, sigma / at_goal.scale, atol=5e-5)
 

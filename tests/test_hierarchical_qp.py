@@ -17,7 +17,8 @@ from vsconstraints.compiled import load
 from vsconstraints.compiled.workspace import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.least_norm import least_norm
-from vsconstraints.controllers.resolvers import Hierarchy, row_weights
+from vsconstraints.controllers.resolver import row_weights
+from vsconstraints.controllers.resolvers import Hierarchy
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
 from vsconstraints.qp.backends import NATIVE, DaqpSolver, QpsolversSolver

@@ -11,7 +11,7 @@ import pytest
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.controllers.cascade import Target
 from vsconstraints.controllers.least_norm import dependent_rows, least_norm, unit_rows
-from vsconstraints.controllers.resolvers import row_weights
+from vsconstraints.controllers.resolver import row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.tracking import demanded, held_gains, retargeted
 from vsconstraints.rows import Command, Rows, Task

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from scenes import not_compiled
+from numpy_form import define
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
 from vsconstraints.constraints import FieldOfView, Trace
@@ -261,7 +261,7 @@ def test_a_step_through_a_lens_is_compiled_as_it_is_defined(lens: Distortion) ->
     assert not step.in_numpy
     for _ in range(5):
         q, qd = setup.q0 + 0.02 * rng.normal(size=6), rng.normal(size=6)
-        mine, theirs = step.evaluate(0.0, q, qd), step.define(setup.scene.evaluate(0.0, q, qd))
+        mine, theirs = step.evaluate(0.0, q, qd), define(step, setup.scene.evaluate(0.0, q, qd))
         for part in ("phi", "Lg", "Lf"):
             one, other = getattr(mine.rows, part), getattr(theirs.rows, part)
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
@@ -281,11 +281,8 @@ def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: st
     assert 0.0 < kept.clearance[:, rows].min() < 1.0
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_measured_pixels_are_undistorted_before_the_law(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_measured_pixels_are_undistorted_before_the_law() -> None:
     """Told what is on the sensor, a step does as one without distortion does that is told ideal pixels."""
-    if not compiled:
-        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     lens = LENSES["barrel"]
     one, other = distorted("ur5-image", lens), distorted("ur5-image", None)
     eye, q, qd = one.scene.camera, one.q0, one.qd0 + 0.1
@@ -304,12 +301,7 @@ def test_measured_pixels_are_undistorted_before_the_law(compiled: bool, monkeypa
         assert 0.0 < np.abs(seen).max() < 10.0  # moved on since
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_a_measured_pixel_that_cannot_be_undistorted_is_refused(
-    compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not compiled:
-        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
+def test_a_measured_pixel_that_cannot_be_undistorted_is_refused() -> None:
     setup = distorted("ur5-image", None)
     eye = replace(setup.scene.camera, distortion=Distortion("brown-conrady", (-2.0, 0.0, 0.0, 0.0)))
     scene = type(setup.scene)(setup.scene.robot, eye, setup.scene.markers)

@@ -14,20 +14,46 @@ import numpy as np
 import pytest
 
 from scenes import Straight
+from vsconstraints.compiled import plan_program, predictive
+from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.control.model import Model, Prediction
-from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
-from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
-from vsconstraints.controllers.horizon import Horizon, stopping_time
-from vsconstraints.controllers.predictive import Plan
+from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor
+from vsconstraints.controllers.predictive import Planner
 from vsconstraints.controllers.response import Response, response
-from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
-from vsconstraints.qp.penalised import Penalised
+from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.rows.tolerances import PULLING
 from vsconstraints.vision.tracking import Rest
 
 K = np.array([0.5, 0.0])
+
+
+def row_arrays(rows: Rows) -> RowArrays:
+    """The same as compiled functions take them."""
+    return RowArrays(*(getattr(rows, name) for name in RowArrays._fields))
+
+
+def planner(rows: Rows, task: Task, model: Straight | None = None, period: float = 0.1, **options: Any) -> Planner:
+    """What plans in blocks of one period unless options say otherwise."""
+    law = PredictiveControl(**{"horizon": 1, "block": 1, **options})
+    return Planner(law, cast(Model, model or Straight(rows, task)), period, (task.J.shape[0], task.J.shape[1]))
+
+
+class Given(Straight):
+    """A model that gives a prediction, whatever is asked, of rows with the K above."""
+
+    def __init__(self, rows: Rows, task: Task, **seen: Any) -> None:
+        super().__init__(rows, task)
+        N, n = len(seen["phi"]), task.J.shape[1]
+        zeros, none = np.zeros((N, len(task.b))), np.empty((N, 0))
+        usual = {"Lf": np.zeros_like(seen["phi"]), "sigma_dot": np.zeros_like(seen["phi"]), "b": zeros, "error": zeros}
+        usual |= {"J": np.ones((N, len(task.b), n)), "error_rate": zeros, "rest": none, "pixels": none}
+        self.seen, self.K = Prediction(**{"sigma": seen["phi"], **usual, **seen}), K[: len(rows.labels)]
+
+    def along(self, t: Array, q: Array, qd: Array) -> Prediction:
+        """See :class:`Straight`."""
+        return self.seen
 
 
 @pytest.mark.parametrize("sigma", [[0.08, 0.9], None])
@@ -36,30 +62,29 @@ def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None
 
     Of ``b`` φ is what counts, whatever σ is.
     """
-    seen = Prediction(
+    known = UNKNOWN if sigma is None else np.array(sigma)
+    rows = Rows(np.array([0.15, 0.1]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"), sigma=known)
+    task = Task(np.array([[7.0]]), np.array([10.0]), rest=np.array([3.5]))
+    model = Given(
+        rows,
+        task,
         phi=np.array([[0.1, 0.2], [0.3, 0.5]]),
         Lg=np.array([[[1.0], [2.0]], [[3.0], [4.0]]]),
-        Lf=np.zeros((2, 2)),
         sigma=np.array([[0.05, 0.2], [0.25, 0.5]]),
-        sigma_dot=np.zeros((2, 2)),
         J=np.array([[[6.0]], [[8.0]]]),
         b=np.array([[9.0], [5.0]]),
         error=np.array([[1.0], [2.0]]),
-        error_rate=np.zeros((2, 1)),
         rest=np.array([[3.0], [2.0]]),
-        pixels=np.empty((2, 0, 2)),
     )
-    known = UNKNOWN if sigma is None else np.array(sigma)
-    rows = Rows(np.array([0.15, 0.1]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"), sigma=known)
-    plan = np.zeros((1, 1))
-    at = Horizon.of(1, 1, 0.1).instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
-    ahead = look_ahead(rows, Task(np.array([[7.0]]), np.array([10.0]), rest=np.array([3.5])), seen, at, plan, K)
-    more = 0.05 if sigma is None else 0.03
-    np.testing.assert_allclose(ahead.value, [[0.05 + more, 0.1], [0.25 + more, 0.4]])
-    np.testing.assert_allclose(ahead.gradient[..., 0], [[2.0, 2.0], [6.0, 4.0]])
-    np.testing.assert_allclose(ahead.J[..., 0], [[7.0], [8.0]])
-    np.testing.assert_allclose(ahead.b, [[10.0], [6.0]])
-    np.testing.assert_allclose(ahead.rest, [[3.5], [2.5]])
+    law = planner(rows, task, model, horizon=2)
+    law.solve(rows, task)
+    plans, more = law.plans, 0.05 if sigma is None else 0.03
+    np.testing.assert_allclose(plans.value[:2], [[0.05 + more, 0.1], [0.25 + more, 0.4]])
+    np.testing.assert_allclose(plans.gradient[:2, :, 0], [[2.0, 2.0], [6.0, 4.0]])
+    # J = 7 and 8, b = 10 and 6
+    np.testing.assert_allclose(plans.square[:, 0, 0], [49.0, 64.0])
+    np.testing.assert_allclose(plans.pull[:, 0], [70.0, 48.0])
+    np.testing.assert_allclose(plans.free[:, 0], [3.5, 2.5])
 
 
 def test_limits_of_a_plan() -> None:
@@ -67,82 +92,64 @@ def test_limits_of_a_plan() -> None:
 
     A q̈ of 0.1 more moves q by 0.0125, 0.05 and 0.1, and q̇ by 0.05, 0.1 and 0.
     """
-    horizon, plan = Horizon.of(1, 2, 0.5), np.array([[1.0]])
-    at = horizon.instants(np.zeros(1), np.ones(1), plan, np.array([2.0]))
-    np.testing.assert_allclose(at.times, [0.0, 0.5, 1.0, 2.0])
     value = np.array([[0.08, 0.1], [0.1, 0.2], [0.2, 0.3], [0.3, 0.4]])
     gradient = np.array([[[1.0], [1.0]], [[2.0], [2.0]], [[3.0], [3.0]], [[4.0], [4.0]]])
-    ahead = Lookahead(plan, at, value, gradient, K, np.ones((4, 1, 1)), np.zeros((4, 1)), np.zeros((4, 1)))
-    given = limits(ahead, 2.0, (np.array([[-2.0]]), np.array([[2.0]])), np.full(2, 1e-12))
-    f = exp(-0.25)
+    rows = Rows(value[0], np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"), sigma=value[0])
+    task = Task(np.ones((1, 1)), np.zeros(1))
+    model = Given(rows, task, phi=value, Lg=gradient * np.array([[0.5], [1.0]]))
+    model.present = model.present._replace(qd=np.ones(1))
+    plans = planner(rows, task, model, 0.5, block=2, approach=2.0, max_acceleration=2.0).plans
+    plans.now[2], plans.plan[:] = 1.0, 1.0
+    plans.seen[:, :2] = plans.seen[:, 2:4] = value
+    plans.seen[:, 4:6] = gradient[..., 0] * np.array([0.5, 1.0])
+    predictive.set_box(plans, RowArrays(*(UNKNOWN,) * 10))
+    assert predictive.walk(plans) == 4
+    np.testing.assert_allclose(plans.times, [0.0, 0.5, 1.0, 2.0])
+    predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 3))
+    predictive.limit(plans, 4)
+    limits, space, f = predictive.limits_of(plans, 4, rows.scale), plans.space, exp(-0.25)
+    space.u[:] = 1.1
+    plan_program.follow_block(1.0, space.u, space.x, 0, 1)
+    plan_program.move(limits, space.u, space.x, space.moved)
     excess = [
         0.125 - f * 0.08, 0.3 - f * 0.1,
         0.35 - f * 0.125, 0.6 - f * 0.3,
         0.7 - 0.08 * exp(-1.0), -inf,
         1.1 - 2.0, -2.0 - 1.1,
     ]  # fmt: skip
-    np.testing.assert_allclose(given.excess(np.array([1.1])), excess)
-    np.testing.assert_array_equal(given.of(np.arange(8)), [0, 1, 0, 1, 0, 1, -1, -1])
-    which, G = given.stated(np.array([0, 1, 2, 3, 4, 6, 7]))
-    np.testing.assert_array_equal(which, [0, 1, 2, 3, 4, 6, 7])
-    np.testing.assert_allclose(G[:, 0], [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
-
-
-def test_a_row_with_no_entry_beyond_the_least_is_not_stated() -> None:
-    """Of the plan above the first two have the largest entries 0.25 and 1; a scene may have one row alone."""
-    horizon, plan = Horizon.of(1, 2, 0.5), np.array([[1.0]])
-    at = horizon.instants(np.zeros(1), np.ones(1), plan, np.array([2.0]))
-    gradient, box = np.array([[[1.0], [1.0]], [[2.0], [2.0]], [[3.0], [3.0]], [[4.0], [4.0]]]), np.array([[2.0]])
-    ahead = Lookahead(plan, at, np.ones((4, 2)), gradient, K, np.ones((4, 1, 1)), np.zeros((4, 1)), np.zeros((4, 1)))
-    which, G = limits(ahead, 2.0, (-box, box), np.array([0.25, 1.0])).stated(np.array([0, 1, 2, 3, 4, 6, 7]))
-    np.testing.assert_array_equal(which, [2, 3, 4, 6, 7])
-    assert len(G) == 5
-    one = ahead._replace(value=np.ones((4, 1)), gradient=gradient[:, :1], K=K[:1])
-    np.testing.assert_array_equal(
-        limits(one, 2.0, (-box, box), np.array([0.25])).stated(np.array([0, 1, 2]))[0], [1, 2]
-    )
-
-
-def test_without_rows_a_plan_has_its_box() -> None:
-    horizon, plan, box = Horizon.of(1, 1, 0.1), np.zeros((1, 1)), np.array([[2.0]])
-    at = horizon.instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
-    none = np.empty((2, 0))
-    ahead = Lookahead(plan, at, none, none[..., None], K[:0], np.ones((2, 1, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
-    with np.errstate(all="raise"):
-        given = limits(ahead, 1.0, (-box, box), K[:0])
-        np.testing.assert_array_equal(given.of(np.array([0, 1])), [-1, -1])
-        np.testing.assert_array_equal(given.stated(np.array([0, 1]))[1], [[1.0], [-1.0]])
-
-
-def test_a_cost_of_no_gain_is_its_damping() -> None:
-    horizon, plan = Horizon.of(1, 1, 0.1), np.zeros((1, 1))
-    at = horizon.instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
-    none = np.empty((2, 0))
-    ahead = Lookahead(plan, at, none, none[..., None], K[:0], np.zeros((2, 1, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
-    np.testing.assert_allclose(cost(ahead, horizon, np.zeros((1, 2)), 0.25).L, [[0.5]])
+    np.testing.assert_allclose([plan_program.excess(limits, space, row) for row in range(8)], excess)
+    # w = √49 u − y
+    plans.square[:], plans.pull[:] = 49.0, 0.0
+    cost = plan_program.Cost(1.0, 0.0, *(getattr(plans, name) for name in ("gains", "rest", "square", "pull", "free")))
+    assert plan_program.factorise(cost, plans.factor)
+    slopes = []
+    for row in (0, 1, 2, 3, 4, 6, 7):
+        plan_program.differentiate(cost, plans.factor, limits, row, space.adjoint, space.work)
+        slopes.append(7.0 * space.work[plan_program.NEW, 0])
+    np.testing.assert_allclose(slopes, [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
 
 
 def test_a_plan_stays_near_to_what_joints_do_at_rest() -> None:
     """Against least squares of all that is summed: two blocks, three joints, one feature, and q̈₀ = −4 q̇ − 4 q."""
-    rng = np.random.default_rng(0)
-    horizon, plan, gains = Horizon.of(2, 2, 0.1), rng.normal(size=(2, 3)), np.array([[9.0, 6.0], [4.0, 3.0]])
-    at = horizon.instants(np.zeros(3), np.ones(3), plan, np.full(3, inf))
-    N = len(at.times)
-    J, b, rest, none = rng.normal(size=(N, 1, 3)), rng.normal(size=(N, 1)), rng.normal(size=(N, 3)), np.empty((N, 0))
-    ahead = Lookahead(plan, at, none, np.empty((N, 0, 3)), K[:0], J, b, np.zeros((N, 1)), rest)
-    M, y = [], []
-    weight = 1e-2 * sum(np.vdot(J[i], J[i]) for i in horizon.begins) / 2
-
-    for k, i in enumerate(horizon.begins):
-        own = [np.kron(g * horizon.Q[i] + v * horizon.V[i], np.eye(3)) for g, v in (gains[k], (4.0, 4.0))]
+    rng, T = np.random.default_rng(0), 0.2
+    gains, J, b, rest = np.array([[9.0, 6.0], [4.0, 3.0]]), *(rng.normal(size=(2, size)) for size in (3, 1, 3))
+    M, y, weight = [], [], 1e-2
+    for k in range(2):
+        # after a block of T = 0.2 s that of its q̈ is in q by T²/2, in q̇ by T
+        moved, speed = np.zeros((3, 6)), np.zeros((3, 6))
+        if k == 1:
+            moved[:, :3], speed[:, :3] = T**2 / 2 * np.eye(3), T * np.eye(3)
         now = np.kron(np.eye(2)[k], np.eye(3))
-        for size, A, side, back in ((1.0, J[i], b[i], own[0]), (sqrt(weight), np.eye(3), rest[i], own[1])):
-            M.append(size * A @ (now + back))
-            y.append(size * (side + A @ back @ plan.ravel()))
+        M += [J[k : k + 1] @ (now + gains[k, 0] * moved + gains[k, 1] * speed)]
+        M += [sqrt(weight) * (now + 4.0 * moved + 4.0 * speed)]
+        y += [b[k], sqrt(weight) * rest[k]]
     best = np.linalg.lstsq(np.vstack(M), np.concatenate(y), rcond=None)[0]
-    found = cost(ahead, horizon, gains, 1e-2, Rest(4.0, np.zeros(3)))
-    np.testing.assert_allclose(found.center, best, rtol=1e-9)
-    np.testing.assert_allclose(np.tril(found.L) @ np.tril(found.L).T, np.vstack(M).T @ np.vstack(M), atol=1e-9)
+    plans = planner(Rows.none(3), Task(np.ones((1, 3)), np.ones(1)), horizon=2, block=2).plans
+    square = np.einsum("ki,kj->kij", J, J)
+    cost = plan_program.Cost(T, weight, gains, np.full((2, 2), 4.0), square, b * J, rest)
+    assert plan_program.factorise(cost, plans.factor)
+    plan_program.roll_out(cost, plans.factor, plans.space)
+    np.testing.assert_allclose(plans.space.u.ravel(), best, rtol=1e-9)
 
 
 def test_a_plan_without_one_optimum_fails() -> None:
@@ -234,8 +241,6 @@ def test_of_two_rows_in_the_way_the_nearer_one_holds() -> None:
     command = law.command(rows, task)
     assert command.qdd[0] == pytest.approx(5.0 * (1.0 - exp(-0.5)), rel=1e-5)
     np.testing.assert_array_equal(command.acted, [False, True])
-    assert law.plan is not None
-    np.testing.assert_array_equal(law.plan.held, [1])
 
 
 def test_what_rows_say_of_accelerations_now_holds_for_the_first_block() -> None:
@@ -275,22 +280,15 @@ def test_two_states_are_enough_to_plan() -> None:
 
 
 @pytest.mark.parametrize(("t", "then"), [(0.0, 0.0), (0.05, -1.0), (0.1, 5.0), (0.15, 5.0), (-0.1, 5.0)])
-def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
+@pytest.mark.parametrize("made", [0.0, 0.3])
+def test_a_plan_that_has_ended_is_forgotten(t: float, then: float, made: float) -> None:
     """Half a block on it is the mean of 0 and −2; after its one block, and before it, −0.5 rad/s is braked anew."""
-    law = planned(0.0, qd=1.0, max_acceleration=2.0)
-    box = np.array([[9.0]])
-    now = CurrentState(t, np.zeros(1), np.array([-0.5]))
-    assert law.continued(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
-
-
-def test_a_plan_is_as_old_as_it_was_made() -> None:
-    """Made at 0.3, it goes on at 0.35, and not at 0.45."""
-    law, box, horizon = planned(0.0, qd=1.0, max_acceleration=2.0), np.array([[9.0]]), Horizon.of(1, 1, 0.1)
-    assert law.plan is not None
-    law.plan = law.plan._replace(made=0.3)
-    for t, then in ((0.35, -1.0), (0.45, 5.0)):
-        now = CurrentState(t, np.zeros(1), np.array([-0.5]))
-        assert law.continued(horizon, now, -box, box)[0, 0] == pytest.approx(then)
+    plans = planner(Rows.none(1), Task(np.ones((1, 1)), np.zeros(1)), max_acceleration=9.0).plans
+    predictive.set_box(plans, row_arrays(Rows.none(1)))
+    plans.plan[:], plans.then[:], plans.made[:] = 0.0, -2.0, made
+    plans.now[:] = made + t, 0.0, -0.5
+    predictive.carry_on(plans)
+    assert plans.plan[0, 0] == pytest.approx(then, abs=1e-12)
 
 
 def test_what_is_commanded_is_the_first_block() -> None:
@@ -306,38 +304,33 @@ def test_what_is_commanded_is_the_first_block() -> None:
     assert command.qdd[0] == law.plan.qdd[0, 0]
 
 
-def test_where_no_solver_answers_the_plan_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_no_plan_passes_the_check_the_last_one_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """0.1 s after (3, 1) was planned: 1, and 0 after the plan."""
-
-    def fails(*arguments: Any) -> Any:
-        raise SolverError("none")
-
-    law, task = PredictiveControl(horizon=2, block=1), Task(np.ones((1, 1)), np.array([3.0]))
-    model = Straight(Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), task)
-    law.reset(period=0.1, model=cast(Model, model))
-    law.plan = Plan(np.array([[3.0], [1.0]]), np.zeros(1), 0.0, np.array([4]))
-    model.present = model.present._replace(t=0.1)
-    monkeypatch.setattr(predictive, "penalised", fails)
-    command = law.command(model.rows, task)
-    assert (command.status, command.reason) == ("suboptimal", "the plan goes on as it was: none")
-    np.testing.assert_array_equal(command.acted, [False])
-    assert command.qdd[0] == pytest.approx(1.0)
-    assert law.plan is not None
-    assert (law.plan.made, len(law.plan.held)) == (0.1, 0)
-    np.testing.assert_allclose(law.plan.qdd, [[1.0], [0.0]], atol=1e-12)
+    rows, task = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), Task(np.ones((1, 1)), np.ones(1))
+    law = planner(rows, task, horizon=2)
+    plans, outputs = law.plans, (np.zeros(1), np.zeros(1, dtype=np.bool_), np.zeros(1), np.zeros(1, dtype=np.int64))
+    plans.plan[:, 0], plans.now[0] = [1.0, 0.0], 0.1
+    plans.outcome[predictive.PREDICTED] = plans.outcome[predictive.ASKED] = predictive.walk(plans)
+    plans.seen[:] = 0.0
+    monkeypatch.setattr(predictive, "plan_best", lambda *_: (FAILED, 1))
+    now = row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 3)
+    assert predictive.decide(law.arrays, plans, *now, Answer(*outputs, UNKNOWN)) == FAILED
+    assert (outputs[0][0], plans.made[0], outputs[1][0]) == (1.0, 0.1, False)
+    np.testing.assert_allclose(plans.plan[:, 0], [1.0, 0.0])
 
 
 @pytest.mark.parametrize(("first", "second", "held"), [(4.0, 3.0, [1, 0]), (0.5, 0.6, [1, 1]), (0.0, 0.0, [0, 0])])
 def test_rows_hold_whose_multipliers_are_no_rounding_of_the_greatest(
-    first: float, second: float, held: list[int], monkeypatch: pytest.MonkeyPatch
+    first: float, second: float, held: list[int]
 ) -> None:
     """That of the second row is given in units of ``PULLING``."""
-    answer = Penalised(np.zeros(1), np.array([0, 1]), np.array([first, second * PULLING]), np.zeros(2), None)
-    monkeypatch.setattr(predictive, "penalised", lambda *arguments: answer)
-    rows = Rows(-np.ones(2), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"))
-    law, task = PredictiveControl(horizon=1, block=1), Task(np.ones((1, 1)), np.zeros(1))
-    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
-    np.testing.assert_array_equal(law.command(rows, task).acted, np.array(held, dtype=bool))
+    rows, task = Rows(-np.ones(2), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b")), Task(np.eye(1), np.zeros(1))
+    plans, acted = planner(rows, task).plans, np.ones(2, dtype=np.bool_)
+    plans.outcome[predictive.PREDICTED] = 2
+    plans.space.active[:2], plans.space.work[plan_program.FORCE, :2] = [0, 1], [first, second * PULLING]
+    predictive.hold(plans, Answer(UNKNOWN, acted, UNKNOWN, np.zeros(1, dtype=np.int64), UNKNOWN), 2)
+    np.testing.assert_array_equal(acted, np.array(held, dtype=bool))
+    assert plans.outcome[predictive.ACTIVE] == (2 if first else 0)
 
 
 def test_what_is_looked_at_comes_after_now_and_once_where_a_plan_leads_to_it() -> None:
@@ -363,10 +356,9 @@ def test_an_option_that_changes_and_a_reset_forget_the_plan() -> None:
     assert law.plan is not None
     law.damping = 0.5
     assert law.plan is None
-    forgotten: list[bool] = []
-    law.solvers = cast(Any, SimpleNamespace(reset=lambda: forgotten.append(True)))
+    law = planned(3.0)
     law.reset()
-    assert forgotten == [True]
+    assert law.plan is None
 
 
 def test_horizons_have_up_to_a_hundred_blocks_of_ten_thousand_periods() -> None:
@@ -383,13 +375,18 @@ def test_weights_of_no_row_are_told() -> None:
 
 def test_a_joint_that_cannot_stop_in_a_block_goes_on_in_the_next() -> None:
     """1 rad/s by 4 rad/s² at most in blocks of 0.1 s: 0.6 and 0.2 are left, and the last block is not needed."""
-    most = np.full((4, 1), 4.0)
-    np.testing.assert_allclose(Horizon.of(4, 1, 0.1).brake(np.ones(1), -most, most)[:, 0], [-4.0, -4.0, -2.0, 0.0])
+    plans = planner(Rows.none(1), Task(np.eye(1), np.zeros(1)), horizon=4, max_acceleration=4.0).plans
+    plans.now[2] = 1.0
+    predictive.set_box(plans, row_arrays(Rows.none(1)))
+    predictive.brake(plans)
+    np.testing.assert_allclose(plans.plan[:, 0], [-4.0, -4.0, -2.0, 0.0])
 
 
 def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
-    assert stopping_time(np.array([1.0, 0.0, 2.0]), np.array([inf, inf, 1.0])) == 0.0
-    assert stopping_time(np.array([0.0, 0.0, -2.0]), np.array([inf, 1.0, 4.0])) == 0.5
+    for qd, most, time in (([1.0, 0.0, 2.0], [inf, inf, 1.0], 0.0), ([0.0, 0.0, -2.0], [inf, 1.0, 4.0], 0.5)):
+        plans = planner(Rows.none(3), Task(np.eye(3), np.zeros(3))).plans
+        plans.now[4:], plans.most[:] = qd, most
+        assert predictive.stopping_time(plans) == time
 
 
 def test_options_are_those_that_are_documented() -> None:

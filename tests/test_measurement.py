@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from scenes import not_compiled
+from numpy_form import NumpyStep
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -20,17 +20,11 @@ NAMES = ["experiment-2-ibvs", "ur5-image", "case-study-6r", "eye-to-hand-ibvs", 
 PARTS = ("pixels", "error", "sigma", "camera_R", "camera_t")
 
 
-def both_forms(name, monkeypatch):
+def both_forms(name):
     """The setup of a scenario, and its step compiled and in NumPy."""
-    setup = Scenario.load(name).setup()
+    setup, other = Scenario.load(name).setup(), Scenario.load(name).setup()
     compiled = ControlStep(setup.scene, setup.constraints, setup.task)
-    assert compiled.not_compiled == ""
-    other = Scenario.load(name).setup()
-    with monkeypatch.context() as patch:
-        patch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
-        defined = ControlStep(other.scene, other.constraints, other.task)
-    assert defined.not_compiled
-    return setup, compiled, defined
+    return setup, compiled, NumpyStep(other.scene, other.constraints, other.task)
 
 
 def same(a, b):
@@ -46,7 +40,7 @@ def same(a, b):
 @pytest.mark.parametrize("name", NAMES)
 def test_both_forms_take_the_same_from_a_measurement(name, monkeypatch):
     """Pixels off by some, depths off by 2 %, markers that are not seen, images that are late, a pose."""
-    setup, compiled, defined = both_forms(name, monkeypatch)
+    setup, compiled, defined = both_forms(name)
     rng = np.random.default_rng(1)
     for k in range(6):
         q = setup.q0 + 0.003 * rng.standard_normal(len(setup.q0))
@@ -67,7 +61,7 @@ def test_both_forms_take_the_same_from_a_measurement(name, monkeypatch):
 
 
 def test_it_is_used_once_and_what_is_not_seen_stays_as_far_from_the_model(monkeypatch):
-    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    setup, compiled, _ = both_forms("ur5-image")
     q, qd = setup.q0, np.zeros(6)
     model = compiled.evaluate(0.0, q, qd).pixels
     shifted = model + 7.0
@@ -82,7 +76,7 @@ def test_it_is_used_once_and_what_is_not_seen_stays_as_far_from_the_model(monkey
 
 def test_a_late_image_is_moved_on(monkeypatch):
     """To first order: what is left of the image's motion over 20 ms goes with the square of the time."""
-    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    setup, compiled, _ = both_forms("ur5-image")
     qd, left = np.full(6, 0.2), []
     for age in (0.02, 0.01):
         then = compiled.evaluate(1.0 - age, setup.q0 - age * qd, qd).pixels
@@ -122,7 +116,7 @@ def test_a_target_that_is_not_where_the_model_has_it_is_reached_only_with_the_ca
 @pytest.mark.parametrize("name", NAMES)
 def test_both_forms_doubt_alike(name, monkeypatch):
     """By how much a measurement is beside the model, in six ways, by hand: see vsconstraints.vision.measurement."""
-    setup, compiled, defined = both_forms(name, monkeypatch)
+    setup, compiled, defined = both_forms(name)
     q, qd, t = setup.q0, np.zeros(len(setup.q0)), 0.5
     state = setup.scene.evaluate(t, q, qd)
     turn = Pose(np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]), np.array([0.0, 0.3, 0.4]))
@@ -158,7 +152,7 @@ def test_shape_by_hand():
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_loop_of_ones_own_is_told(compiled, monkeypatch):
-    setup, *steps = both_forms("ur5-image", monkeypatch)
+    setup, *steps = both_forms("ur5-image")
     step = steps[0 if compiled else 1]
     q, qd, to_command = setup.q0, np.zeros(6), step.bind(SlidingMode())
     seen, right = setup.scene.glance(q)[0], setup.scene.glance(q)[0] + 1.0
@@ -199,7 +193,7 @@ BAD = {
 
 @pytest.mark.parametrize("measured", BAD.values(), ids=BAD)
 def test_what_does_not_fit_is_refused(measured, monkeypatch):
-    setup, compiled, defined = both_forms("ur5-image", monkeypatch)
+    setup, compiled, defined = both_forms("ur5-image")
     q, qd = setup.q0, np.zeros(6)
     before = compiled.evaluate(0.0, q, qd).pixels
     for call in (compiled.evaluate, defined.evaluate, compiled.bind(SlidingMode()), defined.bind(SlidingMode())):
@@ -209,7 +203,7 @@ def test_what_does_not_fit_is_refused(measured, monkeypatch):
 
 
 def test_lists_and_other_layouts_of_pixels_are_taken(monkeypatch):
-    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    setup, compiled, _ = both_forms("ur5-image")
     q, qd, to_command = setup.q0, np.zeros(6), compiled.bind(SlidingMode())
     seen = compiled.evaluate(0.0, q, qd).pixels + 1.0
     compiled.reset()

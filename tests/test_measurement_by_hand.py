@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import measured_state
 from scenes import random_scene, robot
 from vsconstraints.errors import InvalidInput
 from vsconstraints.robots.geometry import Pose
@@ -25,7 +26,7 @@ def scene_and_state() -> tuple[Scene, State, Array]:
 
 
 def believed(scene: Scene, state: State, correction: Array, **measured: Any) -> State:
-    return Measurement(**measured).checked(len(correction), T).believed(scene, state, correction)
+    return measured_state(Measurement(**measured).checked(len(correction), T), scene, state, correction)
 
 
 def textbook(x: float, y: float, Z: float) -> Array:

@@ -13,7 +13,7 @@ import pytest
 from vsconstraints.control import ControlStep, Model, Prediction
 from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
-from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 
@@ -192,13 +192,3 @@ def test_a_model_can_be_copied() -> None:
     other = pickle.loads(pickle.dumps(model))
     q, qd = scene.q0[None, :], scene.qd0[None, :]
     assert np.array_equal(model.along(np.ones(1), q, qd).phi, other.along(np.ones(1), q, qd).phi)
-
-
-def test_gains_are_those_of_the_tracking_law() -> None:
-    scene = setup("case-study-6r")
-    step = ControlStep(scene.scene, scene.constraints, scene.task)
-    errors: Array = np.array([[0.0] * 6, [0.1, 0.0, 0.0, 0.0, 0.2, 0.0]])
-    found, law = step.model().gains(errors), scene.task.gains
-    Kp = law.Kp0 * np.exp(-law.Kp_slope / law.Kp0 * np.sqrt(0.05))
-    np.testing.assert_allclose(found[0], [law.Kp0, law.damping * np.sqrt(law.Kp0)])
-    np.testing.assert_allclose(found[1], [Kp, law.damping * np.sqrt(Kp)])

@@ -390,21 +390,14 @@ def test_11a(bad: Told, some: bool) -> None:
     assert verdict("11a", bad, bad, bad) == (YES if some else NO)
 
 
-class Timed(Told):
-    """Without a scene: what is compiled is not asked."""
-
-    setup = SimpleNamespace(scene=None, constraints=None, task=None)
-
-
 @pytest.mark.parametrize(
     ("step", "rows", "expected"),
     [(12e-6, 8e-6, YES), (20e-6, 0.0, YES), (12e-6, 8.1e-6, PARTLY), (3e-3, 2e-3, PARTLY), (3e-3, 2.001e-3, NO)],
 )
-def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_12a(step: float, rows: float, expected: str) -> None:
     """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""
-    monkeypatch.setattr("vsconstraints.paper.claims.general.ControlStep", lambda *_: SimpleNamespace(not_compiled=""))
     step_time = at({0: 1.0, 1: 1.0, 2: 1.0}, step)
-    assert verdict("12a", Timed(step_time=step_time, rows_time=at({0: 1.0}, rows))) == expected
+    assert verdict("12a", Told(step_time=step_time, rows_time=at({0: 1.0}, rows), compiled=True)) == expected
 
 
 # --- claim 10 ---
@@ -538,10 +531,7 @@ class Directions(Told):
     def setup(self) -> Any:
         A = np.array([[5.0, 0.0], [1.0, self.angle]])
         rows = SimpleNamespace(Lg=A, phi=np.zeros(2))
-        return SimpleNamespace(
-            scene=SimpleNamespace(evaluate=lambda t, q, qd: None),
-            constraints=SimpleNamespace(rows=lambda state: (rows, None)),
-        )
+        return SimpleNamespace(world=lambda: SimpleNamespace(evaluate=lambda t, q, qd: SimpleNamespace(rows=rows)))
 
 
 def directions(angle: float, last: int = 100, both: bool = True, **changed: Any) -> Directions:

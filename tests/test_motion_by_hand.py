@@ -5,14 +5,14 @@ The numbers were worked out on paper and are written out here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 
-from vsconstraints import Robot
-from vsconstraints.constraints import JointRange
+from vsconstraints import Camera, Robot
+from vsconstraints.constraints import ConstraintSet, JointRange
+from vsconstraints.control import ControlStep
 from vsconstraints.errors import InvalidInput
 from vsconstraints.formulas.rotation import rotation_vector_rate
 from vsconstraints.robots.order_filter import OrderFilter
@@ -20,6 +20,7 @@ from vsconstraints.rows import Array
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.plant import Plant
 from vsconstraints.vision.features import Feature, FeatureMotion, Goal
+from vsconstraints.vision.scene import Scene
 from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 # --- a period of 0.1 s ---
@@ -134,21 +135,22 @@ class Told(Feature):
     def __init__(self, *motions: FeatureMotion) -> None:
         self.motions = list(motions)
 
+    def size(self, markers: int) -> int:
+        return 2
+
     def evaluate(self, state: Any, goal: Goal, previous: Array | None) -> FeatureMotion:
         return self.motions.pop(0)
 
 
-@dataclass
-class At:
-    """What the law reads of a state."""
-
-    t: float
-    qd: tuple[float, float] = (0.0, 0.0)
-    q: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def robot(self) -> At:
-        return self
+def asked(law: VisualTask, *states: tuple[float, tuple[float, float]]) -> list[Any]:
+    """What the control step of an arm with two joints makes of a task, at times and with joint speeds."""
+    arm = Robot.from_dh([[0.0, 0.05, 0.4, np.pi / 2], [0.0, 0.05, 0.4, -np.pi / 2]])
+    q = np.array([0.1, -0.2])
+    camera = Camera((600.0, 600.0), (640.0, 480.0))
+    marker = arm.pose(q).act(np.array([[0.0, 0.0, 1.0]]))
+    scene = Scene(arm, camera, marker)
+    step = ControlStep(scene, ConstraintSet([], scene), law)
+    return [step.evaluate(t, q, np.array(qd)).task for t, qd in states]
 
 
 def motion(error: Any, velocity: Any, drift: Any = (0, 0), J: Any = ((1, 0), (0, 1)), partial: Any = (0, 0)) -> Any:
@@ -161,10 +163,10 @@ GOAL = Goal(0.0, np.zeros((1, 2)), np.zeros((1, 2)))
 def test_tracking_law() -> None:
     """‖e‖ = 0.5: K_p = 20 exp(−40/20 × 0.5) = 20/e = 7.3576 and K_v = 3 √K_p = 8.1375; b = −K_p e − K_v ė − drift."""
     law = VisualTask(Told(motion((0.3, 0.4), (1, -2), (0.5, 0.25))), [GOAL], TrackingGains(20.0, 40.0))
-    task, error = law.evaluate(At(0.0))  # type: ignore[arg-type]
+    (task,) = asked(law, (0.0, (0.0, 0.0)))
     np.testing.assert_allclose(task.b, [-10.844739360360101, 13.081889897291358], rtol=1e-12)
     np.testing.assert_array_equal(task.J, np.eye(2))
-    np.testing.assert_array_equal(error, [0.3, 0.4])
+    np.testing.assert_array_equal(task.error, [0.3, 0.4])
 
 
 def test_tracking_law_by_differences() -> None:
@@ -178,9 +180,8 @@ def test_tracking_law_by_differences() -> None:
         motion((1.2, 0.1), (5, 5), (9, 9), ((1.1, 0), (0, 1)), (0.04, 0)),
     )
     law = VisualTask(feature, [GOAL], TrackingGains(4.0), drift="differences", velocity="differences")
-    task, _ = law.evaluate(At(0.0, (1.0, 2.0)))  # type: ignore[arg-type]
-    np.testing.assert_allclose(task.b, [-34.0, -30.0], rtol=1e-12)
-    task, _ = law.evaluate(At(0.1, (1.0, 2.0)))  # type: ignore[arg-type]
+    first, task = asked(law, (0.0, (1.0, 2.0)), (0.1, (1.0, 2.0)))
+    np.testing.assert_allclose(first.b, [-34.0, -30.0], rtol=1e-12)
     np.testing.assert_allclose(task.b, [-18.1, -6.4], rtol=1e-9)
 
 

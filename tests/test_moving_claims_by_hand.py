@@ -48,10 +48,8 @@ class Moving(Told):
         names = ("a", "b", "c")[:rows]
         phi = {name: at({k: float(one.phi[i]) for k, one in told.items()}) for i, name in enumerate(names)}
         super().__init__(phi, q=np.zeros((len(T), 2)), qd=np.zeros((len(T), 2)))
-        self.setup = SimpleNamespace(
-            scene=SimpleNamespace(evaluate=lambda t, q, qd: round(t / 0.01)),
-            constraints=SimpleNamespace(rows=lambda k: (told[k], None)),
-        )
+        step = SimpleNamespace(evaluate=lambda t, q, qd: SimpleNamespace(rows=told[round(t / 0.01)]))
+        self.setup = SimpleNamespace(world=lambda: step)
 
 
 def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
@@ -59,11 +57,9 @@ def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
 
     def untold(scenario: str, overrides: Any) -> Any:
         assert overrides == {"constraints.0.motion.known": False}
-        scene = SimpleNamespace(evaluate=lambda t, q, qd: round(t / 0.01), believed=lambda k: ("believed", k))
-        rows = SimpleNamespace(rows=lambda state: (blind[scenario.removeprefix("moving-")][state[1]], None))
-        return SimpleNamespace(
-            load=lambda: SimpleNamespace(setup=lambda: SimpleNamespace(scene=scene, constraints=rows))
-        )
+        rows = blind[scenario.removeprefix("moving-")]
+        step = SimpleNamespace(evaluate=lambda t, q, qd: SimpleNamespace(rows=rows[round(t / 0.01)]))
+        return SimpleNamespace(load=lambda: SimpleNamespace(setup=lambda: SimpleNamespace(control=lambda: step)))
 
     monkeypatch.setattr(general, "RunSpec", untold)
 
@@ -124,19 +120,12 @@ def test_11b_of_small_differences(numbers: dict[str, float], expected: str, monk
         assert found("11b", Moving(blind, 1), Moving(fine, 1)).verdict == expected
 
 
-class Timed(Told):
-    """Without a scene: what is compiled is not asked."""
-
-    setup = SimpleNamespace(scene=None, constraints=None, task=None)
-
-
-def test_12a(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_12a() -> None:
     """With T_s = 16/1024 s, in 1/1024 s: 6, 16, 4, 6 and 30, of which the law takes 1, 2, 3, 4 and 30."""
-    monkeypatch.setattr(general, "ControlStep", lambda *_: SimpleNamespace(not_compiled="no compiler"))
     step, rows = np.array([99.0, 1.0, 2.0, 3.0, 4.0, 30.0]), np.array([500.0, 5.0, 14.0, 1.0, 2.0, 0.0])
-    of = found("12a", Timed(t=np.arange(6) / 64.0, step_time=step / 1024.0, rows_time=rows / 1024.0))
+    of = found("12a", Told(t=np.arange(6) / 64.0, step_time=step / 1024.0, rows_time=rows / 1024.0, compiled=False))
     assert (of.verdict, of.values) == (PARTLY, {"median": 6.0 / 1024.0, "law": 3.0 / 1024.0, "missed": 1.0})
     assert of.text == (
-        "NumPy form (no compiler): median 5859 µs, law 2930 µs, rows and task 1953 µs; 99 % below 28750 µs; 1 of 5 "
-        "samples miss T_s = 15.625 ms"
+        "not compiled: median 5859 µs, law 2930 µs, rows and task 1953 µs; 99 % below 28750 µs; 1 of 5 samples miss "
+        "T_s = 15.625 ms"
     )

@@ -387,7 +387,7 @@ def test_how_far_a_comparison_is_is_told_in_a_terminal_alone(
     compare("sliding-mode", brief, workers=0, progress=False)
     assert terminal.getvalue() == ""
     compare("sliding-mode", brief, workers=0)
-    assert "2/2" in terminal.getvalue()
+    assert "2 of 2" in terminal.getvalue()
     assert capfd.readouterr() == ("", "")
 
 

@@ -8,6 +8,7 @@ from math import exp, radians
 import numpy as np
 import pytest
 
+from numpy_form import define, evaluate_rows, evaluate_task
 from scenes import camera, robot
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
 from vsconstraints.control import ControlStep
@@ -36,7 +37,7 @@ def test_a_turn_about_the_optical_axis_by_hand() -> None:
     goal = Goal(1.0, np.zeros((2, 2)), np.zeros((2, 2)), scene.camera_pose(q0))
     constraint = PerformanceFunnel([goal], rotation_rad=2.0, **GAINS)
     q, qd = q0 + np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.3])
-    rows, sigma = ConstraintSet([constraint], scene).rows(scene.evaluate(3.0, q, qd))
+    rows, sigma = evaluate_rows(ConstraintSet([constraint], scene), scene.evaluate(3.0, q, qd))
     assert rows.labels[2] == "funnel[rotation z].upper"
     assert rows.labels[5] == "funnel[rotation z].lower"
     # the last joint's axis points down, as the camera does: the camera turns by as much
@@ -60,7 +61,7 @@ def test_before_its_goal_a_funnel_stands_open() -> None:
     for t, narrows in ((0.5, False), (1.0, True)):
         for rows in (
             step.evaluate(t, setup.q0, still).rows,
-            step.define(setup.scene.evaluate(t, setup.q0, still)).rows,
+            define(step, setup.scene.evaluate(t, setup.q0, still)).rows,
         ):
             assert (rows.sigma_dot[at] != 0.0).all() == narrows
             assert (rows.Lf[at] != 0.0).all() == narrows
@@ -98,9 +99,9 @@ def test_the_funnel_is_about_the_goal_whatever_reference_leads_there() -> None:
     """With reach_in, the task's error begins at zero, the funnel's with the whole way."""
     setup = Scenario.load("example-2d-funnel").with_override("task.goals.0.reach_in", 5.0).setup()
     state = setup.scene.evaluate(0.0, setup.q0, setup.qd0)
-    _, error = setup.task.evaluate(state)
+    _, error = evaluate_task(setup.task, state)
     assert np.abs(error).max() == 0.0
-    rows, sigma = setup.constraints.rows(state)
+    rows, sigma = evaluate_rows(setup.constraints, state)
     at = rows.labels.index("funnel[rotation z].upper")
     assert max(sigma[at], sigma[at + 3]) == pytest.approx(radians(180.0) / 3.6 - 1.0, abs=1e-9)
 
@@ -147,7 +148,7 @@ def test_a_new_goal_opens_the_funnel_again() -> None:
     table = {"type": "performance-funnel", "translation_m": 2.0, "final": 0.1, "decay": 1.0, "K": 0.1}
     setup = Scenario.load("case-study-6r").with_override("constraints", [{**table, "switching_gain": 1.0}]).setup()
     state = {t: setup.scene.evaluate(t, setup.q0, setup.qd0) for t in (0.0, 3.99, 4.0)}
-    sigma = {t: setup.constraints.rows(one)[1] for t, one in state.items()}
+    sigma = {t: evaluate_rows(setup.constraints, one)[1] for t, one in state.items()}
     width = {t: -0.5 * (sigma[t][:3] + sigma[t][3:]) for t in sigma}
     np.testing.assert_allclose(width[0.0], 1.0)
     np.testing.assert_allclose(width[3.99], 0.9 * exp(-3.99) + 0.1)

@@ -245,7 +245,6 @@ def test_the_second_derivative_of_the_norm_of_the_error_is_that_of_tracking(form
     }
 
     def half_squared(qdd: Array, t: float) -> float:
-        setup.task.reset()
         e = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(0.0, q + qd * t + 0.5 * qdd * t * t, qd)
         return 0.5 * float(e.task.error @ e.task.error)
 

@@ -97,7 +97,7 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
     made_up = material({"nominal": {"a": AHEAD, "b": AHEAD}, "over": {"a": AHEAD, "b": BEHIND}})
-    assert conclusions(made_up) == ()
+    assert conclusions(made_up) == []
     assert robustness_findings(made_up) == []
     assert power_table(made_up) == ""
 

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from numpy_form import block, evaluate_rows
 from scenes import build_constraint, gradient, random_configuration, random_scene, robot, slope
 from vsconstraints import Robot, RobotPoint
 from vsconstraints.compiled import load
@@ -153,7 +154,7 @@ def test_margin_clearance_and_labels_of_regions() -> None:
     constraints = ConstraintSet([table], scene)
     assert constraints.labels == ("half-space[table, nose]", "half-space[table, elbow]")
     state = scene.evaluate(0.0, q, qd)
-    _, sigma = constraints.rows(state)
+    _, sigma = evaluate_rows(constraints, state)
     np.testing.assert_allclose(sigma, 0.12 - state.robot.points[:, 2], atol=1e-14)
     assert constraints.characteristic_length.tolist() == [0.1, 0.1]
     assert BOX.length == pytest.approx(0.1)
@@ -395,7 +396,7 @@ def test_a_collision_rows_distance_is_that_of_the_hulls_corners_to_a_plane() -> 
     scene, q, qd = random_scene(arm, np.random.default_rng(11), [constraint])
     constraints = ConstraintSet([constraint], scene)
     assert constraints.labels[0] == "collision[table, shoulder_link]"
-    _, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+    _, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
     data = arm.model.createData()
     pin.forwardKinematics(arm.model, data, q)
     lowest = [
@@ -483,7 +484,7 @@ def test_manipulability_is_yoshikawas_and_its_gradient_exact(name: str, part: An
     rng = np.random.default_rng(12)
     for _ in range(5):
         scene, q, qd = random_scene(arm, rng)
-        rows_now = constraint.rows(scene.evaluate(0.0, q, qd), slice(0))
+        rows_now = block(constraint, scene.evaluate(0.0, q, qd), slice(0))
         assert rows_now.sigma[0] == pytest.approx(1.0 - w(q) / 0.05, abs=1e-9)
         numerical = gradient(lambda x: np.array(w(x)), q, 1e-4)
         np.testing.assert_allclose(rows_now.Lg[0], -0.1 / 0.05 * numerical, rtol=1e-6, atol=1e-7)
@@ -516,7 +517,7 @@ def test_rows_are_finite_in_a_singular_configuration() -> None:
     scene, q, qd = random_scene(arm, np.random.default_rng(14), [constraint])
     q[4] = 0.0  # the wrist's axes are in one line
     scene = type(scene)(arm, scene.camera, scene.camera_pose(q).act(np.array([[0.0, 0.0, 1.0]])))
-    rows, sigma = ConstraintSet([constraint], scene).rows(scene.evaluate(0.0, q, qd))
+    rows, sigma = evaluate_rows(ConstraintSet([constraint], scene), scene.evaluate(0.0, q, qd))
     assert sigma[0] == pytest.approx(1.0, abs=1e-9)
     for values in (rows.phi, rows.Lg, rows.Lf):
         assert np.isfinite(values).all()

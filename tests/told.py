@@ -107,7 +107,7 @@ class Told:
 
 
 COLUMNS = ("status", "reason", "camera_error", "camera_position", "qd", "q", "qdd_command", "features_px", "error",
-           "feature_error_px", "step_time", "rows_time")  # fmt: skip
+           "feature_error_px", "step_time", "rows_time", "compiled")  # fmt: skip
 
 
 def at(values: dict[int, float], otherwise: float = -1.0, t: Array = T) -> Array:

@@ -60,10 +60,7 @@ class Envelope:
         return least, greatest
 
     def refusal(self, before: Setpoint, after: Setpoint) -> str:
-        """Why ``after`` must not be sent where ``before`` was sent a period ago; empty if it may.
-
-        It looks at what is sent alone: positions and speeds, and their differences over a period.
-        """
+        """Why ``after`` must not be sent a period after ``before``, by these alone; empty if it may."""
         T = self.period
         moved, changed = (after.q - before.q) / T, (after.qd - before.qd) / T
         numbers = np.concatenate([after.q, after.qd, after.qdd])
@@ -86,8 +83,7 @@ class Envelope:
 
 def _beyond(limit: Array) -> Array:
     """(n,) a limit with its rounding."""
-    beyond: Array = limit * (1.0 + ROUNDING) + ROUNDING
-    return beyond
+    return limit * (1.0 + ROUNDING) + ROUNDING
 
 
 def deceleration(speed: Array, jerk: Array, period: float) -> Array:
@@ -101,8 +97,7 @@ def deceleration(speed: Array, jerk: Array, period: float) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         n = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * speed / (step * period)) - 1.0))
     n = np.where(np.isfinite(n), n, 0.0)
-    x: Array = (speed / period + 0.5 * step * n * (n + 1.0)) / (n + 1.0)
-    return x
+    return (speed / period + 0.5 * step * n * (n + 1.0)) / (n + 1.0)
 
 
 class Brake:

@@ -43,7 +43,7 @@ class SimulatedImages:
                 "a simulated camera sees as the scenario's camera does: disturbances of calibration, mount, depth and "
                 "target are for `compare`"
             )
-        self._setup, self._sensor, self._sample = setup, setup.sensor(), 0
+        self._setup, self._sensor, self._sample, self._world = setup, setup.sensor(), 0, setup.world()
         self.renders = isinstance(self._sensor, ImageSensor)
         period = wrong.image_period or setup.Ts
         self._every, self._delay = round(period / setup.Ts), round(wrong.delay * period / setup.Ts)
@@ -59,10 +59,11 @@ class SimulatedImages:
             return None if self._sensor.blind else Measurement(pixels, seen.depth, t, seen.camera)
         if not self._setup.disturbances.sensing:
             return Measurement(scene.camera.distort(scene.glance(q, t)[0]), None, t)
-        self._sensor.sample = k
-        pixels = self._sensor.observe(scene.evaluate(t, q, np.zeros_like(q))).pixels.position
-        image = k - k % self._every
-        taken = t - (k - max(image - self._delay, 0)) * self._setup.Ts
+        rest = np.zeros_like(q)
+        image = self._sensor.measured(k, q, rest, self._world.evaluate(t, q, rest))
+        pixels = scene.glance(q, t)[0] if image is None or image.pixels is None else image.pixels
+        newest = k - k % self._every
+        taken = t - (k - max(newest - self._delay, 0)) * self._setup.Ts
         return Measurement(scene.camera.distort(pixels), None, min(taken, t))
 
     def remarks(self) -> list[str]:

@@ -99,10 +99,7 @@ def usage() -> tuple[int, int, int]:
 
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
-    """Run this thread, and threads that it starts, with real-time priority as far as permitted; then as before.
-
-    Unless it is ``wanted``, only garbage collection is suspended.
-    """
+    """Run this thread, and those that it starts, in real time as far as permitted; if not, just without collection."""
     collected = gc.isenabled()
     gc.collect()
     gc.freeze()

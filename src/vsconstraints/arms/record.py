@@ -74,8 +74,7 @@ class ArmLog:
     @property
     def braking(self) -> BoolArray:
         """(N,) which periods are those of the stop."""
-        flags: BoolArray = np.array([period.braking for period in self.periods], dtype=np.bool_)
-        return flags
+        return np.array([period.braking for period in self.periods], dtype=np.bool_)
 
     def save(self, path: Path, **facts: Any) -> None:
         """Write all periods as .npz, and facts as JSON in it."""

@@ -28,10 +28,7 @@ STILL = 0.01  #: Measured speed that is rest [rad/s or m/s].
 
 
 class Stream:
-    """Integrates accelerations to setpoints, and sends them, checked once more, at the beginning of periods.
-
-    The driver is connected, the arm stands at ``q`` (n,), and the log has so many ``markers``.
-    """
+    """Integrates accelerations to setpoints, from ``q`` (n,) on, and sends them, checked once more, in each period."""
 
     def __init__(self, driver: Driver, envelope: Envelope, q: Array, markers: int) -> None:
         self.driver, self.envelope, self.Ts = driver, envelope, envelope.period
@@ -92,10 +89,7 @@ class Stream:
         self.sent, self._sent_at = setpoint, self.clock.now()
 
     def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
-        """Bring the arm to rest: by setpoints or, if it is known not to take them, ``by_arm``. See :attr:`stop`.
-
-        ``alive`` is called in each period.
-        """
+        """Bring the arm to rest by setpoints, ``alive`` being called in each period, or ``by_arm`` itself; see stop."""
         trouble, self.safe = "", False
         try:
             if not by_arm:

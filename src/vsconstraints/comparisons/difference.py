@@ -24,8 +24,8 @@ from .statistics.judged import MIN_SCENES, converged, judged_metric, judged_metr
 from .statistics.rates import sign_test
 from .stored import StoredComparison
 
-SIGNIFICANT = 0.05  # chance, over all tests of a difference together, to find something where there is nothing
-TOLERANCE = 1e-6  # share of a value by which it may move: another machine rounds otherwise
+SIGNIFICANT = 0.05  #: chance, over all tests of a difference together, to find something where there is nothing
+TOLERANCE = 1e-6  #: share of a value by which it may move: another machine rounds otherwise
 SCORES = [metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS]
 """Columns that are equal if a run is: all but times."""
 
@@ -33,7 +33,7 @@ PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
 PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
 """Entries of a manifest that results depend on, and what they are part of."""
 
-NAMED = ("scenarios", "controllers", "families")  # tables of a configuration that hold a table for each name
+NAMED = ("scenarios", "controllers", "families")  #: tables of a configuration that hold a table for each name
 
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
     "converges": converged,

@@ -126,10 +126,9 @@ class Run:
     @cached_property
     def drift(self) -> Array:
         """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along this motion."""
-        drift = np.zeros_like(self.trajectory.phi)
+        world, drift = self.setup.world(), np.zeros_like(self.trajectory.phi)
         for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
-            state = self.setup.scene.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k])
-            rows, _ = self.setup.constraints.rows(state)
+            rows = world.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k]).rows
             drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
         return drift
 

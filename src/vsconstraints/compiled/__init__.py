@@ -3,11 +3,11 @@
 Formulas are those of :mod:`vsconstraints.formulas`; here is the rest. :func:`load` imports a module when it
 is first needed, so that nobody waits for a compiler without using it.
 
-- ``structures`` has the arrays that compiled functions share; ``parts`` reaches them, and functions, by address.
+- ``workspace`` has the arrays that compiled functions share; ``parts`` reaches them, and functions, by address.
 - ``step`` evaluates rows and task; ``*_rows`` are the rows of the kinds of constraints.
 - ``laws`` applies a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
 - ``closed_loop`` runs step, law and robot together; ``samples`` scores and keeps each sample.
-- ``sensing`` and ``gradient_error`` are the control's errors; ``arm`` and ``drives`` are an arm with mass.
+- ``sensing`` is what the control sees; ``arm`` and ``drives`` are an arm with mass.
 - ``compiler`` and ``numba_internals`` compile all that, or leave it to Python for debugging.
 """
 

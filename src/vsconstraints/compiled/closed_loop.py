@@ -4,47 +4,23 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..formulas.limits import JointLimits
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import apply_law, load_law
 from .parts import call_int_pointer, checked, monotonic, struct_loader
-from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
-from .workspace import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+from .samples import ALONE, LAW, STEP, Loop
+from .workspace import RELAXED_ROWS, SOLVED, Answer, zeros
 
-for function in (
-    samples.put,
-    samples.hold,
-    samples.saturate,
-    samples.judge_contact,
-    samples.mark_acting,
-    samples.camera_error,
-    samples.feature_error,
-    samples.fastest,
-    samples.score,
-    samples.finish,
-):
-    in_place(function)
+for name in (
+    "put", "hold", "saturate", "judge_contact", "mark_acting", "camera_error", "feature_error", "fastest", "score",
+    "finish",
+):  # fmt: skip
+    in_place(getattr(samples, name))
 register_formulas()
 
 
-def _example() -> Loop:
-    """A loop of the types that all have; the numbers do not matter."""
-    one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
-    counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
-    rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, *(one,) * 4)
-    kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, flag, one, one)
-    scores = Running(one, one, *(counts,) * 6, one, counts, one, one, counts, counts, counts, one, flag, one)
-    limits = JointLimits(*(one,) * 5, 0, 1.0)
-    goals, plant = Goals(one, three, three, two, two, flag), PlantArrays(two, two, two, two, limits, one)
-    answer, seen = Answer(one, flag, one, counts, one), (two, two, two, one)
-    return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
-
-
-load_loop = struct_loader(_example())
+load_loop = struct_loader(zeros(Loop))
 
 
 @in_place

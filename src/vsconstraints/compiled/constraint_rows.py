@@ -13,11 +13,12 @@ from ..formulas.features import image_row, interaction, pose_error, pose_rates
 from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
 from ..formulas.motion import displacement
 from ..formulas.rotation import rotation_vector_rate
+from ..formulas.row import gradient_error
 from ..formulas.tracking import funnel, goal_at
 from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
 from ..rows import Array
 from . import load
-from .compiler import IN_PLACE, OPTIONS, in_place
+from .compiler import IN_PLACE, OPTIONS, compiled, in_place
 from .kinematics import point_jacobian
 from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
 from .workspace import Step
@@ -250,3 +251,27 @@ def rows_address(kind: str, formulas: tuple[Callable[..., Any] | None, ...], cou
     """Where :func:`rows_function` begins; 0 if there is none."""
     function = rows_function(kind, formulas, count)
     return 0 if function is None else address(function)
+
+
+@compiled("void(int64, int64)", IN_PLACE, from_python=False)
+def apply_gradient_error(step_address: int, in_phi: int) -> None:
+    """Put ∇σ_e in place of ∇σ in the rows of a step: in L_gφ, and in φ and L_fφ if so.
+
+    See :class:`vsconstraints.simulation.sensing.GradientError`.
+    """
+    step = load_step(step_address)
+    rows, share = step.rows, step.gradient_share
+    for i in range(len(rows.phi)):
+        change = 0.0
+        for j in range(len(step.qd)):
+            error = gradient_error(rows.Lg[i, j], share[i, j])
+            rows.Lg[i, j] += error
+            change += error * step.qd[j]
+        # rows on φ itself have no ∇σ in them
+        if in_phi and rows.K[i] > 0.0:
+            rows.phi[i] += change
+            rows.Lf[i] += change / rows.K[i]
+
+
+APPLY_GRADIENT_ERROR = address(apply_gradient_error)
+"""Where it begins."""

@@ -10,12 +10,13 @@ from ..formulas.row import BOUND, share
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place
-from .hierarchy import Demands, Priorities, Resolved, hierarchy
+from .hierarchy import Priorities, hierarchy
 from .laws import RESOLVER, load_law, within
 from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, matrix
+from .walls import Demands, Resolved
 from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
 

@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from ..rows import Array, BoolArray
-from .workspace import Scratch
+from .workspace import BOOL, F8, Scratch
 
 
 class Images(NamedTuple):
-    """Images of M markers [px]: what goes wrong with each, and those that are still to be used.
+    """Images of M markers [px]: what goes wrong with each of N, and the last ones, filled round and round.
 
-    Attributes
-    ----------
-    every
-        An image is taken in every so many-th sample.
-    noise, lost
-        (N, M, 2) what is added to the pixels of each image, and (N,) whether it is lost; (1, M, 2) and (1,) of zeros if
-        that is never.
-    held
-        (delay + 1, M, 2) the last ones, filled round and round.
+    An image is taken in ``every`` so many-th sample; ``noise`` is added to its pixels, or it is ``lost``.
     """
 
     every: int
-    noise: Array
-    lost: BoolArray
-    held: Array
+    noise: Annotated[Array, F8, "N", "M", 2]
+    lost: Annotated[BoolArray, BOOL, "N"]
+    held: Annotated[Array, F8, "delay + 1", "M", 2]
 
 
 class Lenses(NamedTuple):
-    """A lens with distortion, as it is and as it is believed to be.
+    """The true and the believed eye of a camera (:attr:`vsconstraints.vision.camera.Camera.eye`), and scratch.
 
-    Attributes
-    ----------
-    address
-        Of the function that takes pixels through such a lens, or 0 where there is no distortion.
-    true, believed
-        Both cameras' :attr:`vsconstraints.vision.camera.Camera.eye`.
-    pixels
-        (M, 2) scratch.
+    ``address`` is that of the function that takes pixels through such a lens, or 0 where there is no distortion.
     """
 
     address: int
-    true: Array
-    believed: Array
-    pixels: Array
+    true: Annotated[Array, F8, "eye"]
+    believed: Annotated[Array, F8, "eye"]
+    pixels: Annotated[Array, F8, "M", 2]
 
 
 class Sensing(NamedTuple):

@@ -7,21 +7,9 @@ import math
 import numpy as np
 
 from ..rows import Array, IntArray
-from .compiler import inner
-from .linear import (
-    S_ROWS,
-    START,
-    add,
-    apply,
-    apply_transposed,
-    constant,
-    copy,
-    dot,
-    length,
-    make_reflection,
-    solve_lower,
-    solve_upper,
-)
+from . import linear as la
+from .compiler import in_place, inner
+from .linear import S_ROWS, START, constant
 from .scratch import matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
@@ -45,7 +33,7 @@ POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), con
 """Rows of the work space."""
 
 
-@inner
+@in_place
 def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
     """State the rows in u = R y + r, with unit norms; False if a side is no number then."""
     p, m = G.shape
@@ -53,11 +41,11 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
         rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
     for j in range(p):
         for i in range(j):
-            add(G, j, -R[j, i], G, i, START, m)
+            la.add(G, j, -R[j, i], G, i, START, m)
         for i in range(m):
             G[j, i] *= S[0, j]
             rows[EXCESS, i] += G[j, i] * G[j, i]
-        add(rows, SIDE, R[p, j], G, j, START, m)
+        la.add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
         rows[MULTIPLIER, i] = 0.0
         rows[SCALE, i] = rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
@@ -71,7 +59,7 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
     return True
 
 
-@inner
+@in_place
 def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     """The row that the point exceeds most, by more than rounding; writes all excesses."""
     p, m = G.shape
@@ -79,7 +67,7 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     for i in range(m):
         rows[EXCESS, i] = -rows[SIDE, i]
     for j in range(p):
-        add(rows, EXCESS, X[POINT, j], G, j, START, m)
+        la.add(rows, EXCESS, X[POINT, j], G, j, START, m)
     for i in range(m):
         excess = rows[EXCESS, i]
         if excess > worst and excess > EXCEEDED * (size + abs(rows[SIDE, i])):
@@ -87,18 +75,18 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     return chosen
 
 
-@inner
+@in_place
 def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
     """Let one of the active rows leave, of which q are left, and factor those behind it anew."""
     for j in range(leaving, q):
         active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
         for i in range(F.shape[1]):
             F[j, i] = G[i, active[j]]
-        apply_transposed(F, T, j, F, j)
-        make_reflection(F, T, j)
+        la.apply_transposed(F, T, j, F, j)
+        la.make_reflection(F, T, j)
 
 
-@inner
+@in_place
 def longest_step(X: Array, q: int) -> tuple[int, float]:
     """Which active row's multiplier is the first to become zero on the way, if any does, and at what step."""
     leaving, step = NONE, math.inf
@@ -108,7 +96,7 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
     return leaving, step
 
 
-@inner
+@in_place
 def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int) -> int:
     """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how many are left.
 
@@ -120,20 +108,20 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
         for j in range(p):
             X[NEW, j] = G[j, chosen]
             excess += X[NEW, j] * X[POINT, j]
-        apply_transposed(F, T, q, X, NEW)
-        copy(X, RATIO, X, NEW, q)
-        solve_upper(F, T, q, X, RATIO)
-        outside = dot(X, NEW, X, NEW, q, p)
+        la.apply_transposed(F, T, q, X, NEW)
+        la.copy(X, RATIO, X, NEW, q)
+        la.solve_upper(F, T, q, X, RATIO)
+        outside = la.dot(X, NEW, X, NEW, q, p)
         leaving, step = longest_step(X, q)
         if math.sqrt(outside) > DEPENDENT:
             full = excess / outside
             if full <= step:
                 leaving, step = NONE, full
-            copy(X, DIRECTION, X, NEW, p)
+            la.copy(X, DIRECTION, X, NEW, p)
             for j in range(q):
                 X[DIRECTION, j] = 0.0
-            apply(F, T, q, X, DIRECTION)
-            add(X, POINT, -step, X, DIRECTION, START, p)
+            la.apply(F, T, q, X, DIRECTION)
+            la.add(X, POINT, -step, X, DIRECTION, START, p)
         if step == math.inf:
             return -1
         for j in range(q):
@@ -144,34 +132,34 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
         drop(G, F, T, X, active, leaving, q)
 
 
-@inner
+@in_place
 def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
     """Compute the point and the multipliers from the q active rows, so that errors do not accumulate."""
     for j in range(F.shape[0]):
         X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
-    solve_lower(F, T, q, X, POINT)
-    copy(X, FORCE, X, POINT, q)
-    solve_upper(F, T, q, X, FORCE)
+    la.solve_lower(F, T, q, X, POINT)
+    la.copy(X, FORCE, X, POINT, q)
+    la.solve_upper(F, T, q, X, FORCE)
     for j in range(q):
         X[FORCE, j] = max(0.0, -X[FORCE, j])
-    apply(F, T, q, X, POINT)
+    la.apply(F, T, q, X, POINT)
 
 
-@inner
+@in_place
 def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: float) -> bool:
     """Whether rows are met, multipliers only where a row is reached, and the point a sum of those rows."""
     p, m = G.shape
     met = size < math.inf
     for i in range(m):
         met = met and rows[EXCESS, i] <= OPTIMAL * (size + abs(rows[SIDE, i]))
-    copy(X, NEW, X, POINT, p)
+    la.copy(X, NEW, X, POINT, p)
     for i in range(q):
         row = active[i]
         rows[MULTIPLIER, row] = X[FORCE, i]
         met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * size * size
         for j in range(p):
             X[NEW, j] += X[FORCE, i] * G[j, row]
-    return met and length(X, NEW, p) <= OPTIMAL * size
+    return met and la.length(X, NEW, p) <= OPTIMAL * size
 
 
 @inner
@@ -205,13 +193,13 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
         q = reach(G, rows, F, T, X, active, chosen, q)
         if q < 0:
             return INCOMPATIBLE, steps
-        copy(F, q, X, NEW, p)
-        make_reflection(F, T, q)
+        la.copy(F, q, X, NEW, p)
+        la.make_reflection(F, T, q)
         active[q] = chosen
         q += 1
         recompute(rows, F, T, X, active, q)
-        before, size = size, length(X, POINT, p)
+        before, size = size, la.length(X, POINT, p)
     met = proved(G, rows, X, active, q, size) and met
-    add(X, POINT, -1.0, R, p, START, p)
-    solve_upper(R, S, p, X, POINT)
+    la.add(X, POINT, -1.0, R, p, START, p)
+    la.solve_upper(R, S, p, X, POINT)
     return (SOLVED if met else FAILED), steps

@@ -8,26 +8,12 @@ import numpy as np
 
 from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import WELL_CONDITIONED
+from . import linear as la
 from .compiler import inner
 from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
 from .levels import CENTER
-from .linear import (
-    ONE,
-    S_ROWS,
-    START,
-    WORK,
-    add,
-    apply,
-    apply_transposed,
-    constant,
-    copy,
-    dot,
-    length,
-    make_reflection,
-    solve_upper,
-    squares,
-)
+from .linear import ONE, S_ROWS, START, WORK, constant
 from .scratch import no_scratch
 
 REACHED = 1e-12
@@ -44,15 +30,15 @@ ROW = constant(0)
 def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
     """Add the row A[i] to the q rows that F and T are the QR of; 1, or 0 if it depends on them."""
     n = F.shape[1]
-    size = length(A, i, n)
+    size = la.length(A, i, n)
     if q == n or size == 0.0:
         return 0
     for j in range(n):
         F[q, j] = A[i, j] / size
-    apply_transposed(F, T, q, F, q)
-    if math.sqrt(dot(F, q, F, q, q, n)) <= DEPENDENT:
+    la.apply_transposed(F, T, q, F, q)
+    if math.sqrt(la.dot(F, q, F, q, q, n)) <= DEPENDENT:
         return 0
-    make_reflection(F, T, q)
+    la.make_reflection(F, T, q)
     return 1
 
 
@@ -64,15 +50,15 @@ def task_step(G: Array, C: Array, X: Array, F: Array, T: Array, q: int, toleranc
     for j in range(n):
         Y[ONE, j] = Y[WORK, j] = 0.0
     for i in range(k):
-        W[i, n] = dot(G, i, C, CENTER, START, n) - dot(G, i, X, ROW, START, n)
-        copy(W, i, G, i, n)
-        add(Y, WORK, W[i, n], G, i, START, n)
-        apply_transposed(F, T, q, W, i)
+        W[i, n] = la.dot(G, i, C, CENTER, START, n) - la.dot(G, i, X, ROW, START, n)
+        la.copy(W, i, G, i, n)
+        la.add(Y, WORK, W[i, n], G, i, START, n)
+        la.apply_transposed(F, T, q, W, i)
     if q < n:
         pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, no_scratch())
-        apply(F, T, q, Y, ONE)
+        la.apply(F, T, q, Y, ONE)
         for i in range(k):
-            moved += dot(G, i, Y, ONE, START, n) ** 2
+            moved += la.dot(G, i, Y, ONE, START, n) ** 2
     return math.sqrt(moved)
 
 
@@ -80,13 +66,13 @@ def task_step(G: Array, C: Array, X: Array, F: Array, T: Array, q: int, toleranc
 def first_in_the_way(walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int) -> tuple[float, int]:
     """How far the step leads, 1 at most, and which row, not yet active, is in the way, or −1."""
     n, step, blocking = X.shape[1], 1.0, -1
-    stride = length(Y, ONE, n)
+    stride = la.length(Y, ONE, n)
     for i in range(walls.shape[0]):
-        change, taken = dot(walls, i, Y, ONE, START, n), False
+        change, taken = la.dot(walls, i, Y, ONE, START, n), False
         for at in range(count):
             taken = taken or order[at] == i
-        if not taken and change > REACHED * stride * length(walls, i, n):
-            reached = max(0.0, sides[i] - dot(walls, i, X, ROW, START, n)) / change
+        if not taken and change > REACHED * stride * la.length(walls, i, n):
+            reached = max(0.0, sides[i] - la.dot(walls, i, X, ROW, START, n)) / change
             if reached < step:
                 step, blocking = reached, i
     return step, blocking
@@ -110,7 +96,7 @@ def least_residual(
     """
     n, w = X.shape[1], walls.shape[0]
     F, T, Y, order = np.empty((n, n)), np.empty((S_ROWS, n)), np.zeros((S_ROWS, n)), np.empty(n, np.int64)
-    count, size = 0, math.sqrt(squares(G, n))
+    count, size = 0, math.sqrt(la.squares(G, n))
     for i in range(w):
         if active[i] and count < n:
             order[count] = i
@@ -127,11 +113,11 @@ def least_residual(
                 left += 1
                 q += 1
         count = left
-        reach = REACHED * size * (length(X, ROW, n) + length(C, CENTER, n))
+        reach = REACHED * size * (la.length(X, ROW, n) + la.length(C, CENTER, n))
         if task_step(G, C, X, F, T, q, tolerance, Y) <= reach:
-            noise = PUSHING * length(Y, WORK, n) + size * reach
-            apply_transposed(F, T, q, Y, WORK)
-            solve_upper(F, T, q, Y, WORK)
+            noise = PUSHING * la.length(Y, WORK, n) + size * reach
+            la.apply_transposed(F, T, q, Y, WORK)
+            la.solve_upper(F, T, q, Y, WORK)
             worst, weakest = -1, -noise
             for at in range(count):
                 if Y[WORK, first + at] < weakest:
@@ -145,7 +131,7 @@ def least_residual(
                 order[at] = order[at + 1]
             continue
         step, blocking = first_in_the_way(walls, sides, X, Y, order, count)
-        add(X, ROW, step, Y, ONE, START, n)
+        la.add(X, ROW, step, Y, ONE, START, n)
         if blocking >= 0 and count < n:
             order[count] = blocking
             count += 1
@@ -158,9 +144,9 @@ def cut(G: Array, n: int, damping: float, tolerance: float) -> float:
     k = G.shape[0]
     W = np.empty((k, n))
     for i in range(k):
-        copy(W, i, G, i, n)
+        la.copy(W, i, G, i, n)
     largest = orthogonalise(W, k, START, n)
     for i in range(k):
-        if tolerance * largest < length(W, i, n) < WELL_CONDITIONED * largest:
+        if tolerance * largest < la.length(W, i, n) < WELL_CONDITIONED * largest:
             return max(tolerance, math.sqrt(damping))
     return tolerance

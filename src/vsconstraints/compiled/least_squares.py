@@ -10,21 +10,9 @@ from __future__ import annotations
 import math
 
 from ..rows import Array
-from .compiler import inner
-from .linear import (
-    ONE,
-    S_ROWS,
-    START,
-    WORK,
-    apply,
-    apply_transposed,
-    copy,
-    dot,
-    factor,
-    solve_lower,
-    solve_upper,
-    squares,
-)
+from . import linear as la
+from .compiler import in_place, inner
+from .linear import ONE, S_ROWS, START, WORK
 from .scratch import blank, matrix
 from .workspace import Scratch
 
@@ -44,10 +32,10 @@ SWEEPS = 60
 """Jacobi sweeps at most; some six are usual."""
 
 
-@inner
+@in_place
 def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -> bool:
     """Make two rows orthogonal in the columns from ``first`` to ``last`` by one rotation; whether there was need."""
-    a, b, d = dot(X, p, X, p, first, last), dot(X, q, X, q, first, last), dot(X, p, X, q, first, last)
+    a, b, d = la.dot(X, p, X, p, first, last), la.dot(X, q, X, q, first, last), la.dot(X, p, X, q, first, last)
     # a row of rounding alone has no direction to get right
     if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * math.sqrt(a) * math.sqrt(b):
         return False
@@ -61,7 +49,7 @@ def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -
     return True
 
 
-@inner
+@in_place
 def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     """Turn the first rows of X, by an orthogonal matrix from the left, into ones orthogonal in columns [first, last).
 
@@ -70,7 +58,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
     """
     total = largest = 0.0
     for i in range(rows):
-        total += dot(X, i, X, i, first, last)
+        total += la.dot(X, i, X, i, first, last)
     for _ in range(SWEEPS):
         turned = False
         for p in range(rows - 1):
@@ -79,7 +67,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
         if not turned:
             break
     for i in range(rows):
-        largest = max(largest, dot(X, i, X, i, first, last))
+        largest = max(largest, la.dot(X, i, X, i, first, last))
     return math.sqrt(largest)
 
 
@@ -92,7 +80,7 @@ def largest_of_whole(W: Array, rows: int, first: int, tolerance: float, whole: A
             size += (whole[i, j] / scale) ** 2
     for i in range(rows):
         # the square of the greatest singular value is between ‖whole‖_F² / n and that: which one seldom matters
-        gain = dot(W, i, W, i, first, n) / (tolerance * tolerance)
+        gain = la.dot(W, i, W, i, first, n) / (tolerance * tolerance)
         if 0.99 * size <= n * gain and gain <= 1.01 * size:
             # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all digits
             for a in range(whole.shape[0]):
@@ -119,7 +107,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scr
     if first > 0:
         largest = largest_of_whole(W, rows, first, tolerance, whole, scale, blank(scratch, n, n))
     for i in range(rows):
-        kept = math.sqrt(dot(W, i, W, i, first, n)) > tolerance * largest
+        kept = math.sqrt(la.dot(W, i, W, i, first, n)) > tolerance * largest
         for j in range(first, n + 1):
             value = W[i, j] if kept else 0.0
             W[i, j] = 0.0
@@ -128,7 +116,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scr
     return left
 
 
-@inner
+@in_place
 def triangular(W: Array, first: int, F: Array, S: Array) -> None:
     """[M | b] ← [R | Qᵀb] of the QR in F and S, with Qᵀb in S[WORK]."""
     p = F.shape[0]
@@ -158,7 +146,7 @@ def pseudoinverse(
     M. Then, where F and S are the QR of M, a lower bound of its least singular value; 0 where they are not.
     """
     k, n = W.shape[0], W.shape[1] - 1
-    p, rows, tall, size = n - first, k, k >= n - first, math.sqrt(squares(whole, n))
+    p, rows, tall, size = n - first, k, k >= n - first, math.sqrt(la.squares(whole, n))
     S = matrix(scratch, S_ROWS, k if tall else p)
     for again in range(2):
         c = p if tall else rows
@@ -166,23 +154,23 @@ def pseudoinverse(
         for j in range(c):
             for i in range(F.shape[1]):
                 F[j, i] = W[i, first + j] if tall else W[j, first + i]
-        least = factor(F, S)
+        least = la.factor(F, S)
         for i in range(p):
             S[WORK, i] = 0.0
         for i in range(rows):
             S[WORK, i] = W[i, n]
         if tall:
-            apply_transposed(F, S, p, S, WORK)
+            la.apply_transposed(F, S, p, S, WORK)
         if again == 1 or least > certain * size:
             break
         if tall:
             triangular(W, first, F, S)
         rows, tall = shorten(W, c, first, tolerance, whole, scratch), False
     if tall:
-        solve_upper(F, S, p, S, WORK)
+        la.solve_upper(F, S, p, S, WORK)
     else:
-        solve_lower(F, S, rows, S, WORK)
-        apply(F, S, rows, S, WORK)
+        la.solve_lower(F, S, rows, S, WORK)
+        la.apply(F, S, rows, S, WORK)
     for j in range(p):
         Y[row, first + j] = S[WORK, j]
     return F, S, c, least if tall else 0.0
@@ -215,10 +203,10 @@ def resolve(
             for j in range(rest.size):
                 W[i, n] -= A2[i, j] * rest[j]
             if rank > 0:
-                apply_transposed(F, S, rank, W, i)
+                la.apply_transposed(F, S, rank, W, i)
         whole = A2 if rank > 0 else W
         G, T, _, least = pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, whole, Y, ONE, scratch)
-        apply(F, S, rank, Y, ONE)
+        la.apply(F, S, rank, Y, ONE)
     for j in range(n):
         qdd[j] = Y[0, j] + Y[1, j]
     for j in range(rest.size):
@@ -239,11 +227,11 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
         return False
     L, T, size = matrix(scratch, b, n), matrix(scratch, S_ROWS, n), 0.0
     for i in range(b):
-        copy(L, i, A, i, n)
+        la.copy(L, i, A, i, n)
         for j in range(n):
             size += A[i, j] * A[i, j]
-        solve_lower(F, S, n, L, i)
-    if not factor(L, T) * least > max(CERTAIN * tolerance, WELL) * math.sqrt(size):
+        la.solve_lower(F, S, n, L, i)
+    if not la.factor(L, T) * least > max(CERTAIN * tolerance, WELL) * math.sqrt(size):
         return False
     for i in range(n):
         T[WORK, i] = 0.0
@@ -251,9 +239,9 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
         T[WORK, i] = A[i, n]
         for j in range(n):
             T[WORK, i] -= A[i, j] * qdd[j]
-    solve_lower(L, T, b, T, WORK)
-    apply(L, T, b, T, WORK)
-    solve_upper(F, S, n, T, WORK)
+    la.solve_lower(L, T, b, T, WORK)
+    la.apply(L, T, b, T, WORK)
+    la.solve_upper(F, S, n, T, WORK)
     before = after = 0.0
     for j in range(n):
         T[WORK, j] += qdd[j]

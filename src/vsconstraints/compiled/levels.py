@@ -8,7 +8,7 @@ import numpy as np
 
 from ..rows import Array, BoolArray
 from ..rows.tolerances import DEPENDENT, MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
-from .compiler import inner
+from .compiler import in_place, inner
 from .least_distance import MULTIPLIER, NEW, POINT, SCALE
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
@@ -26,7 +26,7 @@ CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), const
 """Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it; their number."""
 
 
-@inner
+@in_place
 def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> None:
     """√damping [Z | offset] to the columns of R and, below it, G [Z | offset] / ‖G‖ to those of B (p + 1, k)."""
     k, n, p, size, reduced = G.shape[0], X.shape[1], R.shape[1], squares(G, X.shape[1]), Z.shape[0] > 0
@@ -101,7 +101,7 @@ def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, rel
     return A[:at]
 
 
-@inner
+@in_place
 def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, float]:
     """Write that of levels 2 and 3 at a point to X[NEW]; the size of the cost there, and of the terms of the point."""
     n, size = point.shape[1], squares(G, point.shape[1])
@@ -121,7 +121,7 @@ def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, f
     return math.sqrt(cost + damping * far), terms
 
 
-@inner
+@in_place
 def optimal(
     G: Array, damping: float, Z: Array, walls: Array, sides: Array, rows: Array, X: Array, point: Array
 ) -> bool:
@@ -148,7 +148,7 @@ def optimal(
     return math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms and loose <= CHECKED * cost * cost
 
 
-@inner
+@in_place
 def damped(G: Array, X: Array, point: Array) -> bool:
     """Whether the damping may have cost the point a residual that level 2 by itself does not have."""
     n, residual, far, size = point.shape[1], 0.0, 0.0, 0.0
@@ -161,7 +161,7 @@ def damped(G: Array, X: Array, point: Array) -> bool:
     return math.sqrt(residual) > math.sqrt(squares(G, n)) * (STRICT * math.sqrt(far) + MET * math.sqrt(size))
 
 
-@inner
+@in_place
 def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
     """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on a long way."""
     n = point.shape[1]
@@ -173,7 +173,7 @@ def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
     return True
 
 
-@inner
+@in_place
 def with_room(walls: Array, sides: Array, point: Array) -> None:
     """Make the sides some that the point meets, with room for rounding."""
     n = point.shape[1]
@@ -201,7 +201,7 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array) -> Array:
     return A[:at]
 
 
-@inner
+@in_place
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
     """Make the point, brought into the box, the origin of what follows, and the answer if nothing does."""
     for j in range(qdd.size):
@@ -229,7 +229,7 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
     return Z, p
 
 
-@inner
+@in_place
 def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
     """Write origin + Z y, with y of X[POINT], to the point, in the box."""
     n = X.shape[1]

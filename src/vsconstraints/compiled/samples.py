@@ -6,13 +6,13 @@ Written once, in operations that compile: the compiled loop calls these function
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
-from .workspace import Answer, RowArrays, TaskArrays
+from .workspace import BOOL, F8, I8, Answer, RowArrays, TaskArrays
 
 STEP, LAW, ALONE, MOVE = range(4)
 """What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion."""
@@ -22,144 +22,106 @@ NOTICED = 1e-3
 
 
 class Goals(NamedTuple):
-    """What is wanted: when each of g goals begins, its pixels and its pose, NaN where it has none.
+    """What is wanted: when each goal begins, its pixels and its pose, NaN where it has none, and its tolerance.
 
-    ``tolerance`` (g, 4) is each one's: distance [m], angle [rad], pixels and joints' speed; the first two count if
-    ``by_pose`` (1,), and else the third.
+    That is distance [m], angle [rad], pixels and joints' speed; the first two count if ``by_pose``, and else the third.
     """
 
-    begins: Array
-    pixels: Array
-    R: Array
-    t: Array
-    tolerance: Array
-    by_pose: BoolArray
+    begins: Annotated[Array, F8, "goals"]
+    pixels: Annotated[Array, F8, "goals", "M", 2]
+    R: Annotated[Array, F8, "goals", 3, 3]
+    t: Annotated[Array, F8, "goals", 3]
+    tolerance: Annotated[Array, F8, "goals", 4]
+    by_pose: Annotated[BoolArray, BOOL, 1]
 
 
 class PlantArrays(NamedTuple):
-    """See :class:`vsconstraints.simulation.plant.Plant`: (s, s), (s, n), the same as scratch, and d_c (N or 1, n).
+    """See :class:`vsconstraints.simulation.plant.Plant`: transition, state and scratch for it, and d_c (N or 1, n).
 
-    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` (n,) is the command before.
+    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` is the command before.
     """
 
-    transition: Array
-    x: Array
-    after: Array
-    push: Array
+    transition: Annotated[Array, F8, "s", "s"]
+    x: Annotated[Array, F8, "s", "n"]
+    after: Annotated[Array, F8, "s", "n"]
+    push: Annotated[Array, F8, "N", "n"]
     limits: JointLimits
-    last: Array
+    last: Annotated[Array, F8, "n"]
 
 
 class Kept(NamedTuple):
     """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
 
-    ``states`` (N, s, n) are those of the plant at the beginning of each period. The camera's errors and poses, and the
-    features' error, are kept for as long as it takes to detect rest, even where nothing else is.
+    ``states`` are those of the plant at the beginning of each period. The camera's errors and poses, and the features'
+    error, are kept for as long as it takes to detect rest, even where nothing else is.
     """
 
-    states: Array
-    error: Array
-    camera_error: Array
-    feature_error: Array
-    camera_R: Array
-    camera_t: Array
-    pixels: Array
-    points: Array
-    phi: Array
-    sigma: Array
-    active: BoolArray
-    saturated: BoolArray
-    rows_time: Array
-    step_time: Array
+    states: Annotated[Array, F8, "N", "s", "n"]
+    error: Annotated[Array, F8, "N", "k"]
+    camera_error: Annotated[Array, F8, "poses", 2]
+    feature_error: Annotated[Array, F8, "poses"]
+    camera_R: Annotated[Array, F8, "poses", 3, 3]
+    camera_t: Annotated[Array, F8, "poses", 3]
+    pixels: Annotated[Array, F8, "N", "M", 2]
+    points: Annotated[Array, F8, "N", "P", 3]
+    phi: Annotated[Array, F8, "N", "m"]
+    sigma: Annotated[Array, F8, "N", "m"]
+    active: Annotated[BoolArray, BOOL, "N", "m"]
+    saturated: Annotated[BoolArray, BOOL, "N"]
+    rows_time: Annotated[Array, F8, "N"]
+    step_time: Annotated[Array, F8, "N"]
 
 
 class Running(NamedTuple):
-    """Scores so far, for m rows and n joints.
+    """Scores so far, for m rows and n joints."""
 
-    Attributes
-    ----------
-    phi_max, sigma_max
-        (m,) greatest φ and σ.
-    outside, acted
-        (m,) samples with σ > 0, and in which the row acts.
-    first_active, last_active
-        (m,) samples in which it acts first and last; −1 if it never does.
-    positive, longest_positive
-        (m,) samples with φ ≥ 0 in a row until now, and the most of them.
-    acceleration_max
-        (n,) greatest |q̈_c|.
-    common
-        (1,) samples of the scenario's duration, which all laws share: the next three are counted in these alone.
-    variation, squared_variation
-        (1,) Σ‖Δq̈_c‖ and Σ‖Δq̈_c‖².
-    switches
-        (1,) how often the set of acting rows has changed.
-    unreached
-        (g,) last sample in which each goal is not reached while it holds; −1 if there is none.
-    saturated
-        (1,) samples in which the command is at a limit of the actuators.
-    share_to_hold
-        (m,) L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before, and without limits.
-    active, qdd
-        (m,) and (n,) which rows act, and q̈_c, in the last sample.
-    """
-
-    phi_max: Array
-    sigma_max: Array
-    outside: IntArray
-    acted: IntArray
-    first_active: IntArray
-    last_active: IntArray
-    positive: IntArray
-    longest_positive: IntArray
-    acceleration_max: Array
-    common: IntArray
-    variation: Array
-    squared_variation: Array
-    switches: IntArray
-    unreached: IntArray
-    saturated: IntArray
-    share_to_hold: Array
-    active: BoolArray
-    qdd: Array
+    phi_max: Annotated[Array, F8, "m"]
+    sigma_max: Annotated[Array, F8, "m"]
+    # samples with σ > 0, and in which the row acts; the first and the last of these, −1 if there is none
+    outside: Annotated[IntArray, I8, "m"]
+    acted: Annotated[IntArray, I8, "m"]
+    first_active: Annotated[IntArray, I8, "m"]
+    last_active: Annotated[IntArray, I8, "m"]
+    # consecutive samples with φ ≥ 0 until now, and the most of them
+    positive: Annotated[IntArray, I8, "m"]
+    longest_positive: Annotated[IntArray, I8, "m"]
+    acceleration_max: Annotated[Array, F8, "n"]  # |q̈_c|
+    # samples of the scenario's duration, which all laws share: in these alone Σ‖Δq̈_c‖, Σ‖Δq̈_c‖² and changes of the set
+    # of acting rows are counted
+    common: Annotated[IntArray, I8, 1]
+    variation: Annotated[Array, F8, 1]
+    squared_variation: Annotated[Array, F8, 1]
+    switches: Annotated[IntArray, I8, 1]
+    unreached: Annotated[IntArray, I8, "goals"]  # last sample of each goal in which it is not reached; −1 if none
+    saturated: Annotated[IntArray, I8, 1]  # samples in which the command is at a limit of the actuators
+    share_to_hold: Annotated[Array, F8, "m"]  # L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before
+    # of the last sample
+    active: Annotated[BoolArray, BOOL, "m"]
+    qdd: Annotated[Array, F8, "n"]
 
 
 class Loop(NamedTuple):
     """A closed loop.
 
-    Attributes
-    ----------
-    parts
-        (9,) addresses: of the function that evaluates a step, of the step that the control believes in, of the one that
-        is true, of the law, of tracking alone. Where one is 0, Python is asked. Then of the function that tells the
-        control what is measured, or 0 where it knows, and of what this works with; likewise of the function that moves
-        a plant which its transition does not.
-    Ts
-        (1,) sampling time [s].
-    clock
-        (2,) scratch, or (0,) where nobody asks how long steps take.
-    rows, task, answer
-        What the law works on, and what it answers: its q̈ is the plant's command. The error that is kept is the task's.
-    alone
-        (n,) q̈ of tracking alone.
-    true, pixels, points, camera_R, camera_t
-        What is true: rows, (M, 2) pixels, (p, 3) robot points, the camera's pose in the target's frame.
-    goals, plant, kept, scores
-        See there.
+    ``parts`` are addresses: of the function that evaluates a step, of the believed step, of the true one, of the law,
+    of tracking. Where one is 0, Python does it. Then of the function that writes measurements to the believed step, or
+    0 where it knows all, and of its workspace; likewise of the function that moves a plant without a transition.
+    ``clock`` is (0,) where nobody asks how long steps take. ``rows``, ``task`` and ``answer`` are the law's; its q̈ is
+    the plant's command. ``alone`` is q̈ of tracking, ``true`` to ``camera_t`` what is true.
     """
 
-    parts: IntArray
-    Ts: Array
-    clock: IntArray
+    parts: Annotated[IntArray, I8, 9]
+    Ts: Annotated[Array, F8, 1]
+    clock: Annotated[IntArray, I8, 2]
     rows: RowArrays
     task: TaskArrays
     answer: Answer
-    alone: Array
+    alone: Annotated[Array, F8, "n"]
     true: RowArrays
-    pixels: Array
-    points: Array
-    camera_R: Array
-    camera_t: Array
+    pixels: Annotated[Array, F8, "M", 2]
+    points: Annotated[Array, F8, "P", 3]
+    camera_R: Annotated[Array, F8, 3, 3]
+    camera_t: Annotated[Array, F8, 3]
     goals: Goals
     plant: PlantArrays
     kept: Kept

@@ -1,34 +1,38 @@
-"""What a controller believes to see, compiled: see :mod:`vsconstraints.simulation.sensing`.
+"""Where a camera is, from what it sees, and what a controller believes to see.
 
-The camera's pose is estimated as in :mod:`vsconstraints.vision.pose_estimate`, by reflections instead of LAPACK, which
-compiled code cannot call: ``test_both_forms_find_the_same_pose`` in ``tests/test_disturbed_loop.py`` holds the pair
-together.
+See :func:`vsconstraints.vision.pose_estimate.estimated_pose` and :mod:`vsconstraints.simulation.sensing`.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..formulas.features import image_row
+from ..formulas.features import MINIMUM_DEPTH, image_row
 from ..formulas.rotation import turn_by
 from ..formulas.vectors import Matrix, Vector, matrix, minus, plus, product, turned, turned_back, vector
-from ..rows import Array
-from ..vision.pose_estimate import CONVERGED, ITERATIONS, RANK_TOLERANCE
-from ..vision.scene import MINIMUM_DEPTH
+from ..rows import Array, IntArray
 from . import images
 from . import scratch as parts
 from .compiler import OPTIONS, compiled, in_place, inner, register_formulas
-from .images import Images, Lenses, Sensing
+from .images import Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
-from .workspace import Scratch, Step
+from .workspace import Scratch, Step, zeros
 
 in_place(images.usable)
 register_formulas()
+
+ITERATIONS = 10
+"""Of the pose estimation at most; three or four are usual."""
+
+CONVERGED = 1e-10
+"""Step of the pose estimation [m, rad] at which it ends."""
+
+RANK_TOLERANCE = 1e-4
+"""Directions of the camera's motion to which the image is less sensitive than this, relative to the most sensitive
+one, are left as they are where the search starts."""
 
 CERTAIN = 1.01
 """Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
@@ -37,7 +41,7 @@ ends where a step is small, however accurate it is."""
 
 @inner
 def pose_step(markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, scratch: Scratch) -> float:
-    """Write the step (1, 6) of Gauss–Newton from a pose, as :func:`.estimated_pose` has it; returns its length."""
+    """Write the step (1, 6) of Gauss–Newton from a pose; returns its length."""
     W = parts.matrix(scratch, 2 * len(markers), 7)
     for i in range(len(markers)):
         P = turned_back(R, minus(vector(markers[i]), t))
@@ -72,14 +76,19 @@ def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch)
     return True, R, t
 
 
-_none = np.zeros((1, 1, 1))
-load_sensing = struct_loader(
-    Sensing(
-        Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
-        Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
-        Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
-    )
-)
+@compiled("boolean(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], int64[::1])", OPTIONS)
+def estimate(markers: Array, seen: Array, R: Array, t: Array, numbers: Array, taken: IntArray) -> bool:
+    """Move a pose R (3, 3), t (3,) to where it explains normalised markers (m, 2) best; False if it leaves all numbers.
+
+    ``numbers`` and ``taken`` are those of a :class:`.Scratch`.
+    """
+    finite, turned_R, where = explain(markers, seen, matrix(R), vector(t), Scratch(numbers, taken))
+    put_matrix(turned_R, R)
+    put(where, t)
+    return finite
+
+
+load_sensing = struct_loader(zeros(Sensing))
 
 
 @checked(Sensing, Step, Step)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..formulas.features import image_motion
+from ..formulas.features import MINIMUM_DEPTH, image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle, carried, relative_twist, target_pose
@@ -24,14 +24,13 @@ from ..formulas.vectors import (
     vector,
 )
 from ..rows import Array, BoolArray
-from ..vision.scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
 from .constraint_rows import displaced
 from .kinematics import move, place, point_jacobian, put, put_matrix
 from .parts import address as address_of
 from .parts import call_void_pointer, checked, load_step
 from .visual_task import JUST_NOW, write_task
-from .workspace import Step
+from .workspace import OWN, Step
 
 
 @in_place
@@ -212,7 +211,8 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
     error = step.gradient_error[0]
     if error.address != 0:
         call_void_pointer(error.address, (address, error.in_phi))
-    write_task(step, t)
+    if step.options[0].feature != OWN:
+        write_task(step, t)
     for j in range(len(step.limits.acceleration)):
         write_box(step, j)
     return True
@@ -234,6 +234,13 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
 
 EVALUATE = address_of(evaluate_step)
 """Where it begins."""
+
+
+@checked(Step)
+@compiled("void(int64, float64)", IN_PLACE)
+def follow(address: int, t: float) -> None:
+    """Make a task of an own feature, whose error, J_s, ṡ, drift and ∂s/∂t are written, at time t [s]."""
+    write_task(load_step(address), t)
 
 
 @checked(Step)

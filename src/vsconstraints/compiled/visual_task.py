@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ..formulas.features import image_row, pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate
-from ..formulas.tracking import demanded, gains, resting
+from ..formulas.tracking import demanded, gains, minimum_jerk, resting
 from ..formulas.vectors import matrix, turned, vector
 from .compiler import in_place
 from .kinematics import put
 from .linear import START
-from .workspace import CAMERA_POSE, Step
+from .workspace import CAMERA_POSE, IMAGE_POINTS, Step
 
 JUST_NOW = 1e-9
 """A goal's time [s] is met up to rounding."""
@@ -81,11 +81,15 @@ def write_task(step: Step, t: float) -> None:
     continues = last.goal == goal
     if options.feature == CAMERA_POSE:
         write_pose(step, goal, continues)
-    else:
+    elif options.feature == IMAGE_POINTS:
         write_image(step, goal)
-    Ts = t - last.time
+    Ts, reach_in, reference = t - last.time, step.goals[goal].reach_in, step.last_reference
     differences = continues and Ts > 0.0
-    squared = 0.0
+    squared = left = speed = bend = 0.0
+    if reach_in > 0.0:
+        if not continues:
+            last.began = t
+        left, speed, bend = minimum_jerk(t - last.began, reach_in)
     for i in range(k):
         moving = 0.0
         for j in range(n):
@@ -104,11 +108,26 @@ def write_task(step: Step, t: float) -> None:
                 step.drift[i] = total / Ts
         if options.velocity_by_differences and differences:
             task.error_rate[i] = (task.error[i] - step.last_error[i]) / Ts
+        step.last_error[i] = task.error[i]
+        if reach_in > 0.0:
+            if not continues:
+                reference[0, i] = task.error[i]
+            start = reference[0, i]
+            s_ref, rate, acceleration = left * start, speed * start, bend * start
+            if options.reference_by_differences:
+                rate = acceleration = 0.0
+                if differences:
+                    rate = (s_ref - reference[1, i]) / Ts
+                    acceleration = (rate - reference[2, i]) / Ts
+            reference[1, i], reference[2, i] = s_ref, rate
+            task.error[i] -= s_ref
+            task.error_rate[i] -= rate
+            step.drift[i] -= acceleration
         squared += task.error[i] * task.error[i]
     Kp, Kv = gains(squared, options.Kp0, options.slope, options.damping)
     for i in range(k):
         task.b[i] = demanded(task.error[i], task.error_rate[i], step.drift[i], Kp, Kv)
-        step.last_error[i], step.last_partial[i] = task.error[i], step.partial[i]
+        step.last_partial[i] = step.partial[i]
         for j in range(n):
             step.last_J[i, j] = task.J[i, j]
     for j in range(task.rest.size):

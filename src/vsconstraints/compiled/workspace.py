@@ -6,6 +6,7 @@ Records are arrays whose fields compiled code takes as attributes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -22,7 +23,7 @@ SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELA
 other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
 """
 
-CAMERA_POSE, IMAGE_POINTS = range(2)
+CAMERA_POSE, IMAGE_POINTS, OWN = range(3)
 """Features of the task."""
 
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
@@ -42,7 +43,7 @@ def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
     return np.dtype(columns)
 
 
-F8, I8 = np.dtype("f8"), np.dtype("i8")
+F8, I8, BOOL = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 V3, M3 = (3,), (3, 3)
 POSE = ("R", M3), ("t", V3)
 
@@ -58,12 +59,12 @@ TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3)
 POINT = record("#body", ("offset", V3))
 """A robot point: its body (0 is the base) and place in its frame."""
 TASK = record(
-    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "Kp0", "slope", "damping", "rest_damping",
-    "rest_stiffness",
+    "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
+    "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
 )  # fmt: skip
 """See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""
-GOAL = record("from_time", *POSE)
-"""When a goal begins, and the camera's pose there."""
+GOAL = record("from_time", "reach_in", *POSE)
+"""When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there."""
 PART = record("#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION))
 """A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
 image R[:2, :2] and t[:2]); the motion of what it forbids."""
@@ -85,8 +86,8 @@ MEASUREMENT = record("#given", "time", "#pose_given")
 """Whether pixels are measured, and when; whether the camera's pose is."""
 GRADIENT_ERROR = record("#address", "#in_phi")
 """The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too."""
-SAMPLE = record("time", "#goal")
-"""The sample before; goal −1 if there is none."""
+SAMPLE = record("time", "#goal", "began")
+"""The sample before; goal −1 if there is none; the time of its goal's first sample."""
 
 
 class RowArrays(NamedTuple):
@@ -122,7 +123,7 @@ class Answer(NamedTuple):
     """
 
     qdd: Annotated[Array, F8, "n"]
-    acted: Annotated[BoolArray, np.dtype("?"), "m"]
+    acted: Annotated[BoolArray, BOOL, "m"]
     slack: Annotated[Array, F8, "m"]
     iterations: Annotated[IntArray, I8, 1]
     alone: Annotated[Array, F8, "n"]
@@ -215,11 +216,13 @@ class Step(NamedTuple):
     qd: Annotated[Array, F8, "n"]
     limits: JointLimits
     last_command: Annotated[Array, F8, "n"]
-    # memory of the task: the sample before, its error, ∂s/∂t and J_s
+    # memory of the task: the sample before, its s less the value at the goal, ∂s/∂t and J_s; s at the goal's first
+    # sample and s_ref likewise, and ṡ_ref
     last: Annotated[Records, SAMPLE, 1]
     last_error: Annotated[Array, F8, "k or 6"]
     last_partial: Annotated[Array, F8, "k"]
     last_J: Annotated[Array, F8, "k", "n"]
+    last_reference: Annotated[Array, F8, 3, "k"]
     # the target's pose in the base frame; ∂(v, ω)/∂q̇ of the camera's twist relative to it
     bodies: Annotated[Records, BODY, "n + 1"]
     eye: Annotated[Records, EYE, 1]
@@ -264,6 +267,26 @@ def fields(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
+def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
+    """The shape of a declared array; letters without a length count 1."""
+    return tuple(length if isinstance(length, int) else lengths.get(length, 1) for length in declared.__metadata__[1:])
+
+
+def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None) -> Any:
+    """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields that are there."""
+    values, lengths = dict(known or {}), lengths or {}
+    for name, declared in fields(kind).items():
+        if name not in values and declared in (int, float):
+            values[name] = declared(0)
+        elif name not in values and declared is JointLimits:
+            values[name] = JointLimits(*(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0)
+        elif name not in values and hasattr(declared, "__metadata__"):
+            values[name] = np.zeros(shape_of(declared, lengths), declared.__metadata__[0])
+        elif name not in values:
+            values[name] = zeros(declared, lengths, known)
+    return kind(**{name: values[name] for name in kind._fields})
+
+
 @dataclass(frozen=True)
 class Size:
     """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and their parameters.
@@ -282,18 +305,18 @@ class Size:
     limited: bool = False
     rests: bool = False
 
-    def shape(self, declared: Any) -> tuple[int, ...]:
-        """The shape of a field."""
+    @property
+    def lengths(self) -> dict[str, int]:
+        """What the letters in declarations count."""
         n, M, k = self.n, self.M, self.k
         counts = {"n + 1": n + 1, "2M": 2 * M, "k or 6": max(k, 6), "limits": n * self.limited, "rest": n * self.rests}
-        lengths = {**vars(self), **counts}
-        return tuple(lengths.get(length, length) for length in declared.__metadata__[1:])
+        return {**vars(self), **counts}
 
     @property
     def outputs(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
         """Place in the array of outputs, and shape, of each."""
-        declared = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}
-        shapes = {name: self.shape(declared[name]) for name in OUTPUTS}
+        declared, lengths = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}, self.lengths
+        shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
         starts = [0, *ends[:-1]]
         return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, starts, ends, strict=True)}
@@ -303,23 +326,10 @@ class Size:
         outputs = self.outputs
         out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
         views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
-        none = JointLimits(*(np.zeros(self.n * self.limited),) * 5, ranges=0, period=1.0)
-        step: Step = self._zeros(Step, {**views, "limits": limits or none})
+        step: Step = zeros(Step, self.lengths, views if limits is None else {**views, "limits": limits})
         step.bodies["R"][0] = np.eye(3)
         step.bounds[:] = np.inf
         return step, out
-
-    def _zeros(self, kind: Any, known: dict[str, Any]) -> Any:
-        values = dict(known)
-        for name, declared in fields(kind).items():
-            if name not in values and declared is int:
-                values[name] = 0
-            elif name not in values:
-                nested = not hasattr(declared, "__metadata__")
-                values[name] = (
-                    self._zeros(declared, known) if nested else np.zeros(self.shape(declared), declared.__metadata__[0])
-                )
-        return kind(**{name: values[name] for name in kind._fields})
 
 
 _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()

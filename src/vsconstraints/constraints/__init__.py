@@ -7,13 +7,11 @@ from .constraint_set import ConstraintSet, robot_points
 from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Occlusion, Shape
 from .field_of_view import FieldOfView
 from .image_constraint import ImageConstraint
-from .joint_constraint import JointConstraint, SpeedConstraint
-from .joint_limits import JointRange, JointSpeed
+from .joint_limits import JointConstraint, JointRange, JointSpeed, SpeedConstraint
 from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
 from .meshes import Mesh
 from .performance_funnel import PerformanceFunnel
-from .point_constraint import PointConstraint
 from .regions import (
     ForbiddenBox,
     ForbiddenCapsule,
@@ -21,6 +19,7 @@ from .regions import (
     ForbiddenHalfSpace,
     ForbiddenRegion,
     ForbiddenSphere,
+    PointConstraint,
 )
 
 __all__ = [

@@ -56,26 +56,12 @@ class Trace:
 
 
 class Constraint(ABC):
-    """A constraint with one or more rows.
+    """A constraint with one or more rows."""
 
-    Attributes
-    ----------
-    kind
-        First part of the labels, for example ``"fov"``.
-    unit
-        Natural unit of its clearance.
-    K, switching_gain
-        Approach time constant of eq. (19) [s], and u⁺ of eq. (11) [units of φ per second].
-    scale
-        Size of the allowed range in units of φ, for laws that need one: 1 for normalised constraints.
-    points
-        Robot points whose motion the rows need.
-    """
-
-    kind: ClassVar[str]
-    unit: ClassVar[str]
-    scale: float = 1.0
-    points: Sequence[RobotPoint] = ()
+    kind: ClassVar[str]  #: First part of the labels, for example ``"fov"``.
+    unit: ClassVar[str]  #: Natural unit of its clearance.
+    scale: float = 1.0  #: Size of the allowed range in units of φ: 1 for normalised constraints.
+    points: Sequence[RobotPoint] = ()  #: Robot points whose motion the rows need.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
@@ -100,9 +86,9 @@ class Constraint(ABC):
         """Natural unit of each row's clearance; :attr:`unit` for all unless rows differ."""
         return (self.unit,) * len(self.labels(scene))
 
-    @abstractmethod
     def rows(self, state: State, points: slice) -> RowBlock:
-        """The rows now; ``points`` is where this constraint's robot points stand among the scene's."""
+        """The rows now, where there is no compiled form; ``points``: where its robot points stand among the scene's."""
+        raise NotImplementedError(f"{self.kind} needs rows, or a compiled form")
 
     @abstractmethod
     def clearance(self, trace: Trace, points: slice) -> Array:
@@ -117,7 +103,7 @@ class Constraint(ABC):
         return ""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """What the compiled step needs to make the rows itself, as :meth:`rows`; None if they are made in NumPy."""
+        """What the compiled step needs to make the rows itself; None if :meth:`rows` makes them in NumPy."""
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
@@ -154,17 +140,10 @@ class PositionConstraint(ByFormula, Constraint):
     A formula says all about it, for arrays and for the compiled step: see :class:`.ByFormula`. A subclass that gives
     :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled
     ones. What it forbids may move (section 5.4): see :meth:`moving`.
-
-    Attributes
-    ----------
-    margin
-        σ is the formula's value plus this.
-    motion
-        How what it forbids moves; None if it stands still.
     """
 
-    margin: float = 0.0
-    motion: Motion | None = None
+    margin: float = 0.0  #: σ is the formula's value plus this.
+    motion: Motion | None = None  #: How what it forbids moves; None if it stands still.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         super().__init__(K=K, switching_gain=switching_gain)

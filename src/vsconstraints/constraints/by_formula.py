@@ -43,27 +43,13 @@ class Form(NamedTuple):
 
 
 class ByFormula:
-    """A function of d coordinates y by an elementwise formula: see :mod:`vsconstraints.formulas`.
+    """A function of d coordinates y by an elementwise formula: see :mod:`vsconstraints.formulas`."""
 
-    Attributes
-    ----------
-    coordinates
-        d: 2 in the image, 3 in space.
-    formula
-        Value and its d derivatives, from the d coordinates in the frame, then the parameters.
-    curvature_formula
-        ẏᵀ H ẏ, from coordinates, parameters and d velocities; by differences if None.
-    parameters
-        Floats.
-    frame
-        In which the formula is written; None if that is the one of the coordinates.
-    """
-
-    coordinates: int
-    formula: Formula | None = None
-    curvature_formula: Formula | None = None
+    coordinates: int  #: d: 2 in the image, 3 in space.
+    formula: Formula | None = None  #: Value and its d derivatives, from d coordinates and the parameters.
+    curvature_formula: Formula | None = None  #: ẏᵀ H ẏ, from the same and d velocities; by differences if None.
     parameters: tuple[float, ...] = ()
-    frame: Frame | None = None
+    frame: Frame | None = None  #: In which the formula is written; None if that is the one of y.
 
     def value(self, y: Array) -> Array:
         """(...) value at y (..., d)."""

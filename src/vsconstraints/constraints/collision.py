@@ -39,10 +39,8 @@ class BodyDistance(Constraint):
 
     Parameters
     ----------
-    robot
-        Whose bodies these are.
     pairs
-        Bodies, first and second of each row.
+        Bodies of the robot, first and second of each row.
     margin, length
         Safety margin, and characteristic length [m].
     K, switching_gain
@@ -148,18 +146,14 @@ class Collision(BodyDistance):
 
     Parameters
     ----------
-    robot
-        The arm.
     bodies
-        Its bodies, for example ``link_bodies(robot)``; those that no joint moves are left out.
+        The robot's, for example ``link_bodies(robot)``; those that no joint moves are left out.
     obstacle
         What stands in the way, for example ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``.
     links
         Names of the bodies concerned; all if not given.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin, length
-        Safety margin, and characteristic length [m].
+    K, switching_gain, margin, length
+        As of :class:`BodyDistance`.
     """
 
     kind = "collision"
@@ -203,19 +197,15 @@ class SelfCollision(BodyDistance):
 
     Parameters
     ----------
-    robot
-        The arm.
     bodies
-        Its bodies, for example ``link_bodies(robot)``.
+        The robot's, for example ``link_bodies(robot)``.
     pairs
         Names of the bodies of each pair. If not given, all pairs except those of one joint or of neighbouring ones,
         which always touch, and those that the SRDF file disables.
     srdf
         Path of an SRDF file.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin, length
-        Safety margin, and characteristic length [m].
+    K, switching_gain, margin, length
+        As of :class:`BodyDistance`.
     """
 
     kind = "self-collision"

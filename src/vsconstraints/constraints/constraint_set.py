@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput
 from ..robots.kinematics import RobotPoint
-from ..rows import Array, Rows
+from ..rows import Array
 from ..rows.readable import counted, enumerated, in_one_line
-from ..vision.scene import Scene, State
+from ..vision.scene import Scene
 from .base import Constraint, RowBlock, Trace
-from .joint_constraint import SpeedConstraint
+from .joint_limits import SpeedConstraint
 
 
 def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
@@ -24,16 +24,8 @@ def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
 class ConstraintSet:
     """Evaluates constraints together; what does not change from step to step is prepared once.
 
-    Attributes
-    ----------
-    labels, kinds, units
-        (m,) unique names, what each row is about, and the natural unit of its clearance.
-    switching_gain, scale, K
-        (m,) u⁺, scale and approach time constant of each row.
-    approach_time
-        (m,) K of each row, 0 of those whose φ is not σ + K σ̇ [s].
-    characteristic_length
-        (m,) L of each row, in its natural unit.
+    Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances, ``switching_gain``,
+    ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and ``characteristic_length`` in its unit.
 
     Raises
     ------
@@ -72,22 +64,6 @@ class ConstraintSet:
     def __repr__(self) -> str:
         kinds = [f"{self.kinds.count(kind)} {kind}" for kind in dict.fromkeys(self.kinds)]
         return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
-
-    def rows(self, state: State) -> tuple[Rows, Array]:
-        """The rows now, and σ (m,) of each; raises InvalidInput that names a constraint of the wrong shape."""
-        n, m = self.scene.robot.n, len(self.labels)
-        if not self.constraints:
-            return Rows.none(n), np.empty(0)
-        blocks = [c.rows(state, at) for c, at in zip(self.constraints, self._points, strict=True)]
-        try:
-            sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-        except ValueError as error:
-            raise misshapen(self.constraints, self._counts, blocks, n) from error
-        if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, n)):
-            raise misshapen(self.constraints, self._counts, blocks, n)
-        K = self.approach_time
-        sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
-        return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale, sigma, sigma_dot, K), sigma
 
     def has_unknown_motion(self, scene: Scene) -> bool:
         """Whether a scene's target or something forbidden moves without controllers' being told."""

@@ -6,13 +6,12 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..compiled import load
 from ..errors import ConfigurationError, unknown_name
 from ..qp.decomposition import svd
 from ..robots.robot import Robot
 from ..rows import Array
-from ..vision.scene import Scene, State
-from .base import Constraint, RowBlock, Trace, demand_positive
+from ..vision.scene import Scene
+from .base import Constraint, Trace, demand_positive
 from .by_formula import Form
 
 Part = Literal["pose", "position", "orientation"]
@@ -84,18 +83,11 @@ class Manipulability(Constraint):
         """``manipulability``, and the part if it is not the pose."""
         return (self.kind if self.part == "pose" else f"{self.kind}[{self.part}]",)
 
-    def rows(self, state: State, points: slice) -> RowBlock:
-        """One row, from the tip's Jacobian."""
-        qd, factor, at = state.robot.qd, -1.0 / self.w_scale, self._rows
-        measured = load("manipulability_rows").derivatives(state.robot.J, qd, at.start, at.stop - at.start)
-        w, g, bent = measured[0], factor * measured[1][None, :], factor * measured[2]
-        return self.block(np.array([(self.minimum - w) / self.w_scale]), g @ qd, g, np.array([bent]))
-
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
         at = self._rows
         numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
-        return Form("manipulability_rows", parameters=numbers) if type(self) is Manipulability else None
+        return Form("manipulability_rows", parameters=numbers) if type(self).rows is Constraint.rows else None
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(w − w_min) / w_scale."""

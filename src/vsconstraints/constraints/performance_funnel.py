@@ -11,9 +11,9 @@ from ..errors import ConfigurationError
 from ..formulas.features import pose_error
 from ..formulas.tracking import funnel, goal_at
 from ..rows import Array
-from ..vision.features import CameraPose, Goal
-from ..vision.scene import Scene, State
-from .base import Constraint, RowBlock, Trace, demand_numbers, demand_positive
+from ..vision.features import Goal
+from ..vision.scene import Scene
+from .base import Constraint, Trace, demand_numbers, demand_positive
 from .by_formula import Form
 
 POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
@@ -114,28 +114,9 @@ class PerformanceFunnel(Constraint):
         """Pixels, metres or radians."""
         return tuple("px" if self.of_image else "m" if i < 3 else "rad" for i in self._both)
 
-    def rows(self, state: State, points: slice) -> RowBlock:
-        """From the error and its derivatives, and those of the funnel."""
-        goal, seen = self.goals[goal_at(self._begins, state.t)], state.pixels
-        error: Array
-        J: Array
-        velocity: Array
-        drift: Array
-        if self.of_image:
-            error, J = (seen.position - goal.pixels).ravel(), seen.J.reshape(-1, seen.J.shape[2])
-            velocity, drift = seen.velocity.ravel(), seen.drift.ravel()
-        else:
-            pose = CameraPose().evaluate(state, goal, None)
-            error, J, velocity, drift = pose.error, pose.J, pose.velocity, pose.drift
-        at, side = self._both, self._side
-        width, rate, bend = funnel(state.t - goal.from_time, self.final, self.decay)
-        return self.block(
-            side * error[at] - width, side * velocity[at] - rate, side[:, None] * J[at], side * drift[at] - bend
-        )
-
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The rows that compiled code makes of markers or of the camera's pose."""
-        if type(self) is not PerformanceFunnel:
+        if type(self).rows is not Constraint.rows:
             return None
         wanted: list[Array] = [
             goal.pixels.ravel() if self.of_image or goal.camera is None else np.append(goal.camera.R, goal.camera.t)

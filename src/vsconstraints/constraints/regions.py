@@ -1,4 +1,4 @@
-"""Robot points stay out of regions: sphere, box, half-space, cylinder and capsule (section 4.3.6)."""
+"""Where robot points may be: out of a sphere, box, half-space, cylinder or capsule (section 4.3.6), and own ones."""
 
 from __future__ import annotations
 
@@ -14,9 +14,75 @@ from ..formulas.regions import SMALL
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
-from .base import demand_margin, demand_positive
+from ..vision.scene import PointMotion, Scene, State
+from .base import PositionConstraint, RowBlock, Trace, demand_margin, demand_positive, to_first_order
+from .by_formula import Form
 from .meshes import Mesh, mesh_of, traced
-from .point_constraint import PointConstraint
+
+
+class PointConstraint(PositionConstraint):
+    """A constraint on the position y = p (3,) of robot points, in the base frame [m].
+
+    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`.
+
+    Its characteristic length is in metres; names of the points, and of the obstacle if there are several, are used in
+    labels.
+    """
+
+    unit = "m"
+    coordinates = 3
+
+    def __init__(
+        self,
+        *,
+        K: float,
+        switching_gain: float,
+        length: float,
+        points: Sequence[RobotPoint] = (RobotPoint(),),
+        name: str = "",
+    ) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        if not points:
+            raise ConfigurationError(f"{self.kind} needs at least one robot point")
+        self.scale = self.length = demand_positive(length, f"length of {self.kind}")
+        self.name, self.points = name, tuple(points)
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """One row per point."""
+        prefix = f"{self.name}, " if self.name else ""
+        return tuple(f"{self.kind}[{prefix}{point.label}]" for point in self.points)
+
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
+        robot, J = state.robot, state.robot.point_J[points]
+        motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
+        return self.chain_rule(self.relative(motion, state))
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows of the formula for the points concerned."""
+        return self.formula_form("point_rows", range(points.start, points.stop))
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
+        y = self.displaced(trace.points[:, points], trace.t)
+        return to_first_order(self.sigma(y), self.gradient(y))
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """What it forbids, in the frame of its formula; see :meth:`.Constraint.meshes`. None: it is not drawn."""
+        return None
+
+    def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
+        """The mesh where it is then."""
+        mesh = self.mesh(reach)
+        if mesh is None:
+            return []
+        points = mesh.points if self.frame is None else Pose(*self.frame).act(mesh.points)
+        moved = np.zeros(3) if self.motion is None else self.motion.displacement(t)
+        return [Mesh(points + moved, mesh.triangles)]
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """The same length for every point."""
+        return np.full(len(self.points), self.length)
 
 
 class ForbiddenRegion(PointConstraint):
@@ -33,16 +99,12 @@ class ForbiddenRegion(PointConstraint):
     ----------
     pose
         Of the region's frame in the base frame.
-    length
-        Characteristic length [m].
+    length, margin
+        Characteristic length, and safety margin [m].
     K, switching_gain
         Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    points
-        Points that must stay out; the tip if not given.
-    name
-        Name of the obstacle, for labels when there are several.
+    points, name
+        Points that must stay out, the tip if not given; name of the obstacle, for labels when there are several.
     """
 
     def __init__(
@@ -83,7 +145,7 @@ class ForbiddenRegion(PointConstraint):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class KnownRegion(ForbiddenRegion):
-    """A region whose parameters are those of its formula; see :class:`.ForbiddenRegion` for the ones all have."""
+    """A region whose parameters are those of its formula, and K, gain, margin, points and name of every region."""
 
     K: float
     switching_gain: float
@@ -112,8 +174,6 @@ class ForbiddenSphere(KnownRegion):
         (3,) c in the base frame [m].
     radius
         r [m].
-    K, switching_gain, margin, points, name
-        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "sphere"
@@ -144,8 +204,6 @@ class ForbiddenBox(KnownRegion):
         (3,) in the base frame, and lengths of its edges [m].
     rpy
         (3,) roll, pitch, yaw of its axes in the base frame [rad].
-    K, switching_gain, margin, points, name
-        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "box"
@@ -181,8 +239,6 @@ class ForbiddenHalfSpace(KnownRegion):
         (3,) n, out of the forbidden side; of any length.
     length
         Characteristic length [m]: a half-space has no size of its own.
-    K, switching_gain, margin, points, name
-        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "half-space"
@@ -235,8 +291,6 @@ class ForbiddenCylinder(RegionAroundAxis):
         (3,) ends of the axis in the base frame [m].
     radius
         [m].
-    K, switching_gain, margin, points, name
-        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "cylinder"

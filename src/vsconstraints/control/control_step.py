@@ -13,7 +13,7 @@ from ..compiled import load
 from ..robots.geometry import Pose
 from ..rows import Array, Command
 from ..vision.camera import Camera
-from .evaluator import CompiledEvaluation, Evaluation, Evaluator
+from .evaluator import Evaluation, Evaluator
 from .model import GradientErrorModel, Model, StateEstimator
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class ControlStep(Evaluator):
                 pass
             if code == refused:
                 return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
-            evaluation = CompiledEvaluation(packed, constraints, copied())
+            evaluation = Evaluation(packed, constraints, copied())
             command = answer(code)
             if command is None:
                 command = controller.command(evaluation.rows, evaluation.task)

@@ -1,31 +1,31 @@
-"""Rows and task from time, coordinates and speeds: at compiled speed, or by the NumPy form that defines them."""
+"""Rows and task from time, coordinates and speeds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiled import load
 from ..constraints import Constraint, ConstraintSet
-from ..errors import InvalidInput
-from ..formulas.innovation import slip
-from ..formulas.limits import joint_box
+from ..errors import InvalidInput, SceneError
 from ..robots.geometry import Pose
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import UNKNOWN, Array, BoolArray, Rows, Task
-from ..vision.measurement import Measurement, Plausible, doubts_of, innovation
-from ..vision.scene import Scene, State
+from ..vision.measurement import Measurement, Plausible, doubts_of
+from ..vision.scene import PointMotion, Scene, State, interaction_matrix
 from ..vision.tracking import VisualTask
-from .packing import NotCompiled, Packed
+from .packing import Packed
 
 
-@dataclass(slots=True)
-class DefinedEvaluation:
-    """Result of one step in NumPy.
+def _view(name: str) -> property:
+    return property(lambda evaluation: evaluation.part(name))
+
+
+class Evaluation:
+    """Result of one step: views into the array that the compiled step writes.
 
     Attributes
     ----------
@@ -38,23 +38,6 @@ class DefinedEvaluation:
     camera_R, camera_t
         (3, 3) orientation and (3,) position [m] of the camera in the target's frame.
     """
-
-    rows: Rows
-    task: Task
-    error: Array
-    sigma: Array
-    pixels: Array
-    points: Array
-    camera_R: Array
-    camera_t: Array
-
-
-def _view(name: str) -> property:
-    return property(lambda evaluation: evaluation.part(name))
-
-
-class CompiledEvaluation:
-    """The same as :class:`DefinedEvaluation`, by views into the array that the compiled step writes."""
 
     __slots__ = ("_constraints", "_out", "_packed")
 
@@ -94,10 +77,6 @@ class CompiledEvaluation:
     camera_R, camera_t = _view("camera_R"), _view("camera_t")
 
 
-Evaluation = DefinedEvaluation | CompiledEvaluation
-"""Result of one step."""
-
-
 class Bound:
     """The compiled step for loops: every sample overwrites the one before.
 
@@ -119,7 +98,7 @@ class Bound:
     def __init__(self, packed: Packed, constraints: ConstraintSet) -> None:
         kernels = load("step")
         self.packed, self.out = packed, packed.out
-        self.now = CompiledEvaluation(packed, constraints, self.out)
+        self.now = Evaluation(packed, constraints, self.out)
         self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(packed.workspace)
         self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(packed.workspace)
 
@@ -133,11 +112,10 @@ class CurrentState(NamedTuple):
 
 
 class Evaluator:
-    """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
+    """Evaluates a scene, its constraints and its task together, in one compiled step.
 
-    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, runs where the scene or the task has
-    no compiled form, and where the compiled form cannot answer: then it says why. Constraints without a compiled form
-    (own ones, for example) give their rows in NumPy beside the compiled ones of the others.
+    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled ones, from the same
+    state.
 
     Constraints and task are compiled with the options that they have when this is made. Threads need one each.
 
@@ -157,8 +135,6 @@ class Evaluator:
 
     Attributes
     ----------
-    not_compiled
-        Why the NumPy form runs for all; empty if the compiled one does.
     believes
         Whether something moves that controllers do not know.
     last_command
@@ -186,26 +162,13 @@ class Evaluator:
     ) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.known, self.believes = known, not known and constraints.has_unknown_motion(scene)
-        n = scene.robot.n
         self._settings = {"known": known, "limits": limits, "period": period}
         self._limits = limits.arrays(scene.robot, period) if limits.any else None
-        self._packed: Packed | None = None
-        self.not_compiled = ""
-        try:
-            self._packed = Packed(scene, constraints, task, known, self._limits)
-        except NotCompiled as reason:
-            self.not_compiled = str(reason)
-            self._now: tuple[Array, Array, Array] = np.zeros(1), np.zeros(n), np.zeros(n)
-            self._correction: Array = np.zeros((len(scene.markers), 2))
-            self._slip: Array = np.full(n, np.nan)
-            self.last_command: Array = np.zeros(n)
-            self.innovation: Array = np.zeros(7)
-            self._bounds: Array = np.zeros(6)
-        else:
-            step = self._packed.step
-            self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip
-            self.last_command, self.innovation, self._bounds = step.last_command, step.innovation, step.bounds
-            self._evaluate_step = load("step").evaluate_step.bind(self._packed.workspace, typed=True)
+        self.packed = Packed(scene, constraints, task, known, self._limits)
+        step = self.packed.step
+        self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip
+        self.last_command, self.innovation, self._bounds = step.last_command, step.innovation, step.bounds
+        self._evaluate_step = load("step").evaluate_step.bind(self.packed.workspace, typed=True)
         self.plausible = plausible or Plausible()
 
     @property
@@ -228,37 +191,26 @@ class Evaluator:
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:
         """Constraints whose rows are computed in NumPy, beside the compiled ones."""
-        if self._packed is None:
-            return self.constraints.constraints
-        return tuple(constraint for constraint, _, _ in self._packed.others)
+        return tuple(constraint for constraint, _, _ in self.packed.others)
 
     def __getstate__(self) -> dict[str, Any]:
         """Settings and memory; the compiled form is made again where it is needed."""
-        memory = None if self._packed is None else self._packed.remembered()
-        parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "_correction")}
+        parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task")}
         settings = {**self._settings, "plausible": self.plausible}
-        return {**parts, "settings": settings, "last_command": self.last_command.copy(), "memory": memory}
+        return {**parts, "settings": settings, "memory": self.packed.remembered()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(state["scene"], state["constraints"], state["visual_task"], **state["settings"])  # type: ignore[misc]
-        self._correction[:], self.last_command[:] = state["_correction"], state["last_command"]
-        if self._packed is not None and state["memory"] is not None:
-            self._packed.recall(state["memory"])
+        self.packed.recall(state["memory"])
 
     def reset(self) -> None:
         """Forget the last sample."""
-        self.visual_task.reset()
-        self._correction[:] = self.last_command[:] = self.innovation[:] = 0.0
-        self._slip[:] = np.nan
-        if self._packed is not None:
-            self._packed.reset()
+        self.innovation[:] = 0.0
+        self.packed.reset()
 
     def remember(self, other: Evaluator) -> None:
         """Take over the memory of another one of the same scene, constraints and features."""
-        self.visual_task.memory = other.visual_task.memory
-        self._correction[:] = other._correction
-        if self._packed is not None and other._packed is not None:
-            self._packed.recall(other._packed.memory)
+        self.packed.recall(other.packed.memory)
 
     @property
     def present(self) -> CurrentState:
@@ -301,10 +253,12 @@ class Evaluator:
         if any(value is not None for value in (pixels, depth, taken, camera)):
             measured = Measurement(pixels, depth, taken, camera).checked(len(self.scene.markers), t)
             measured = measured.undistorted(self.scene.camera)
-        packed = self._packed
-        if packed is None:
-            return self._defined(t, q, qd, measured)
-        before = packed.remembered() if packed.others else []
+        return self.evaluate_measured(t, q, qd, measured)
+
+    def evaluate_measured(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
+        """As :meth:`evaluate`, with a measurement that is checked and has ideal pixels."""
+        packed = self.packed
+        before = packed.remembered() if packed.others or packed.own_feature else []
         if measured is not None:
             packed.measure(measured)
         try:
@@ -313,48 +267,53 @@ class Evaluator:
             t, q, qd = self._checked(t, q, qd)
             refused = self._evaluate_step(t, q, qd)
         if refused:
-            # the definition says why
-            return self._defined(t, q, qd, measured)
-        if packed.others:
+            t, q, qd = self._checked(t, q, qd)
+            self.scene.project(self.scene.camera_pose(q, t))
+            raise SceneError("a marker is not in front of the camera as the controller believes it to be")
+        if before:
             try:
-                state = self._believed(self.scene.evaluate(*self._checked(t, q, qd)), measured)
-                for constraint, rows, points in packed.others:
-                    packed.insert(rows, constraint, constraint.rows(state, points))
+                self._add_own(t)
             except BaseException:
                 # a sample without rows is not remembered
                 packed.recall(before)
                 raise
-        return CompiledEvaluation(packed, self.constraints, packed.out.copy())
+        return Evaluation(packed, self.constraints, packed.out.copy())
 
-    def _defined(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
-        model = self.scene.evaluate(*self._checked(t, q, qd))
-        evaluation = self.define(self._believed(model, measured))
-        self.innovation[:] = innovation(measured, model, self.scene.camera, self._correction, self._slip, self._bounds)
-        return evaluation
+    def _add_own(self, t: float) -> None:
+        """Write the rows of own constraints and the task of an own feature."""
+        packed, state, task = self.packed, self._state(), self.visual_task
+        for constraint, rows, points in packed.others:
+            packed.insert(rows, constraint, constraint.rows(state, points))
+        if packed.own_feature:
+            goal, k = task.goal_at(t), packed.size.k
+            previous = packed.step.last_error[:k].copy() if packed.step.last[0]["goal"] == goal else None
+            packed.insert_feature(task.feature.evaluate(state, task.goals[goal], previous))
+            load("step").follow(packed.workspace, t)
 
-    def _believed(self, state: State, measured: Measurement | None) -> State:
-        if measured is not None:
-            return measured.believed(self.scene, state, self._correction)
-        return self.scene.believed(state) if self.believes else state
+    def _state(self) -> State:
+        """What the compiled step has just evaluated, for parts in NumPy."""
+        step = self.packed.step
+        eye, seen, F = step.eye[0], step.seen, step.camera[0]["focal"]
+        J = interaction_matrix(seen["xy"], seen["depth"]) @ step.camera_J
+        normalised = PointMotion(seen["xy"].copy(), J, seen["velocity"].copy(), seen["drift"].copy())
+        return State(
+            t=float(step.time[0]),
+            robot=self.scene.kinematics(step.q, step.qd),
+            camera=Pose(step.camera_R.copy(), step.camera_t.copy()),
+            camera_J=step.camera_J.copy(),
+            camera_twist=np.concatenate((eye["velocity"], eye["angular_velocity"])),
+            camera_drift=np.concatenate((eye["acceleration"], eye["angular_acceleration"])),
+            depth=seen["depth"].copy(),
+            normalised=normalised,
+            pixels=PointMotion(step.pixels.copy(), J * F[:, None], normalised.velocity * F, normalised.drift * F),
+            believed=not self.known,
+        )
 
     def _checked(self, t: float, q: Array, qd: Array) -> tuple[float, Array, Array]:
         robot = self.scene.robot
         if not math.isfinite(t):
             raise InvalidInput(f"the time must be a finite number of seconds, not {t}")
         return float(t), robot.configuration(q), robot.configuration(qd, "qd")
-
-    def define(self, state: State) -> Evaluation:
-        """The NumPy form, from a state, which may be a believed one."""
-        t, q, qd = self._now
-        moved, mean_speed = state.robot.q - q, 0.5 * (state.robot.qd + qd)
-        self._slip[:] = slip(self._slip, moved, mean_speed, state.t - t[0])
-        t[:], q[:], qd[:] = state.t, state.robot.q, state.robot.qd
-        rows, sigma = self.constraints.rows(state)
-        if self._limits is not None:
-            rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, self.last_command, self._limits)
-        task, error = self.visual_task.evaluate(state)
-        seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
-        return DefinedEvaluation(rows, task, error, sigma, *seen)
 
     def commanded(self, qdd: Array) -> None:
         """Tell what the robot was commanded (n,), from which limits of jerk are counted.
@@ -366,8 +325,8 @@ class Evaluator:
 
     def bound(self) -> Bound | None:
         """The compiled step for loops; None where anything runs in NumPy."""
-        packed = self._packed
-        return None if packed is None or packed.others else Bound(packed, self.constraints)
+        packed = self.packed
+        return None if packed.others or packed.own_feature else Bound(packed, self.constraints)
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """What can be seen at many instants, without its motion.
@@ -383,11 +342,9 @@ class Evaluator:
             (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all markers
             are in front of the camera; where they are not, the pixels do not count.
         """
-        if self._packed is None:
-            return self.scene.glances(t, q)
-        size, t, q = self._packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
+        size, t, q = self.packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
         if q.shape != (len(t), size.n):
             raise InvalidInput(f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not {q.shape}")
         out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
-        load("step").views(self._packed.workspace, t, q, *out)
+        load("step").views(self.packed.workspace, t, q, *out)
         return out

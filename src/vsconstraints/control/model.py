@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..compiled import load
+from ..compiled.workspace import Step
 from ..errors import InvalidInput, SceneError
-from ..formulas.tracking import gains
 from ..rows import Array, Rows
-from ..vision.scene import State
 from ..vision.tracking import VisualTask
-from .evaluator import Bound, CurrentState, DefinedEvaluation, Evaluation, Evaluator
+from .evaluator import Bound, CurrentState, Evaluation, Evaluator
 
-StateEstimator = Callable[[State], State]
-"""From a state to a controller's estimate of it. With a method ``write(step)`` a compiled step can do the same."""
 
-GradientErrorModel = Callable[[Rows, Array], Rows]
-"""From rows and q̇ (n,) to those that a controller is given; compiled likewise."""
+class StateEstimator(Protocol):
+    """What a controller believes of the scene."""
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step believe it."""
+
+
+class GradientErrorModel(Protocol):
+    """Wrong gradients in rows: what a controller is given of rows at q̇ (n,), for parts in NumPy and compiled ones."""
+
+    def __call__(self, rows: Rows, qd: Array) -> Rows:
+        """The rows with them."""
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step make such rows."""
+
 
 JUST_BEFORE = 1e-6
 """How long before the next goal [s] the current goal ends."""
@@ -96,10 +106,11 @@ class Model:
         self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
         self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
         self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
-        errors = [part for part in (estimate, gradient_error) if part is not None]
-        self.step = self._own.bound() if all(hasattr(part, "write") for part in errors) else None
-        for part in errors if self.step is not None else ():
-            part.write(self.step.packed.step)  # type: ignore[union-attr]
+        self.step = self._own.bound()
+        if estimate is not None:
+            estimate.write(self._own.packed.step)
+        if gradient_error is not None and self.step is not None:
+            gradient_error.write(self.step.packed.step)
 
     def __getstate__(self) -> dict[str, Any]:
         """Its parts; the compiled form is made again where it is needed."""
@@ -125,6 +136,16 @@ class Model:
             return self.present.t
         following = self.task.goals[self.goal + 1 :]
         return following[0].from_time - JUST_BEFORE if following else np.inf
+
+    @property
+    def loop(self) -> Bound | None:
+        """The compiled step in the loop; None where anything runs in NumPy."""
+        return self._of.bound()
+
+    @property
+    def frozen(self) -> bool:
+        """Whether everything is predicted at the present time."""
+        return self._of.believes
 
     def compiled(self) -> Bound | None:
         """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
@@ -165,22 +186,13 @@ class Model:
         parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
         return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
 
-    def gains(self, error: Array) -> Array:
-        """(N, 2) K_p and K_v of the tracking law at errors (N, k)."""
-        own = self.task.gains
-        squared = (error * error).sum(axis=1).tolist()
-        return np.array([gains(each, own.Kp0, own.Kp_slope, own.damping) for each in squared]).reshape(-1, 2)
-
     def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
-        own, t = self._own, self.present.t if self._of.believes else t
-        if self.step is not None or self._estimate is None:
-            step = own.evaluate(t, q, qd)
-        else:
-            step = own.define(self._estimate(own.scene.evaluate(t, q, qd)))
-        if self.step is not None or self._gradient_error is None:
-            return step
-        seen = step.error, step.sigma, step.pixels, step.points, step.camera_R, step.camera_t
-        return DefinedEvaluation(self._gradient_error(step.rows, qd), step.task, *seen)
+        step = self._own.evaluate(self.present.t if self._of.believes else t, q, qd)
+        if self.step is None and self._gradient_error is not None:
+            rows = self._gradient_error(step.rows, qd)
+            for name in ("phi", "Lg", "Lf"):
+                step.part(name)[:] = getattr(rows, name)
+        return step
 
     def _in_numpy(self, t: Array, q: Array, qd: Array) -> Prediction:
         steps: list[tuple[Array, ...]] = []

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, Size, Step, Workspace
+from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, OWN, Size, Step, Workspace
 from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..constraints.constraint_set import misshapen, shapes_of
+from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.camera import Camera
-from ..vision.features import CameraPose, ImagePoints
+from ..vision.features import CameraPose, FeatureMotion, ImagePoints
 from ..vision.measurement import Measurement
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
@@ -24,10 +25,6 @@ from ..vision.tracking import Rest, TrackingGains, VisualTask
 
 SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}
 """Share of the goal's interaction matrix."""
-
-
-class NotCompiled(Exception):
-    """Something in the scene, the constraints or the task has no compiled form; says what."""
 
 
 class Packed:
@@ -41,13 +38,15 @@ class Packed:
         Their sizes, and the slice and shape of each output.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
+    own_feature
+        Whether the feature is an own one, evaluated in NumPy.
     workspace
         The step as compiled functions take it.
 
     Raises
     ------
-    NotCompiled
-        if something in the scene or the task has no compiled form; says what.
+    ConfigurationError
+        if the robot is no serial chain, or the scene or the task has parts of own classes that control does not know.
     """
 
     def __init__(
@@ -61,11 +60,7 @@ class Packed:
         for part, kind in ((scene, Scene), (scene.camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
             _demand(part, kind)
         feature, M, n = task.feature, len(scene.markers), scene.robot.n
-        if type(feature) not in (CameraPose, ImagePoints):
-            raise NotCompiled(f"the feature {feature.name}")
-        if any(goal.reference is not None for goal in task.goals):
-            raise NotCompiled("a reference trajectory")
-        k = 6 if isinstance(feature, CameraPose) else 2 * M
+        self.own_feature, k = type(feature) not in (CameraPose, ImagePoints), feature.size(M)
         rest = task.rest_of(n, k)
         self.others: list[tuple[Constraint, slice, slice]] = []
         compiled, first = [], 0
@@ -105,7 +100,8 @@ class Packed:
     def memory(self) -> tuple[Any, ...]:
         """Arrays that are kept from one sample to the next."""
         step = self.step
-        return step.last, step.last_error, step.last_partial, step.last_J, step.correction, step.last_command
+        task = step.last_error, step.last_partial, step.last_J, step.last_reference
+        return step.last, *task, step.correction, step.last_command
 
     def remembered(self) -> list[Any]:
         """A copy of the memory."""
@@ -119,7 +115,7 @@ class Packed:
     def reset(self) -> None:
         """Forget the last sample."""
         last, *others = self.memory
-        last["goal"], last["time"] = -1, 0.0
+        last["goal"], last["time"], last["began"] = -1, 0.0, 0.0
         for array in others:
             array[:] = 0.0
         self.step.slip[:] = np.nan
@@ -138,6 +134,14 @@ class Packed:
         now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
+    def insert_feature(self, motion: FeatureMotion) -> None:
+        """Write an own feature; raises InvalidInput if it is of the wrong shape."""
+        step, (k, n) = self.step, (self.size.k, self.size.n)
+        if [part.shape for part in motion] != [(k,), (k, n), (k,), (k,), (k,)]:
+            raise InvalidInput(f"own feature of the wrong shapes {[part.shape for part in motion]} for {k} numbers")
+        step.task.error[:], step.task.J[:], step.task.error_rate[:] = motion.error, motion.J, motion.velocity
+        step.drift[:], step.partial[:] = motion.drift, motion.partial
+
     def measure(self, measured: Measurement) -> None:
         """Let the next step take a camera's measurement, which is checked."""
         pose, record = measured.camera, self.step.measurement
@@ -150,9 +154,9 @@ class Packed:
 
 
 def _demand(part: object, kind: type) -> None:
-    """Raise NotCompiled unless ``part`` is of exactly that class: a subclass may compute anything."""
+    """Raise ConfigurationError unless ``part`` is of exactly that class: a subclass may compute anything."""
     if type(part) is not kind:
-        raise NotCompiled(f"the {kind.__name__} {type(part).__name__}")
+        raise ConfigurationError(f"control takes a {kind.__name__}, not the subclass {type(part).__name__}")
 
 
 def _write(record: Any, **values: Any) -> None:
@@ -168,7 +172,7 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     _write(step.joints, axis=axes, prismatic=robot.prismatic)
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
-        raise NotCompiled(f"the frame {tip.name}, which joint {robot.n} does not move")
+        raise ConfigurationError(f"control takes a tip that the last joint moves, not the frame {tip.name}")
     _write(step.camera[0], tip_R=tip.placement.rotation, tip_t=tip.placement.translation)
     write_camera(step, scene.camera)
     step.markers[:] = scene.markers
@@ -198,10 +202,11 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
     _write(
         step.options[0],
-        feature=CAMERA_POSE if isinstance(feature, CameraPose) else IMAGE_POINTS,
+        feature={CameraPose: CAMERA_POSE, ImagePoints: IMAGE_POINTS}.get(type(feature), OWN),
         share=share,
         drift_by_differences=task.drift == "differences",
         velocity_by_differences=task.velocity == "differences",
+        reference_by_differences=task.reference == "differences",
         Kp0=gains.Kp0,
         slope=gains.Kp_slope,
         damping=gains.damping,
@@ -211,7 +216,8 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     step.posture[: len(rest.posture)] = rest.posture
     for g, goal in enumerate(task.goals):
         pose = goal.camera if isinstance(feature, CameraPose) and goal.camera is not None else Pose.identity()
-        _write(step.goals[g], from_time=goal.from_time, R=pose.R, t=pose.t)
+        reach_in = 0.0 if goal.reference is None else goal.reference.duration
+        _write(step.goals[g], from_time=goal.from_time, reach_in=reach_in, R=pose.R, t=pose.t)
         step.goal_points[g] = goal.normalised.ravel()
         if share > 0.0:
             step.goal_interaction[g] = goal.interaction
@@ -246,14 +252,14 @@ def joints(robot: Robot) -> tuple[list[Pose], list[Array]]:
 
     Raises
     ------
-    NotCompiled
+    ConfigurationError
         if the joints are not a chain of revolute and prismatic ones.
     """
     model = robot.model
     placements, axes = [], []
     for i, joint in enumerate(model.joints[1:], start=1):
         if model.parents[i] != i - 1 or joint.nq != 1 or joint.nv != 1:
-            raise NotCompiled(f"the joint {model.names[i]} ({joint.shortname()})")
+            raise ConfigurationError(f"control takes serial chains, not {model.names[i]} ({joint.shortname()})")
         data = joint.createData()
         joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
         S = np.asarray(data.S).reshape(6)

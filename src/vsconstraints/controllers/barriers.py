@@ -2,37 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import ConfigurationError, shown
-from ..formulas import formula
 from ..formulas.row import Row
 from .demand import Demand
 from .ranges import option
 
 
-@formula
-def barrier(row: Row, alpha: float) -> Any:
-    """−αφ − L_fφ."""
-    return -alpha * row.phi - row.Lf
-
-
 @dataclass(frozen=True)
-class Barrier(Demand):
-    """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
-
-    Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
-    with the rates 1/K and α. Uses all of the space without chattering; needs L_fφ, and knows no limits of q̈.
-    """
+class WithRate(Demand):
+    """What barriers with a rate α have in common."""
 
     alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
 
-    name = "barrier"
-    formula: ClassVar[Callable[..., Any]] = staticmethod(barrier)
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
 
     def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
@@ -40,14 +26,24 @@ class Barrier(Demand):
         return ConfigurationError(f"{name} must be {wanted}, not {shown(getattr(self, name))}")
 
 
-@formula
-def robust_barrier(row: Row, alpha: float, disturbance: float) -> Any:
-    """−αφ − L_fφ − D ‖L_gφ‖₁."""
-    return barrier(row, alpha) - disturbance * row.norm_1
+@dataclass(frozen=True)
+class Barrier(WithRate):
+    """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
+
+    Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
+    with the rates 1/K and α. Uses all of the space without chattering; needs L_fφ, and knows no limits of q̈.
+    """
+
+    name = "barrier"
+
+    @staticmethod
+    def formula(row: Row, alpha: float) -> Any:
+        """−αφ − L_fφ."""
+        return -alpha * row.phi - row.Lf
 
 
 @dataclass(frozen=True)
-class RobustBarrier(Barrier):
+class RobustBarrier(WithRate):
     """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for any disturbance of q̈ of up to D in each joint.
 
     Jankovic (2018). Without a disturbance, φ stays D ‖L_gφ‖₁/α away from its bound.
@@ -55,17 +51,16 @@ class RobustBarrier(Barrier):
 
     disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
 
-    name, formula, uses = "robust-barrier", staticmethod(robust_barrier), ("Lf", "norm_1")
+    name, uses = "robust-barrier", ("Lf", "norm_1")
 
-
-@formula
-def input_to_state_safe_barrier(row: Row, alpha: float, epsilon: float) -> Any:
-    """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
-    return barrier(row, alpha) - row.norm * (row.norm / row.scale) / epsilon
+    @staticmethod
+    def formula(row: Row, alpha: float, disturbance: float) -> Any:
+        """−αφ − L_fφ − D ‖L_gφ‖₁."""
+        return -alpha * row.phi - row.Lf - disturbance * row.norm_1
 
 
 @dataclass(frozen=True)
-class InputToStateSafeBarrier(Barrier):
+class InputToStateSafeBarrier(WithRate):
     """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
 
     Kolathaya and Ames (2019), with φ/s as the barrier function; s is the row's scale. With a disturbance ‖d_c‖ ≤ d,
@@ -74,17 +69,16 @@ class InputToStateSafeBarrier(Barrier):
 
     epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
 
-    name, formula, uses = "input-to-state-safe-barrier", staticmethod(input_to_state_safe_barrier), ("Lf", "norm")
+    name, uses = "input-to-state-safe-barrier", ("Lf", "norm")
 
-
-@formula
-def gradient_robust_barrier(row: Row, alpha: float, gradient_error: float) -> Any:
-    """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
-    return barrier(row, alpha) - gradient_error * row.norm * row.effort
+    @staticmethod
+    def formula(row: Row, alpha: float, epsilon: float) -> Any:
+        """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
+        return -alpha * row.phi - row.Lf - row.norm * (row.norm / row.scale) / epsilon
 
 
 @dataclass(frozen=True)
-class GradientRobustBarrier(Barrier):
+class GradientRobustBarrier(WithRate):
     """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
 
     The measurement-robust barrier (Dean, Taylor, Cosner, Recht and Ames 2020) for eq. (49): an L_gφ that is wrong by
@@ -94,18 +88,16 @@ class GradientRobustBarrier(Barrier):
 
     gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
 
-    name, formula, uses = "gradient-robust-barrier", staticmethod(gradient_robust_barrier), ("Lf", "norm", "effort")
+    name, uses = "gradient-robust-barrier", ("Lf", "norm", "effort")
 
-
-@formula
-def sampled_barrier(row: Row, alpha: float, curvature: float) -> Any:
-    """−min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s × curvature × scale."""
-    rate = np.minimum(alpha, 1.0 / row.period)
-    return barrier(row, rate) - 0.5 * row.period * curvature * row.scale
+    @staticmethod
+    def formula(row: Row, alpha: float, gradient_error: float) -> Any:
+        """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
+        return -alpha * row.phi - row.Lf - gradient_error * row.norm * row.effort
 
 
 @dataclass(frozen=True)
-class SampledBarrier(Barrier):
+class SampledBarrier(WithRate):
     """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between samples.
 
     Breeden, Garg and Panagou (2022): a command that is constant for T_s keeps φ(t) ≤ 0 over the period if its bound is
@@ -118,35 +110,34 @@ class SampledBarrier(Barrier):
         20.0, "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]", (0.1, 1000.0)
     )
 
-    name, formula, uses = "sampled-barrier", staticmethod(sampled_barrier), ("Lf", "period")
+    name, uses = "sampled-barrier", ("Lf", "period")
 
-
-@formula
-def reciprocal_barrier(row: Row, alpha: float) -> Any:
-    """−α φ³/s² − L_fφ, and −αφ − L_fφ where φ > 0."""
-    depth = row.phi / row.scale
-    return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
+    @staticmethod
+    def formula(row: Row, alpha: float, curvature: float) -> Any:
+        """−min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s × curvature × scale."""
+        rate = np.minimum(alpha, 1.0 / row.period)
+        return -rate * row.phi - row.Lf - 0.5 * row.period * curvature * row.scale
 
 
 @dataclass(frozen=True)
-class ReciprocalBarrier(Barrier):
+class ReciprocalBarrier(WithRate):
     """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
 
     d/dt(−1/φ) ≤ −α φ/s² (Ames, Xu, Grizzle and Tabuada 2017) is this bound. Beyond the boundary rows return with the
     linear −αφ − L_fφ. Ignores rows far inside; φ approaches its bound like 1/√t only.
     """
 
-    name, formula = "reciprocal-barrier", staticmethod(reciprocal_barrier)
+    name = "reciprocal-barrier"
 
-
-@formula
-def finite_time_barrier(row: Row, alpha: float) -> Any:
-    """−α sign(φ) √(s |φ|) − L_fφ."""
-    return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
+    @staticmethod
+    def formula(row: Row, alpha: float) -> Any:
+        """−α φ³/s² − L_fφ, and −αφ − L_fφ where φ > 0."""
+        depth = row.phi / row.scale
+        return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
 
 
 @dataclass(frozen=True)
-class FiniteTimeBarrier(Barrier):
+class FiniteTimeBarrier(WithRate):
     """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in finite time.
 
     The class K function of Li, Wang, Pierpaoli and Egerstedt (2018) with the exponent ½. Within |φ| < (α T_s)² s it
@@ -155,24 +146,12 @@ class FiniteTimeBarrier(Barrier):
 
     alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
 
-    name, formula = "finite-time-barrier", staticmethod(finite_time_barrier)
+    name = "finite-time-barrier"
 
-
-@formula
-def high_order_barrier(row: Row, alpha: float, braking: float) -> Any:
-    """σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, ψ₁ = −σ̇ + α₁(−σ), and −αφ − L_fφ where K = 0.
-
-    α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK), a = braking × scale, written without a difference.
-    """
-    a = braking * row.scale
-    corner = a * row.K
-    root = np.sqrt(corner * corner + 2.0 * a * np.abs(row.sigma))
-    # where K = 0 the terms with divisors count nothing
-    direct = row.K == 0.0
-    approach = -2.0 * a * row.sigma / (root + corner + direct)
-    psi = approach - row.sigma_dot
-    second = -a / (root + direct) * row.sigma_dot + alpha * psi
-    return row.sigma_dot + row.K * second - alpha * row.phi * direct - row.Lf
+    @staticmethod
+    def formula(row: Row, alpha: float) -> Any:
+        """−α sign(φ) √(s |φ|) − L_fφ."""
+        return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
 
 
 @dataclass(frozen=True)
@@ -188,5 +167,21 @@ class HighOrderBarrier(Demand):
     alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
 
-    name, formula = "high-order-barrier", staticmethod(high_order_barrier)
+    name = "high-order-barrier"
     uses = ("sigma", "sigma_dot", "K", "Lf")
+
+    @staticmethod
+    def formula(row: Row, alpha: float, braking: float) -> Any:
+        """σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, ψ₁ = −σ̇ + α₁(−σ), and −αφ − L_fφ where K = 0.
+
+        α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK), a = braking × scale, written without a difference.
+        """
+        a = braking * row.scale
+        corner = a * row.K
+        root = np.sqrt(corner * corner + 2.0 * a * np.abs(row.sigma))
+        # where K = 0 the terms with divisors count nothing
+        direct = row.K == 0.0
+        approach = -2.0 * a * row.sigma / (root + corner + direct)
+        psi = approach - row.sigma_dot
+        second = -a / (root + direct) * row.sigma_dot + alpha * psi
+        return row.sigma_dot + row.K * second - alpha * row.phi * direct - row.Lf

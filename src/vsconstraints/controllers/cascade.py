@@ -7,18 +7,20 @@ itself, are no QPs that solvers answer well, and are those of the compiled desce
 
 from __future__ import annotations
 
-from typing import NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
 from ..compiled import load
-from ..errors import SolverError
+from ..compiled import workspace as codes
+from ..errors import InvalidInput, SolverError
 from ..qp import SolverChain, Verified
 from ..qp.decomposition import svd
 from ..qp.scaling import scale
-from ..rows import Array, BoolArray
+from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows import tolerances as limit
-from .least_norm import LeastNorm
+from .least_norm import LeastNorm, least_norm
+from .resolver import row_weights, unmet
 
 
 class Target(NamedTuple):
@@ -76,6 +78,39 @@ class Optimum(NamedTuple):
     verified: Verified | None
     shortfall: str = ""
     fallback: str = ""
+
+
+def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
+    """The command of a :class:`.Hierarchy` for what rows ask for, c (m,)."""
+    tracking, n = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest), task.J.shape[1]
+    box = resolver.box(rows, n)
+    center, acted = resolver.center(rows, tracking.qdd, c, box)
+    cost = Target.of(tracking, resolver.damping, resolver.rank_tolerance, resolver.aim == codes.STRICT)
+    if resolver.aim in (codes.NEAREST, codes.SCALED):
+        cost = Target(center, np.eye(n), np.ones(n), resolver.damping, resolver.rank_tolerance, False)
+    which = np.flatnonzero(c < np.inf)
+    fixed = np.linalg.norm(rows.Lg[which], axis=1) <= limit.ZERO_GRADIENT * rows.scale[which]
+    free, stuck = which[~fixed], which[fixed]
+    weights = row_weights([rows.labels[i] for i in free], resolver.weights or {})
+    try:
+        best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
+    except InvalidInput as error:
+        raise SolverError(f"beyond the range of floating point: {error}") from error
+    slack = np.zeros(len(rows.labels))
+    acted[free] |= best.holding
+    slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
+    status: Literal["ok", "relaxed", "suboptimal"] = "suboptimal" if best.shortfall else "ok"
+    return Command(
+        best.x,
+        "relaxed" if slack.any() else status,
+        acted,
+        rows.labels,
+        reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
+        slack=slack,
+        solver=best.verified.solver if best.verified else "",
+        iterations=best.verified.answer.iterations if best.verified else 0,
+        fallback=best.fallback,
+    )
 
 
 def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solvers: SolverChain) -> Optimum:

@@ -133,11 +133,11 @@ class BoundLaw:
     """A compiled law on arrays that stay where they are, for loops: every call overwrites what the one before wrote.
 
     ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if not, the controller's
-    ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``, with ``slack`` (m,) or
-    (0,) and ``count`` (1,) of iterations; ``answer`` is the workspace of what it writes: an :class:`.Answer`.
+    ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``, with ``slack`` (m,) or (0,) and ``count``
+    (1,) of iterations; ``answer`` is the workspace of what it writes, of :mod:`vsconstraints.compiled.workspace`.
     """
 
-    def __init__(self, resolver: Any, law: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
+    def __init__(self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
         self._resolver, self._law, self._rows, self._code = resolver, law, rows, 0
         self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK

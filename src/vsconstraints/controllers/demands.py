@@ -25,12 +25,6 @@ from .ranges import option
 # --- sliding modes ---
 
 
-@formula
-def switch(row: Row) -> Any:
-    """−u⁺ where φ ≥ 0 (eqs. 10 and 11)."""
-    return np.where(row.phi >= 0.0, -row.switching_gain, np.inf)
-
-
 @dataclass(frozen=True)
 class Switch(Demand):
     """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11).
@@ -39,13 +33,12 @@ class Switch(Demand):
     to exceed drift and tracking.
     """
 
-    name, formula, everywhere = "switch", staticmethod(switch), True
+    name, everywhere = "switch", True
 
-
-@formula
-def implicit_switch(row: Row, periods: float) -> Any:
-    """max(−u⁺, −φ/(p T_s))."""
-    return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
+    @staticmethod
+    def formula(row: Row) -> Any:
+        """−u⁺ where φ ≥ 0 (eqs. 10 and 11)."""
+        return np.where(row.phi >= 0.0, -row.switching_gain, np.inf)
 
 
 @dataclass(frozen=True)
@@ -59,16 +52,13 @@ class ImplicitSwitch(Demand):
 
     periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
 
-    name, formula = "implicit-switch", staticmethod(implicit_switch)
+    name = "implicit-switch"
     uses: ClassVar[tuple[str, ...]] = ("period",)
 
-
-@formula
-def implicit_switch_with_drift(row: Row, periods: float) -> Any:
-    """max(−u⁺, −φ/(p T_s) − d̂), d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first; φ."""
-    seen = (row.phi - row.memory[0]) / row.period - row.last_rate
-    drift = np.where(np.isnan(seen), 0.0, np.minimum(np.maximum(seen, -row.switching_gain), row.switching_gain))
-    return np.maximum(-row.switching_gain, -row.phi / (periods * row.period) - drift), row.phi
+    @staticmethod
+    def formula(row: Row, periods: float) -> Any:
+        """max(−u⁺, −φ/(p T_s))."""
+        return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
 
 
 @dataclass(frozen=True)
@@ -80,8 +70,15 @@ class ImplicitSwitchWithDrift(ImplicitSwitch):
     leaves O(T_s). Misidentifies lag, delay or saturation as drift, and divides noise of φ by T_s.
     """
 
-    name, formula = "implicit-switch-with-drift", staticmethod(implicit_switch_with_drift)
+    name = "implicit-switch-with-drift"
     uses, remembers = ("period", "last_rate"), (np.nan,)
+
+    @staticmethod
+    def formula(row: Row, periods: float) -> Any:
+        """max(−u⁺, −φ/(p T_s) − d̂), d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first; φ."""
+        seen = (row.phi - row.memory[0]) / row.period - row.last_rate
+        drift = np.where(np.isnan(seen), 0.0, np.minimum(np.maximum(seen, -row.switching_gain), row.switching_gain))
+        return np.maximum(-row.switching_gain, -row.phi / (periods * row.period) - drift), row.phi
 
 
 @formula
@@ -99,15 +96,6 @@ def saturated(row: Row, c: Any, integral: Any) -> Any:
     return bound, np.where(row.tracked > bound, kept, 0.0)
 
 
-@formula
-def super_twisting(row: Row, rate: float) -> Any:
-    """max(−u⁺, w − k₁ √|φ| sign φ); w − T_s k₂ sign φ."""
-    k1, k2 = gains(row, rate)
-    w = row.memory[0]
-    side = np.sign(row.phi)
-    return saturated(row, w - k1 * np.sqrt(np.abs(row.phi)) * side, w - row.period * k2 * side)
-
-
 @dataclass(frozen=True)
 class SuperTwisting(Demand):
     """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺.
@@ -119,24 +107,16 @@ class SuperTwisting(Demand):
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
 
-    name, formula = "super-twisting", staticmethod(super_twisting)
+    name = "super-twisting"
     uses, remembers = ("tracked", "period"), (0.0,)
 
-
-@formula
-def implicit_super_twisting(row: Row, rate: float) -> Any:
-    """max(−u⁺, w₊ + (x − φ)/T_s), x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ; w₊ = w − T_s k₂ sign x.
-
-    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the square
-    of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
-    """
-    k1, k2 = gains(row, rate)
-    step, half = row.period * row.period * k2, 0.5 * row.period * k1
-    over = np.maximum(np.abs(row.phi) - step, 0.0)
-    # y without the difference of two numbers that are nearly equal
-    y = over / (half + np.sqrt(half * half + over))
-    after = row.memory[0] - np.minimum(np.maximum(row.phi, -step), step) / row.period
-    return saturated(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
+    @staticmethod
+    def formula(row: Row, rate: float) -> Any:
+        """max(−u⁺, w − k₁ √|φ| sign φ); w − T_s k₂ sign φ."""
+        k1, k2 = gains(row, rate)
+        w = row.memory[0]
+        side = np.sign(row.phi)
+        return saturated(row, w - k1 * np.sqrt(np.abs(row.phi)) * side, w - row.period * k2 * side)
 
 
 @dataclass(frozen=True)
@@ -151,7 +131,22 @@ class ImplicitSuperTwisting(SuperTwisting):
     divides noise of φ by T_s, and resolvers with inequalities keep rows far inside to v ≤ k₁ √|φ|.
     """
 
-    name, formula = "implicit-super-twisting", staticmethod(implicit_super_twisting)
+    name = "implicit-super-twisting"
+
+    @staticmethod
+    def formula(row: Row, rate: float) -> Any:
+        """max(−u⁺, w₊ + (x − φ)/T_s), x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ; w₊ = w − T_s k₂ sign x.
+
+        Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the
+        square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
+        """
+        k1, k2 = gains(row, rate)
+        step, half = row.period * row.period * k2, 0.5 * row.period * k1
+        over = np.maximum(np.abs(row.phi) - step, 0.0)
+        # y without the difference of two numbers that are nearly equal
+        y = over / (half + np.sqrt(half * half + over))
+        after = row.memory[0] - np.minimum(np.maximum(row.phi, -step), step) / row.period
+        return saturated(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
 
 
 # --- potential fields and layers ---
@@ -162,13 +157,6 @@ def grown(row: Row, region: float, exponent: float) -> Any:
     """ψ = (1 + φ/δ)^exponent where −δ < φ, else 0, with δ = region × scale, which may be zero in floating point."""
     psi = np.maximum(1.0 + row.phi / row.scale / region, 0.0)
     return psi if exponent == 1.0 else psi**exponent
-
-
-@formula
-def ramp_repulsion(row: Row, region: float, exponent: float, strength: float) -> Any:
-    """−ψ s u⁺ below what tracking does, where ψ > 0."""
-    psi = grown(row, region, exponent)
-    return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
 
 @dataclass(frozen=True)
@@ -191,14 +179,13 @@ class RampRepulsion(Field):
     each win, so that rows are violated, and the arm stops where the two are equal, beside goals near a boundary.
     """
 
-    name, formula, relative = "ramp-repulsion", staticmethod(ramp_repulsion), True
+    name, relative = "ramp-repulsion", True
 
-
-@formula
-def boundary_layer(row: Row, region: float, exponent: float, strength: float) -> Any:
-    """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
-    psi = np.minimum(grown(row, region, exponent), 1.0)
-    return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
+    @staticmethod
+    def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
+        """−ψ s u⁺ below what tracking does, where ψ > 0."""
+        psi = grown(row, region, exponent)
+        return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
 
 @dataclass(frozen=True)
@@ -210,14 +197,13 @@ class BoundaryLayer(Field):
     and no violation while drift is less than u⁺; φ rests inside the layer, whose space is not used.
     """
 
-    name, formula, uses = "boundary-layer", staticmethod(boundary_layer), ("tracked",)
+    name, uses = "boundary-layer", ("tracked",)
 
-
-@formula
-def outer_layer(row: Row, layer: float) -> Any:
-    """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
-    share = np.minimum(row.phi / row.scale / layer, 1.0)
-    return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
+    @staticmethod
+    def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
+        """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
+        psi = np.minimum(grown(row, region, exponent), 1.0)
+        return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
 
 
 @dataclass(frozen=True)
@@ -231,14 +217,13 @@ class OuterLayer(Demand):
 
     layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
 
-    name, formula, uses, everywhere = "outer-layer", staticmethod(outer_layer), ("tracked",), True
+    name, uses, everywhere = "outer-layer", ("tracked",), True
 
-
-@formula
-def firas(row: Row, region: float, strength: float, contact: float) -> Any:
-    """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact × δ at least."""
-    ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
-    return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
+    @staticmethod
+    def formula(row: Row, layer: float) -> Any:
+        """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
+        share = np.minimum(row.phi / row.scale / layer, 1.0)
+        return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
 
 
 @dataclass(frozen=True)
@@ -255,24 +240,29 @@ class Firas(Demand):
     strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
     contact: float = option(0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0)
 
-    name, formula, uses = "firas", staticmethod(firas), ("sigma",)
+    name, uses = "firas", ("sigma",)
     relative, everywhere = True, True
+
+    @staticmethod
+    def formula(row: Row, region: float, strength: float, contact: float) -> Any:
+        """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact × δ at least."""
+        ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
+        return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
 
 
 # --- without parameters ---
-
-
-@formula
-def nothing(row: Row) -> Any:
-    """Infinity."""
-    return np.inf * row.scale
 
 
 @dataclass(frozen=True)
 class Nothing(Demand):
     """No row demands anything."""
 
-    name, formula, everywhere = "nothing", staticmethod(nothing), True
+    name, everywhere = "nothing", True
+
+    @staticmethod
+    def formula(row: Row) -> Any:
+        """Infinity."""
+        return np.inf * row.scale
 
 
 DEMANDS: tuple[type[Demand], ...] = (

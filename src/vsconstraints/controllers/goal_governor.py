@@ -43,15 +43,15 @@ class GoalGovernor(Controller):
     than ζ from a row's boundary, the repulsion of that row: ρ = a − ‖a‖ Σ (ζ − dᵢ)/(ζ − δ) ∇sσᵢ/‖∇sσᵢ‖, which is as
     strong as the attraction where dᵢ = δ. No step is made after which d would be less than δ/2.
 
-    It governs the reference, and not the command, as the reference governors do that it is one of: scalar ones
-    (Gilbert and Kolmanovsky 2002) move it by the largest share κ of what is left to the goal that keeps the predicted
-    motion admissible, explicit ones continuously, by Δ. Otherwise than in either, what is admissible is not a set that
-    was proved invariant but one predicted motion and where it ends, and a step that is not accepted is left out whole.
+    Scalar reference governors (Gilbert and Kolmanovsky 2002) move the reference by the largest share κ of what is left
+    to the goal that keeps the predicted motion admissible, explicit ones continuously, by Δ. Otherwise than in either,
+    what is admissible is not a set that was proved invariant but one predicted motion and where it ends, and a step
+    that is not accepted is left out whole.
 
-    So no row is violated under these assumptions: the motion is the one that the model predicts, which holds its
-    accelerations longer and longer, up to a tenth of what is predicted; it comes to rest at s_ref; and it starts where
-    rows are met with s_ref = s at rest. What δ is for is what is wrong with that. A start that is outside holds s_ref
-    where it is. Of rows it uses σ and L_gφ, no u⁺ and no L_fφ: what is acceptable is seen from where the motion leads.
+    So no row is violated if the motion is the one that the model predicts, which holds its accelerations longer and
+    longer, up to a tenth of what is predicted; if it comes to rest at s_ref; and if it starts where rows are met with
+    s_ref = s at rest. δ is for what is wrong with that. A start that is outside holds s_ref where it is. Of rows it
+    uses σ and L_gφ, no u⁺ and no L_fφ.
 
     What goes on underneath may be any law, which gets the task with s_ref for its goal. Predictions are those of
     tracking: a law that holds it back makes the motion another one.

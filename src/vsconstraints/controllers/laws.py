@@ -8,19 +8,10 @@ from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeVar
 
 from ..errors import unknown_name
+from . import demands
 from .barriers import Barrier
 from .demand import Demand
-from .demands import (
-    DEMANDS,
-    BoundaryLayer,
-    ImplicitSuperTwisting,
-    ImplicitSwitch,
-    ImplicitSwitchWithDrift,
-    Nothing,
-    RampRepulsion,
-    SuperTwisting,
-    Switch,
-)
+from .demands import DEMANDS, BoundaryLayer, Nothing, RampRepulsion, Switch
 from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolver import Additive, Priority, Resolver
@@ -30,10 +21,9 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
-    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀.
-    In a singular configuration the directions whose singular values fall below the tolerance are left alone,
-    so that the command stays finite (see :func:`.least_norm`) and its status stays ``ok``; next to one it can
-    be large.
+    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀. In a singular
+    configuration directions whose singular values fall below the tolerance are left alone, so that the command stays
+    finite and its status ``ok``; next to one it can be large.
 
     Parameters
     ----------
@@ -78,18 +68,15 @@ BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = 
 class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
-    The repulsion is ψ(φ) u⁺ inside the region −δ < φ, with δ = ``region`` × the row's scale.
-    ψ = (1 + φ/δ)^exponent is 0 where the region begins and 1 on the boundary: a ramp, where Khatib's FIRAS, the demand
-    :class:`~vsconstraints.controllers.Firas`, is infinite. Since φ = σ + K σ̇, the repulsion is a spring in σ together
-    with a damper in σ̇.
+    ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale, and 1 on the boundary:
+    a ramp, where Khatib's FIRAS, the demand :class:`~vsconstraints.controllers.Firas`, is infinite.
 
-    ``additive`` is the classical sum of tracking and repulsion: q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, where ψ goes on growing
-    beyond the boundary. Either part may win, so that rows can be violated.
+    ``additive`` is the classical sum, q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the demand :class:`.RampRepulsion`, where ψ
+    goes on growing beyond the boundary. Either part may win, so that rows can be violated.
 
-    ``priority`` gives the rows the place they have in the paper's law: those inside their regions demand
-    L_gφ q̈ = (1 − ψ) L_gφ q̈_track − ψ u⁺, with ψ at most 1, and the task acts in their null space. Where the region
-    begins this is what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous.
-    As ``region`` goes to zero it becomes the sliding-mode law.
+    ``priority`` gives the rows the place they have in the paper's law, with the demand :class:`.BoundaryLayer`: L_gφ q̈
+    = (1 − ψ) L_gφ q̈_track − ψ u⁺, with ψ at most 1, and the task in their null space. Where the region begins this is
+    what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous.
 
     Parameters
     ----------
@@ -144,13 +131,11 @@ class HierarchicalQP(Law):
     2. of these, those with the least ‖J q̈ − b‖;
     3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
-    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
-    Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet
-    and by how much. Level 1 measures every demand in the unit of its φ per second: how rows of different
-    kinds share an unavoidable violation depends on these units; nothing is normalised silently, ``weights``
-    change it.
-
-    How it is computed, and how strict level 2 is: see :class:`vsconstraints.controllers.resolvers.Hierarchy`.
+    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit. Where rows
+    contradict each other it has the status ``relaxed`` and says which demands are unmet and by how much. Level 1
+    measures every demand in the unit of its φ per second: how rows of different kinds share an unavoidable violation
+    depends on these units; ``weights`` change it. How it is computed, and how strict level 2 is: see
+    :class:`vsconstraints.controllers.resolvers.Hierarchy`.
 
     Parameters
     ----------
@@ -204,7 +189,7 @@ class HierarchicalQP(Law):
     @property
     def rows(self) -> str:
         """Which demands: ``"barrier"`` or ``"active"``."""
-        return "barrier" if isinstance(self.demand, Barrier) else "active"
+        return "active" if isinstance(self.demand, Switch) else "barrier"
 
     @rows.setter
     def rows(self, rows: Any) -> None:
@@ -307,32 +292,19 @@ def _without_state(name: str) -> Named:
     return law.__new__(law)
 
 
-NAMED: tuple[type[Named], ...] = tuple(
-    named(name, demand, resolver, line, **defaults)
-    for name, demand, resolver, line, defaults in (
-        (
-            "implicit-switch", ImplicitSwitch, Hierarchy,
-            "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
-            {"periods": 5.0},
-        ),
-        (
-            "implicit-switch-with-drift", ImplicitSwitchWithDrift, Hierarchy,
-            "The implicit switch, less the drift that was seen a sample ago.", {"periods": 5.0},
-        ),
-        (
-            "boundary-layer", BoundaryLayer, Priority,
-            "Sliding mode with a boundary layer, laid inside (the potential field with priority).", {},
-        ),
-        ("super-twisting", SuperTwisting, Priority, "Sliding mode of second order, which learns the drift.", {}),
-        (
-            "implicit-super-twisting", ImplicitSuperTwisting, Hierarchy,
-            "Sliding mode of second order by the proper implicit Euler method, with strict priorities.", {},
-        ),
-        (
-            "cbf-filter", Barrier, Filter,
-            "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier.",
-            {},
-        ),
-    )
+NAMED: tuple[type[Named], ...] = (
+    named("implicit-switch", demands.ImplicitSwitch, Hierarchy,
+          "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
+          periods=5.0),
+    named("implicit-switch-with-drift", demands.ImplicitSwitchWithDrift, Hierarchy,
+          "The implicit switch, less the drift that was seen a sample ago.", periods=5.0),
+    named("boundary-layer", demands.BoundaryLayer, Priority,
+          "Sliding mode with a boundary layer, laid inside (the potential field with priority)."),
+    named("super-twisting", demands.SuperTwisting, Priority,
+          "Sliding mode of second order, which learns the drift."),
+    named("implicit-super-twisting", demands.ImplicitSuperTwisting, Hierarchy,
+          "Sliding mode of second order by the proper implicit Euler method, with strict priorities."),
+    named("cbf-filter", Barrier, Filter,
+          "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier."),
 )  # fmt: skip
 """Laws that have a name of their own, beside those that are classes."""

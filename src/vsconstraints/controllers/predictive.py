@@ -1,4 +1,4 @@
-"""A predictive safety filter: of all plans that keep the rows, the one nearest to what the tracking law would do."""
+"""A predictive safety filter: of all plans that satisfy the rows, the one nearest to what the tracking law would do."""
 
 from __future__ import annotations
 
@@ -8,78 +8,72 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..compiled import load
+from ..compiled.workspace import (
+    FAILED,
+    NEEDS_PYTHON,
+    RANK_LOSS,
+    RELAXED_ROWS,
+    SOLVED,
+    LawArrays,
+    Scratch,
+    Workspace,
+)
 from ..errors import InvalidInput, SolverError, shown
-from ..qp import SolverChain
-from ..qp.penalised import Penalised, penalised
-from ..rows import Array, BoolArray, Command, IntArray, Rows, Status, Task, in_box
-from ..rows.tolerances import PULLING, ZERO_GRADIENT
+from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .condensed import Lookahead, cost, limits, look_ahead
-from .horizon import Horizon, Instants, stopping_time
-from .laws import Tracking
-from .ranges import Declared, Range, positive
-from .resolvers import Hierarchy, row_weights
+from .compiled import COUNT, SCRATCH, BoundLaw
+from .least_norm import RANK_TOLERANCE
+from .ranges import Declared, Range, positive_number
+from .resolver import row_weights
+from .resolvers import Hierarchy
 
 MAX_BLOCKS, MAX_PERIODS = 100, 10_000
-"""Of a horizon, whose QP has n times as many unknowns; and of a block."""
+"""Of a horizon, and of a block."""
 
-NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
-"""Of the QP."""
+PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
+"""What a model gives along a plan, in the order of the compiled law."""
 
 
 class Plan(NamedTuple):
-    """What was planned at the time ``made`` [s]: q̈ of the blocks (H, n), and what comes after them (n,).
-
-    ``held`` are the rows of the QP that held it, by their indices there: those are likely to hold the next one.
-    """
+    """What was planned: q̈ of the blocks (H, n), what comes after them (n,), and when it was made [s]."""
 
     qdd: Array
     then: Array
     made: float
-    held: IntArray = NO_ROWS
 
 
 class PredictiveControl(Controller):
     """A predictive safety filter: minimise the tracking law's residual along a plan whose states keep all rows.
 
-    What is filtered is the command of the tracking law (Wabersich and Zeilinger 2021): where its motion keeps all rows
-    over the horizon, it is commanded unchanged, and otherwise the least is taken from it. Differences to that paper:
-    nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first alone (multi-step safety
-    filters: Pizarro Bejarano, Brunke and Schoellig 2023); rows are soft where no plan meets them; and the plan ends
+    What is filtered is the command of the tracking law (Wabersich and Zeilinger, Automatica 129, 2021): where its
+    motion keeps all rows over the horizon, it is commanded unchanged, and otherwise the least is taken from it.
+    Differences to that paper: nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first
+    alone (Pizarro Bejarano, Brunke and Schoellig, CDC 2023); rows are soft where no plan meets them; and the plan ends
     with a brake in place of an invariant set, so that nothing proves that there will always be a plan. It is not the
-    model predictive control of Allibert, Courtial and Chaumette (2010), which minimises the error of the image features
-    themselves over the horizon: here the tracking law alone says how the error falls.
+    model predictive control of Allibert, Courtial and Chaumette (IEEE Transactions on Robotics, 2010), which minimises
+    the error of the image features themselves over the horizon: here the tracking law alone says how the error falls.
 
     The plan u has H blocks of constant q̈; the first one's is the command, and in the next sample all is computed anew.
     Along the plan of the sample before, moved on in time, the model gives rows and task, which are linearised there in
-    every sample: one real-time iteration (Diehl, Bock, Schlöder 2005) of
+    every sample: one real-time iteration (Diehl, Bock, Schlöder, SIAM Journal on Control and Optimization, 2005) of
 
         min Σₖ ‖J uₖ − b‖² + λ‖u − q̈₀‖²,   σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ),   q̈_min ≤ u ≤ q̈_max
 
     J, b and q̈₀ are those of the beginning of block k, where b falls with the errors that the plan makes by K_p and K_v
     of the tracking law, and q̈₀ with its motion. Instants τ are now, one sampling period later, and the ends of blocks;
-    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath 2021) lets
-    it approach its boundary with the time constant κ. States are eliminated, so that u alone is left.
+    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath, ACC 2021)
+    lets it approach its boundary with the time constant κ. States are eliminated, so that u alone is left.
 
-    Terminal treatment: after the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a
-    plan that meets its rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
+    After the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a plan that meets its
+    rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
 
-    What the model says otherwise of now than rows and task do is taken to stay so (the internal model of Allibert,
-    Courtial, Chaumette 2010). Where rows contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i
-    is exceeded by, the status is ``relaxed`` and the reason names the rows. States that the model cannot give, with a
-    marker behind the camera, shorten the horizon, and ``Command.remark`` says so. Where no row resists, the command is
-    that of :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex,
-    such as a bowl, a plan may come to lie beyond it.
-
-    References: Wabersich, Zeilinger, "A predictive safety filter for learning-based control of constrained nonlinear
-    dynamical systems", Automatica 129, 2021. Pizarro Bejarano, Brunke, Schoellig, "Multi-step model predictive safety
-    filters: reducing chattering by increasing the prediction horizon", IEEE Conference on Decision and Control, 2023.
-    Allibert, Courtial, Chaumette, "Predictive control for constrained image-based visual servoing", IEEE
-    Transactions on Robotics, 2010. Hajiloo, Keshmiri, Xie, Wang, "Robust online model predictive control for a
-    constrained image-based visual servoing", IEEE Transactions on Industrial Electronics, 2016. Diehl, Bock, Schlöder,
-    "A real-time iteration scheme for nonlinear optimization in optimal feedback control", SIAM Journal on Control and
-    Optimization, 2005. Zeng, Zhang, Sreenath, "Safety-critical model predictive control with discrete-time control
-    barrier function", American Control Conference, 2021.
+    What the model says otherwise of now than rows and task do is taken to stay so, as in Allibert's internal model.
+    Where rows contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by, the status
+    is ``relaxed`` and the reason names the rows. States that the model cannot give, with a marker behind the camera,
+    shorten the horizon, and ``Command.remark`` says so. Where no row resists, the command is that of
+    :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex, such as a
+    bowl, a plan may come to lie beyond it.
 
     Parameters
     ----------
@@ -93,10 +87,13 @@ class PredictiveControl(Controller):
         λ relative to the mean of ‖J‖² in the Frobenius norm.
     weights
         w by the beginning of the label, as of :class:`.HierarchicalQP`.
-    solver
-        Name of a QP solver; if the answer of another one than DAQP fails the check, others are asked.
     max_acceleration
         Bound of every |q̈| [rad/s² or m/s²] beside the box of the rows; None for none.
+
+    Attributes
+    ----------
+    period, model
+        Those of the last :meth:`reset`.
     """
 
     name = "predictive"
@@ -107,9 +104,6 @@ class PredictiveControl(Controller):
         "damping": Range(1e-8, 1e-4),
     }
 
-    solvers: SolverChain
-    plan: Plan | None
-
     def __init__(
         self,
         *,
@@ -118,36 +112,40 @@ class PredictiveControl(Controller):
         approach: float = 5.0,
         damping: float = 1e-6,
         weights: Mapping[str, float] | None = None,
-        solver: str = "daqp",
         max_acceleration: float | None = None,
     ) -> None:
         self.period: float | None = None
         self.model: Any = None
-        self._tracking = Tracking()
         self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
-        self.weights, self.solver, self.max_acceleration = weights, solver, max_acceleration
+        self.weights, self.max_acceleration = weights, max_acceleration
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("horizon", "block"):
             value = _count(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
         elif name in ("approach", "damping"):
-            value = _positive(name, value)
+            value = positive_number(name, value)
         elif name in ("weights", "max_acceleration"):
             value = getattr(Hierarchy(**{name: value}), name)
-        elif name == "solver":
-            super().__setattr__("solvers", SolverChain(value))
         super().__setattr__(name, value)
-        if name != "plan":
-            super().__setattr__("plan", None)
+        if name != "_planner":
+            self._planner: Planner | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but addresses, which are those of one process."""
+        return {**vars(self), "_planner": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Forget the plan and what solvers remember; without a period or a model, those of the last reset stay."""
+        """Forget the plan; without a period or a model, those of the last reset stay."""
         if period is not None:
-            self.period = _positive("the sampling period", period)
+            self.period = positive_number("the sampling period", period)
         if model is not None:
             self.model = model
-        self.plan = None
-        self.solvers.reset()
+        self._planner = None
+
+    @property
+    def plan(self) -> Plan | None:
+        """That of the last sample; None before the first, and where nothing could be predicted."""
+        return None if self._planner is None else self._planner.plan
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -159,47 +157,24 @@ class PredictiveControl(Controller):
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
-        model, horizon = self._ready(rows, task)
-        now, most = model.present, self._most(model)
-        low, high = self._box(rows, most)
+        """See the class.
 
-        def seen_along(plan: Array) -> tuple[Instants, Any]:
-            at = horizon.instants(now.q, now.qd, plan, most)
-            return at, model.along(now.t + at.times, at.q, at.qd)
+        Raises
+        ------
+        InvalidInput
+            if there is no model or no sampling period, or the model is of other rows.
+        """
+        return self._ready(rows, task).solve(rows, task)
 
-        plan = self.continued(horizon, now, low, high)
-        at, seen = seen_along(plan)
-        if len(seen) < 2:
-            plan = horizon.brake(now.qd, low, high)
-            at, seen = seen_along(plan)
-        remark = ""
-        if len(seen) < len(at.times):
-            ahead = f"no more than {at.times[len(seen)]:.3g} s are predicted"
-            remark = f"{ahead}, since a marker is then not in front of the camera"
-        if len(seen) < 2:
-            self.plan = None
-            return self._answer(rows, plan[0], "suboptimal", f"braking: {remark}")
-        try:
-            found, held = self._optimum(rows, look_ahead(rows, task, seen, at, plan, model.K), horizon, (low, high))
-        except SolverError as error:
-            self.plan = self._planned(horizon, plan, now, most, NO_ROWS)
-            return self._answer(rows, plan[0], "suboptimal", f"the plan goes on as it was: {error}", remark)
-        best, unmet = found.x.reshape(plan.shape), found.slack
-        self.plan = self._planned(horizon, best, now, most, found.rows[found.multipliers > 0.0])
-        # bit by bit what tracking alone commands
-        free = not found.multipliers.any() and not unmet.any()
-        qdd = self._tracking.command(Rows.none(len(now.q)), task).qdd if free else best[0]
-        amounts = ", ".join(f"{rows.labels[i]} by {unmet[i]:.3g}" for i in np.flatnonzero(unmet))
-        reason = f"no plan meets every row; exceeded at most, in units of the rows: {amounts}" if amounts else ""
-        command = self._answer(rows, qdd, "relaxed" if amounts else "ok", reason, remark)
-        command.acted = held
-        if found.verified is not None:
-            command.solver, command.fallback = found.verified.solver, found.verified.fallback
-            command.iterations = found.verified.answer.iterations
-        return command
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+        """See :class:`.Controller`."""
+        if type(self).command is not Controller.command or type(self).solve is not PredictiveControl.solve:
+            return None
+        planner = self._ready(rows, task)
+        return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
 
-    def _ready(self, rows: Rows, task: Task) -> tuple[Any, Horizon]:
+    def _ready(self, rows: Rows, task: Task) -> Planner:
+        """What plans for these rows; raises InvalidInput if there is no model of them, or no sampling period."""
         if self.model is None:
             raise InvalidInput(
                 "the law 'predictive' uses a model: ask it by ControlStep.command, or tell it by "
@@ -209,64 +184,172 @@ class PredictiveControl(Controller):
             raise InvalidInput(
                 "the law 'predictive' uses the sampling period: tell it by reset(period=...) before the first command"
             )
-        if rows.labels != self.model.labels or task.J.shape[1] != len(self.model.present.q):
-            raise InvalidInput("the law 'predictive' was told the model of other rows or of another robot")
-        return self.model, Horizon.of(self.horizon, self.block, self.period)
-
-    def _most(self, model: Any) -> Array:
-        """Greatest |q̈| (n,)."""
-        own = np.inf if self.max_acceleration is None else self.max_acceleration
-        most: Array = np.minimum(own, model.acceleration)
-        return most
-
-    def _box(self, rows: Rows, most: Array) -> tuple[Array, Array]:
-        """Least and greatest q̈ of the blocks (H, n); what rows say of now holds for the first."""
-        high = np.empty((self.horizon, len(most)))
-        high[:] = most
-        low = -high
-        low[0], high[0] = in_box(rows, low[0]), in_box(rows, high[0])
-        return low, high
-
-    def continued(self, horizon: Horizon, now: Any, low: Array, high: Array) -> Array:
-        """The last sample's plan, as it goes on from now; braking if there is none."""
-        plan = self.plan
-        if plan is None or not 0.0 <= now.t - plan.made < horizon.blocks * horizon.length:
-            return horizon.brake(now.qd, low, high)
-        return np.minimum(np.maximum(horizon.later(plan.qdd, plan.then, now.t - plan.made), low), high)
-
-    @staticmethod
-    def _planned(horizon: Horizon, plan: Array, now: Any, most: Array, held: IntArray) -> Plan:
-        end = now.qd + horizon.V[-1] @ plan
-        stops = stopping_time(end, most)
-        return Plan(plan, -end / stops if stops > 0.0 else np.zeros_like(end), now.t, held)
-
-    def _optimum(
-        self, rows: Rows, ahead: Lookahead, horizon: Horizon, box: tuple[Array, Array]
-    ) -> tuple[Penalised, BoolArray]:
-        """The QP's plan, and which rows hold it (m,)."""
-        assert self.model is not None
-        given = limits(ahead, self.approach * horizon.length, box, ZERO_GRADIENT * rows.scale)
-        begins = horizon.begins[horizon.begins < len(ahead.b)]
-        rest = self.model.task.rest_of(ahead.plan.shape[1], ahead.b.shape[1]) if ahead.rest.size else None
-        best = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping, rest)
-        weights = row_weights(rows.labels, self.weights or {}) / rows.scale
-        guess = NO_ROWS if self.plan is None else self.plan.held
-        found = penalised(best, given, weights, self.solvers, guess)
-        holding = found.rows[found.multipliers > PULLING * found.multipliers.max(initial=0.0)]
-        held = np.zeros(len(rows.labels) + 1, dtype=np.bool_)
-        held[given.of(holding)] = True
-        return found, held[:-1]
-
-    def _answer(self, rows: Rows, qdd: Array, status: Status, reason: str, remark: str = "") -> Command:
-        none, remarks = np.zeros(len(rows.labels), dtype=np.bool_), filter(None, (remark, self.remark(rows.labels)))
-        return Command(qdd.copy(), status, none, rows.labels, reason=reason, remark="; ".join(remarks))
+        if rows.labels != self.model.labels or task.J.shape[1] != len(self.model.acceleration):
+            raise InvalidInput("the law 'predictive' has the model of other rows or of another robot")
+        if self._planner is None or self._planner.shape != task.J.shape:
+            self._planner = Planner(self, self.model, self.period, task.J.shape)
+        return self._planner
 
 
-def _positive(name: str, value: object) -> float:
-    number = positive(value)
-    if number is None:
-        raise InvalidInput(f"{name} must be a positive number, not {shown(value)}")
-    return number
+class Planner:
+    """The compiled law for the rows of a model: see :class:`.CompiledLaw` and :mod:`vsconstraints.compiled.predictive`.
+
+    ``compiled`` says whether the model is: otherwise Python predicts, between two calls of the compiled law.
+    """
+
+    measures, answers = True, (SOLVED, RELAXED_ROWS)
+
+    def __init__(self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]) -> None:
+        kernels, address = load("predictive"), load("parts").address
+        (k, n), m, H, T = shape, len(model.labels), law.horizon, law.block * period
+        times = T * np.arange(H + 1)
+        if not np.isclose(period, T):
+            times = np.sort(np.append(times, period))
+        block = np.maximum(np.ceil(times / T - 1e-9).astype(np.int64) - 1, 0)
+        times, block = np.append(times, np.nan), np.append(block, H)
+        N = len(times)
+        step: Any = getattr(model, "step", None)
+        loop: Any = getattr(model, "loop", None)
+        self.compiled = step is not None and loop is not None
+        sizes = {"phi": m, "sigma": m, "Lg": m * n, "J": k * n, "b": k, "error": k, "rest": n}
+        if self.compiled:
+            where = {name: step.packed.parts[name][0] for name in PREDICTED}
+            begins = [part.start if part.stop > part.start else -1 for part in where.values()]
+            out = step.out
+        else:
+            begins, out = [0, *np.cumsum([*sizes.values()])[:-1].tolist()], np.empty(sum(sizes.values()))
+        gains, rest = model.task.gains, model.task.rest_of(n, k)
+        own = np.inf if law.max_acceleration is None else law.max_acceleration
+        self.model, self.shape, self.labels, self.remark = model, shape, model.labels, law.remark(model.labels)
+        self._begins, self._length = begins, T
+        self.plans = kernels.PlanArrays(
+            loop.packed.workspace.address if self.compiled else 0,
+            step.packed.workspace.address if self.compiled else 0,
+            int(self.compiled and model.frozen),
+            period,
+            T,
+            law.approach * T,
+            law.damping,
+            np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness]),
+            np.minimum(own, model.acceleration),
+            np.array(model.K, dtype=np.float64),
+            row_weights(model.labels, law.weights or {}) * np.ones(m),
+            np.zeros(1 + 2 * n),
+            np.array(begins),
+            np.empty((N, out.size)),
+            out,
+            times,
+            block,
+            np.clip(times - T * block, 0.0, T),
+            by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
+            **kernels.plan_space(H, N, n, m),
+        )
+        self._workspace, none, each = Workspace(self.plans), np.empty(0), np.empty((2, m))
+        self.arrays = LawArrays(
+            address(kernels.look_ahead),
+            self._workspace.address,
+            address(load("task_priority").track),
+            0,
+            0,
+            period,
+            np.array([RANK_TOLERANCE, kernels.ALL]),
+            none,
+            none,
+            np.empty((0, 0)),
+            none,
+            each[0],
+            each[1],
+            np.empty((0, 0)),
+            none,
+            np.full(1, np.nan),
+            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+        )
+        self.workspace = Workspace(self.arrays)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The last plan, if there is one."""
+        plans = self.plans
+        return None if np.isnan(plans.made[0]) else Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
+
+    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
+        """See :meth:`.CompiledLaw.call`."""
+        known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
+        of_task = task.J, task.b, task.error, task.error_rate, task.rest
+        return load("laws").follow_whole, self.workspace, len(self.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """The command; raises SolverError where numbers leave the range of floating point."""
+        kernels, plans, m = load("predictive"), self.plans, len(self.labels)
+        acted, qdd, slack = np.zeros(m, dtype=np.bool_), np.zeros(self.shape[1]), np.zeros(m)
+        follow, *arguments = self.call(rows, task)
+
+        def ask(stage: int) -> int:
+            self.arrays.options[1] = stage
+            code: int = follow(*arguments, qdd, acted, slack, np.zeros(1, COUNT))
+            self.arrays.options[1] = kernels.ALL
+            return code
+
+        if self.compiled:
+            code = ask(kernels.ALL)
+        else:
+            now = self.model.present
+            plans.now[:] = np.concatenate(([now.t], now.q, now.qd))
+            code = ask(kernels.PROPOSE)
+            if code == SOLVED and self._predict() < 2:
+                ask(kernels.BRAKE)
+                self._predict()
+            code = ask(kernels.CONCLUDE) if code == SOLVED else code
+        command = self.command(code, qdd, acted, self.labels, slack, 0)
+        if command is not None:
+            return command
+        predicted, asked, _, outcome = plans.outcome.tolist()
+        if code == NEEDS_PYTHON:
+            raise SolverError("numbers are beyond the range of floating point")
+        if predicted >= 2 and outcome == RANK_LOSS:
+            raise SolverError(f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}")
+        short = ""
+        if predicted < asked:
+            ahead = plans.times[predicted]
+            short = f"no more than {ahead:.3g} s are predicted, since a marker is then not in front of the camera"
+        if predicted >= 2 and outcome != FAILED:
+            command = self._answer(qdd, acted, slack)
+        else:
+            why = f"braking: {short}" if predicted < 2 else "the plan goes on as it was: no better one passes the check"
+            command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
+        command.remark = "; ".join(filter(None, (short, self.remark)))
+        return command
+
+    def _predict(self) -> int:
+        """Let the model predict along the plan; at how many instants it can."""
+        plans, now = self.plans, self.model.present
+        asked = int(plans.outcome[load("predictive").ASKED])
+        seen = self.model.along(now.t + plans.times[:asked], *plans.states[:, :asked])
+        for name, begin in zip(PREDICTED, self._begins, strict=True):
+            part = getattr(seen, name).reshape(len(seen), -1)
+            plans.seen[: len(seen), begin : begin + part.shape[1]] = part
+        if not seen.rest.size:
+            plans.at[-1] = -1
+        plans.outcome[0] = len(seen)
+        return len(seen)
+
+    def command(
+        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+    ) -> Command | None:
+        """See :meth:`.Resolver.command`: None where something is to be said that is no slack."""
+        if code not in self.answers:
+            return None
+        command = self._answer(qdd, acted, slack)
+        command.remark = self.remark
+        return command
+
+    def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
+        """The command of a plan; its reason names rows that no plan satisfies, and by how much they are exceeded."""
+        if not slack.any():
+            return Command(qdd, "ok", acted, self.labels)
+        amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
+        reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
+        return Command(qdd, "relaxed", acted, self.labels, reason=reason)
 
 
 def _count(name: str, value: object, most: int) -> int:

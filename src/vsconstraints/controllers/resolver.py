@@ -8,7 +8,7 @@ function, a class with its options, and an entry in :data:`vsconstraints.control
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -19,7 +19,7 @@ from ..errors import SolverError
 from ..formulas import formula
 from ..formulas.row import BOUND, EQUAL, PUSH, Row
 from ..qp import SolverChain
-from ..rows import Array, BoolArray, Command, Rows, Task
+from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
 from ..rows.checks import beyond_rounding
 from .compiled import NO_SLACK, CompiledLaw, in_usual_layout
 from .demand import Demand
@@ -171,3 +171,20 @@ class Additive(Priority):
     """
 
     name, kernel, purpose = "additive", ("task_priority", "additive"), PUSH
+
+
+def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
+    """Say which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
+    exceeded = np.flatnonzero(slack > 0.0)
+    if not exceeded.size:
+        return ""
+    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in exceeded)
+    without = ", ".join(labels[i] for i in exceeded if i in fixed)
+    why = f"; no acceleration influences {without}" if without else ""
+    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
+
+
+def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
+    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
+    keys = (max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None) for label in labels)
+    return np.array([1.0 if key is None else weights[key] for key in keys])

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ..compiled.workspace import (
-    NEAREST,
-    RELAXED_ROWS,
-    RELAXED_SHORT,
-    SCALED,
-    SHORT,
-    SOLVED,
-    STRICT,
-    WEIGHED,
-)  # fmt: skip
-from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
+from ..compiled import workspace as codes
+from ..errors import ConfigurationError, shown, unknown_name
 from ..formulas.row import share
 from ..qp import SolverChain
-from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
-from .cascade import Target, descend
+from .cascade import by_solvers
 from .compiled import NO_SLACK
 from .demand import Demand
-from .least_norm import RANK_TOLERANCE, least_norm
+from .least_norm import RANK_TOLERANCE
 from .ranges import Choices, Fixed, Range, option, positive_number, rank_tolerance
-from .resolver import COMPILED, Additive, Priority, Resolver
+from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 
 @dataclass(frozen=True)
@@ -69,8 +60,8 @@ AUTO, DEFAULT = "auto", "daqp"
 MAX_WEIGHT = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
 
-ANSWERS = {SOLVED: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
-"""Codes of answers: whether demands are unmet, and whether levels 2 and 3 may be."""
+RELAXED, SHORT = (codes.RELAXED_ROWS, codes.RELAXED_SHORT), (codes.SHORT, codes.RELAXED_SHORT)
+"""Codes of answers with demands unmet, and of those with levels 2 and 3 maybe so."""
 
 UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
 
@@ -81,20 +72,19 @@ class Hierarchy(Resolver):
 
     What the levels are, and the options: see :class:`vsconstraints.controllers.HierarchicalQP`.
 
-    How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
-    coordinates v = Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
-    rows are incompatible is level 1 computed, exactly; the violated rows then become equalities, which are eliminated
-    with an orthonormal basis, and the QP is solved in the remaining coordinates. A large weight or soft rows in place
-    of this were measured to be wrong.
+    Levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the coordinates v = Vᵀ(q̈ − q̈_track) of the
+    singular vectors of J with relative gains g, with hard rows. Only if these are incompatible is level 1 computed,
+    exactly; the violated rows then become equalities, and the QP is solved in the remaining coordinates. A large weight
+    or soft rows in place of this were measured to be wrong.
 
-    How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of 1e-6
-    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately, and level 3 within it. It then uses every direction within the rows
-    whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` bounds
-    them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
-    uses directions within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the
-    answer: level 3 wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from
-    others. If rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are
-    met, and no known point that meets them has a smaller residual.
+    Where J leaves directions free and the damping has cost the task more than a residual of 1e-6 ‖J‖‖q̈ − q̈_track‖,
+    level 2 is solved separately, and level 3 within it. It then uses every direction within the rows whose gain is
+    above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` bounds them. Two
+    exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2 uses directions
+    within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the answer: level 3
+    wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from others. If
+    rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met, and no
+    known point that meets them has a smaller residual.
     """
 
     solver: str = AUTO
@@ -103,20 +93,23 @@ class Hierarchy(Resolver):
     damping: float = 1e-8
     rank_tolerance: float = RANK_TOLERANCE
 
-    name, kernel, measures, answers = "hierarchy", ("hierarchical_qp", "descend"), True, ANSWERS
+    name, kernel, measures, answers = (
+        "hierarchy",
+        ("hierarchical_qp", "descend"),
+        True,
+        (codes.SOLVED, *RELAXED, codes.SHORT),
+    )
 
     def __post_init__(self) -> None:
-        checked: dict[str, object] = {"damping": positive_number("damping", self.damping)}
-        if self.max_acceleration is not None:
-            checked["max_acceleration"] = positive_number("max_acceleration", self.max_acceleration)
+        for name in ("damping", *(("max_acceleration",) if self.max_acceleration is not None else ())):
+            object.__setattr__(self, name, positive_number(name, getattr(self, name)))
         if self.weights is not None:
             weights: object = self.weights
             if not (isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)):
                 raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {shown(weights)}")
-            checked["weights"] = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
-        checked["rank_tolerance"] = rank_tolerance(self.rank_tolerance)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+            fixed = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
+            object.__setattr__(self, "weights", fixed)
+        object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
 
     @property
     def compiles(self) -> bool:
@@ -136,7 +129,7 @@ class Hierarchy(Resolver):
     @property
     def aim(self) -> int:
         """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
-        return STRICT
+        return codes.STRICT
 
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
@@ -160,10 +153,9 @@ class Hierarchy(Resolver):
             return None
         command = Command(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
         if code:
-            relaxed, short = ANSWERS[code]
-            command.status = "relaxed" if relaxed else "suboptimal"
+            command.status = "relaxed" if code in RELAXED else "suboptimal"
             why = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
-            command.reason = "; ".join(filter(None, (why, UNPROVED if short else "")))
+            command.reason = "; ".join(filter(None, (why, UNPROVED if code in SHORT else "")))
         return command
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
@@ -173,35 +165,7 @@ class Hierarchy(Resolver):
         if command is not None and (self.compiles or not command.iterations):
             return command
         assert solvers is not None
-        tracking, n = least_norm(task.J, task.b, self.rank_tolerance, task.rest), task.J.shape[1]
-        box = self.box(rows, n)
-        center, acted = self.center(rows, tracking.qdd, c, box)
-        cost = Target.of(tracking, self.damping, self.rank_tolerance, self.aim == STRICT)
-        if self.aim in (NEAREST, SCALED):
-            cost = Target(center, np.eye(n), np.ones(n), self.damping, self.rank_tolerance, False)
-        which = np.flatnonzero(c < np.inf)
-        fixed = np.linalg.norm(rows.Lg[which], axis=1) <= ZERO_GRADIENT * rows.scale[which]
-        free, stuck = which[~fixed], which[fixed]
-        weights = row_weights([rows.labels[i] for i in free], self.weights or {})
-        try:
-            best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
-        except InvalidInput as error:
-            raise SolverError(f"beyond the range of floating point: {error}") from error
-        slack = np.zeros(len(rows.labels))
-        acted[free] |= best.holding
-        slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
-        status: Literal["ok", "relaxed", "suboptimal"] = "suboptimal" if best.shortfall else "ok"
-        return Command(
-            best.x,
-            "relaxed" if slack.any() else status,
-            acted,
-            rows.labels,
-            reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
-            slack=slack,
-            solver=best.verified.solver if best.verified else "",
-            iterations=best.verified.answer.iterations if best.verified else 0,
-            fallback=best.fallback,
-        )
+        return by_solvers(self, rows, task, c, solvers)
 
     def box(self, rows: Rows, n: int) -> Array:
         """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
@@ -213,7 +177,7 @@ class Hierarchy(Resolver):
         return tracking, np.zeros(c.size, dtype=np.bool_)
 
 
-METRICS = {"joint": NEAREST, "task": WEIGHED}
+METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}
 """What the distance to the tracking command is measured in."""
 
 
@@ -221,14 +185,12 @@ METRICS = {"joint": NEAREST, "task": WEIGHED}
 class Filter(Hierarchy):
     """Of all q̈ in the box that violate the demands least, the one nearest to the command that tracks.
 
-    One quadratic program subject to A q̈ ≤ c: the safety filter of control barrier functions (Ames, Xu, Grizzle and
-    Tabuada 2017). What is nearest depends on the metric:
-
-    - ``joint``: min ‖q̈ − q̈_track‖². It spreads over all joints what a row takes from one, and so gives up some of
-      every part of the task, also of those that the rows would allow: it reaches its goal later.
-    - ``task``: min ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², the metric of task-consistent filters (Morton and
-      Pavone 2025), with the Frobenius norm. Where the damping is small beside the gains of J, and the task needs all
-      joints, this is :class:`Hierarchy`; as it grows, it becomes the joint metric, which does not use it.
+    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017). In the metric ``joint``, what
+    is least is ‖q̈ − q̈_track‖²: it spreads over all joints what a row takes from one, and so gives up some of every
+    part of the task, also of those that the rows would allow, and reaches its goal later. In the metric ``task`` it is
+    ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², that of task-consistent filters (Morton and Pavone 2025), with
+    the Frobenius norm. Where the damping is small beside the gains of J, and the task needs all joints, this is
+    :class:`Hierarchy`; as it grows, it becomes the joint metric, which does not use it.
 
     Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
     """
@@ -256,11 +218,10 @@ class Scaling(Hierarchy):
     Whichever row is the first to resist slows everything down: a baseline. It is the scaling of :class:`Saturation`
     without its null space, of the present sample only; :class:`~vsconstraints.controllers.GoalGovernor` moves the goal.
 
-    Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much; nor is any κ right where c < 0 of a
-    row that tracking leads inwards, but not fast enough. Then κ is the largest that no row would by itself have
-    smaller: 0 in the first case, what the other rows allow in the second. And the least ‖q̈ − κ q̈_track‖ that meets all
-    demands, or violates them least, is added: that of :class:`Filter`. So a row that has to brake brakes, by the
-    least acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
+    Where c < 0 of a row, no κ may be right. Then κ is the largest that no row would by itself have smaller: 0 where
+    tracking leads outwards, what the other rows allow where it leads inwards, but not fast enough. And the least ‖q̈ −
+    κ q̈_track‖ that meets all demands, or violates them least, is added, as by :class:`Filter`. So a row that has to
+    brake brakes, by the least acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
     """
 
     name = "scaling"
@@ -268,7 +229,7 @@ class Scaling(Hierarchy):
     @property
     def aim(self) -> int:
         """See :class:`.Hierarchy`."""
-        return SCALED
+        return codes.SCALED
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
@@ -286,23 +247,20 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
 
-    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the
-    null space that is left. With the saturated rows A
+    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the null
+    space that is left. With the saturated rows A
 
         q̈(s) = A†c + (J(I − A†A))† (s b − J A†c).
 
     At first there are none, and s = 1. As long as a bound is exceeded, the most critical one is saturated too: that
     which allows the least s. If that depends on those that are, the task is scaled as little as necessary: of all sets
     on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
-    allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
+    allows any s: then the command is that of :class:`Hierarchy`, with its statuses. So the task keeps its direction,
+    J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k, is slowed down as a whole: where no
+    demand asks for braking, this is then :class:`Scaling`.
 
-    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k, has
-    no null space and is slowed down as a whole: where no demand asks for braking, this is then :class:`Scaling`.
-
-    With ``scales=False``, a variant of SNS, a task that the null space is too small for is met in
-    the least-squares sense instead, and loses its direction. It is then never scaled as long as q̈ = 0 meets all
-    demands: each row is saturated at the s up to which it allowed the task, and what is within all bounds there still
-    is.
+    With ``scales=False`` a task that the null space is too small for is met in the least-squares sense instead, and
+    loses its direction. It is then never scaled as long as q̈ = 0 meets all demands.
 
     Nothing that is saturated is let go again. Where that would be better, the task is met less well than by
     :class:`Hierarchy`; where it pulls against all that is saturated, as against one row, they are the same.
@@ -328,23 +286,6 @@ class Saturation(Hierarchy):
 
 RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
 """Resolvers that files can name, by their ``name``."""
-
-
-def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Say which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
-    exceeded = np.flatnonzero(slack > 0.0)
-    if not exceeded.size:
-        return ""
-    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in exceeded)
-    without = ", ".join(labels[i] for i in exceeded if i in fixed)
-    why = f"; no acceleration influences {without}" if without else ""
-    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
-
-
-def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
-    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
-    keys = (max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None) for label in labels)
-    return np.array([1.0 if key is None else weights[key] for key in keys])
 
 
 def _weight(prefix: str, value: object) -> float:

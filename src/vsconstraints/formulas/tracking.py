@@ -30,6 +30,15 @@ def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> 
 
 
 @formula
+def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
+    """1 − 10τ³ + 15τ⁴ − 6τ⁵ and two derivatives, τ the share of the duration that has elapsed: at rest at both ends."""
+    tau = min(max(elapsed / duration, 0.0), 1.0)
+    left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
+    rate = -30.0 * tau**2 * (1.0 - tau) ** 2 / duration
+    return left, rate, -60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / duration**2
+
+
+@formula
 def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
     """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of the goal itself.
 

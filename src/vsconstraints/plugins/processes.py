@@ -10,7 +10,7 @@ import sys
 import threading
 from contextlib import suppress
 
-PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process gets when its parent ends
+PR_SET_PDEATHSIG = 1  #: of Linux' prctl: the signal that a process gets when its parent ends
 
 
 def end_with(parent: int) -> None:

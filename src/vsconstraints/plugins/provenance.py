@@ -13,8 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-Files = dict[str, str]
-"""Absolute paths and hashes of what the files hold; the hash is empty where there is no file."""
+Files = dict[str, str]  #: absolute paths and hashes of what the files hold; the hash is empty where there is no file
 
 INSTALLED = ("site-packages", "dist-packages")
 """Folders of installed packages: their versions stand for their files, those of own parts apart."""
@@ -28,7 +27,7 @@ LIBRARIES = (
 )
 """Folders whose files are nobody's own: the standard library, this package, the system's."""
 
-COMPILED = (".nbi", ".nbc")  # endings of numba's caches, which are made of code that is looked at itself
+COMPILED = (".nbi", ".nbc")  #: endings of numba's caches, which are made of code that is looked at itself
 
 _own_packages: set[str] = set()
 read_by_imports: Files = {}

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
-
 import numpy as np
 
 from ..rows import Array
@@ -17,13 +14,3 @@ def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
         if np.isfinite(s).all():
             return U, s, Vt
     raise np.linalg.LinAlgError("numbers beyond the range of floating point")
-
-
-def norm(A: Array) -> float:
-    """Return the largest singular value, 0 of an empty matrix; raise as :func:`svd` does."""
-    return float(svd(A, full_matrices=False)[1].max(initial=0.0))
-
-
-def lapack() -> Any:
-    """SciPy's :mod:`scipy.linalg.lapack`, imported at first use: that takes longer than importing all laws."""
-    return import_module("scipy.linalg.lapack")

@@ -22,7 +22,6 @@ COLOURS, SMALLER = 32, 2
 
 FILMS = (".gif", ".mp4")
 
-
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 """(H, W, 3) red, green and blue."""
 
@@ -39,10 +38,7 @@ class Frame(NamedTuple):
 def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
     """The images of a run, one after the other: rendered anew, they are those that its control has seen.
 
-    Raises
-    ------
-    ConfigurationError
-        if the control of this setup sees no images.
+    Raises ConfigurationError if the control of this setup sees no images.
     """
     photographer, last = setup.photographer(), -1
     settings = photographer.settings
@@ -56,13 +52,7 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
 
 
 def kind_of(path: Path) -> str:
-    """How what is written there ends: in .gif or .mp4 as a film, or not at all as a folder.
-
-    Raises
-    ------
-    ConfigurationError
-        if it ends otherwise.
-    """
+    """How a path ends: as a film in .gif or .mp4, or not at all as a folder; raises ConfigurationError otherwise."""
     kind = path.suffix.lower()
     if kind not in ("", *FILMS):
         raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, and a folder in neither: not {path.name!r}")
@@ -72,45 +62,30 @@ def kind_of(path: Path) -> str:
 def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None) -> int:
     """Write the images of a run; returns how many there are.
 
-    Parameters
-    ----------
-    setup, run
-        Whose.
-    path
-        A film with the tags that are found, as large as the images (``.mp4``) or half as large (``.gif``), or a folder
-        of PNGs as the control has seen them; those of an earlier run are deleted there.
-    on_frame
-        Called after each image.
-
-    Raises
-    ------
-    ConfigurationError
-        if the control of this setup sees no images, or the path ends otherwise.
-    OSError
-        if it cannot be written.
+    ``path`` is a film with the tags that are found, as large as the images (``.mp4``) or half as large (``.gif``), or a
+    folder of PNGs as the control has seen them; those of an earlier run are deleted there. ``on_frame`` is called after
+    each image. Raises ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if it cannot be written.
     """
     from PIL import Image
 
     kind, settings = kind_of(path), setup.photographer().settings
-    every = frames(setup, run)
+    every, count, pictures = frames(setup, run), 0, []
     if not kind:
         path.mkdir(parents=True, exist_ok=True)
         for old in path.glob("[0-9]" * 5 + ".png"):
             old.unlink()
-        count = 0
-        for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
+    tags = {*settings.looked_for(len(setup.scene.markers))}
+    for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
+        if kind:
+            pictures.append(marked(frame, tags))
+        else:
             Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
-            on_frame()
-        return count
-    own = {*settings.looked_for(len(setup.scene.markers))}
-    pictures = []
-    for frame in every:
-        pictures.append(marked(frame, own))
         on_frame()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(path) as part:
-        (_write_gif if kind == ".gif" else _write_mp4)(pictures, part, min(settings.rate_hz, 1.0 / setup.Ts))
-    return len(pictures)
+    if kind:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replaced(path) as part:
+            (_write_gif if kind == ".gif" else _write_mp4)(pictures, part, min(settings.rate_hz, 1.0 / setup.Ts))
+    return count
 
 
 def marked(frame: Frame, own: set[int]) -> Picture:
@@ -119,14 +94,13 @@ def marked(frame: Frame, own: set[int]) -> Picture:
 
     picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
     for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
-        colour = OWN if number in own else FOREIGN
-        outline = corners.round().astype(np.int32)
+        colour, outline = OWN if number in own else FOREIGN, corners.round().astype(np.int32)
         cv2.polylines(picture, [outline], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
         cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, cv2.LINE_AA)
         at = corners.mean(axis=0).round().astype(int) - (8, -8)
         cv2.putText(picture, str(number), at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, 2, cv2.LINE_AA)
-    text = f"{frame.taken:.3f} s"
-    cv2.putText(picture, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
+    white = (255, 255, 255)
+    cv2.putText(picture, f"{frame.taken:.3f} s", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, white, 1, cv2.LINE_AA)
     return picture
 
 
@@ -141,8 +115,7 @@ def _write_mp4(pictures: Sequence[Picture], path: Path, rate: float) -> None:
     import cv2
 
     height, width = pictures[0].shape[:2]
-    # OpenCV goes by the ending
-    whole = path.with_name(path.name + ".mp4")
+    whole = path.with_name(path.name + ".mp4")  # OpenCV goes by the ending
     film = cv2.VideoWriter(os.fspath(whole), cv2.VideoWriter.fourcc(*"mp4v"), rate, (width, height))
     try:
         if not film.isOpened():

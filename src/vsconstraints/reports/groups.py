@@ -9,6 +9,7 @@ from ..comparisons.suite import BASELINE
 from ..controllers import CONTROLLERS, make_controller
 from ..controllers.demand import USES
 from .markdown import enumeration, plain
+from .numbers import number
 
 MAX_LAWS = 8
 """How many controllers a figure shows beside tracking alone."""
@@ -48,6 +49,16 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
     if kind not in CONTROLLERS:
         return None
     return make_controller(kind, {key: value for key, value in entry.items() if key != "type"}).uses
+
+
+def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
+    """Type, options and required information of a controller of a manifest, for a table."""
+    options = {
+        key: number(value) if isinstance(value, float) else value for key, value in entry.items() if key != "type"
+    }
+    text = plain(", ".join(f"{key} = {value}" for key, value in options.items()))
+    information = information_text(required_information(name, entry))
+    return [plain(entry.get("type", name)), text or "defaults", information]
 
 
 def information_text(required: Sequence[str] | None) -> str:

@@ -33,9 +33,8 @@ MIN_SECTIONS = 4
 
 def render(template: str, **context: Any) -> str:
     """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain`` or ``code``."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    options: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options)
     environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, plain)}
     text = environment.get_template(template).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"

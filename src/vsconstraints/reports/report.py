@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -31,9 +31,8 @@ from .scenario import (
     failure_table,
     metric_table,
     robot_name,
-    settings,
     usage_table,
-)
+)  # fmt: skip
 from .selection import hidden_lanes, shown_scenarios
 
 TABLES = (
@@ -65,30 +64,14 @@ def write_report(
     """Write report.md, details.md, both as report.html, and the figures of a stored comparison; returns report.md.
 
     The same comparison gives the same text, byte for byte. Whatever is missing in the folder, a trajectory or a run,
-    is named in the report and left out of its figures.
+    is named in the report and left out of its figures. Without ``figures`` those that are there stay as they are;
+    ``all_figures`` draws every scenario of a large suite, not only those on which controllers differ most; ``formats``
+    are those of the files, of which the report shows the first; ``replays`` adds pages for a browser with runs of the
+    drawn scenarios. Only with ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called
+    are ``on_drawn`` with how many scenarios have their figures and how many there are, ``on_remark`` with warnings.
 
-    Parameters
-    ----------
-    figures, formats
-        Whether to draw figures, without which those that are there stay as they are, and in which formats; the report
-        shows the first.
-    all_figures
-        Whether to draw every scenario of a large suite, not only those on which controllers differ most.
-    replays
-        Whether to replay runs of the drawn scenarios in pages for a browser, and to link them.
-    trust
-        Whether own constraints that scenarios name as ``module:Class`` are imported, to draw what they are; else
-        nothing that the folder names is run, and the report says what is not drawn.
-    on_drawn, on_remark
-        Called with how many scenarios have their figures and how many there are; and with warnings on what is stored.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no comparison in the folder, it is not what was stored, another process is storing one, or the
-        extra ``replay`` is needed.
-    StorageError
-        if the report cannot be written.
+    Raises ConfigurationError if there is no comparison in the folder, it is not what was stored, another process is
+    storing one, or the extra ``replay`` is needed, and StorageError if the report cannot be written.
     """
     if replays:
         demand("replay")
@@ -101,24 +84,17 @@ def write_report(
             chosen = results.scenarios if all_figures else shown_scenarios(results)
             drawn, overview = {name: Drawn() for name in results.scenarios}, ""
             if figures:
-                drawn, overview = _draw(results, chosen, formats, on_drawn)
+                place = folder / "figures"
+                place.mkdir(exist_ok=True)
+                overview = draw_overview(results, place, formats)
+                drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
+                remove_stale(place, (file for one in drawn.values() for file in one.files.values()), formats)
             if replays:
                 add_replays(results, chosen, drawn)
             write_pages(folder / "report.md", report_text(results, drawn, overview))
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error
     return folder / "report.md"
-
-
-def _draw(
-    results: Results, chosen: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]
-) -> tuple[dict[str, Drawn], str]:
-    folder = results.stored.folder / "figures"
-    folder.mkdir(exist_ok=True)
-    text = draw_overview(results, folder, formats)
-    drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
-    remove_stale(folder, (file for one in drawn.values() for file in one.files.values()), formats)
-    return drawn, text
 
 
 def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = "") -> str:
@@ -167,7 +143,8 @@ def _scenario(results: Results, name: str, drawn: Drawn | None) -> dict[str, Any
         "anchor": summary.anchor(name),
         "title": plain(scenario.title),
         "description": plain(scenario.description),
-        "settings": settings(scenario),
+        "robot": robot_name(scenario),
+        "toml": scenario.tables,
         "finished": any(results.runs(name, controller) for controller in results.controllers),
         "drawn": drawn is not None,
         "baseline": baseline_facts(results, name),

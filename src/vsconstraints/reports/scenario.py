@@ -25,7 +25,7 @@ from .results import (
     shown,
     tally,
     violated,
-)
+)  # fmt: skip
 from .selection import lane_rows
 
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
@@ -41,42 +41,6 @@ def robot_name(scenario: Scenario) -> str:
     if isinstance(robot, dict):
         robot = robot.get("name") or PurePath(str(robot.get("urdf") or "own robot")).stem
     return plain(robot) if robot else ""
-
-
-def settings(scenario: Scenario) -> list[str]:
-    """What the scenario's tables say about robot, task, deviations from the nominal case, limits and time."""
-    keys = scenario.tables
-    task, limits, target, camera, plant, disturbances = (
-        keys.get(name) for name in ("task", "limits", "target", "camera", "plant", "disturbances")
-    )
-    facts = [f"Robot: {name}"] if (name := robot_name(scenario)) else []
-    if isinstance(task, dict):
-        goals = task.get("goals")
-        several = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
-        facts.append(f"task: {plain(task.get('feature', '?'))}{several}")
-    for part in (target, *keys.get("constraints", [])):
-        motion = part.get("motion") if isinstance(part, dict) else None
-        if isinstance(part, dict) and isinstance(motion, dict):
-            what = plain(part.get("name") or part.get("type") or "target")
-            facts.append(f"the {what} moves, {'' if motion.get('known', True) else 'un'}known to the controllers")
-    if isinstance(camera, dict) and "fixed" in camera:
-        facts.append("fixed camera")
-    if isinstance(plant, dict):
-        options = ", ".join(f"{key} {value}" for key, value in plant.items() if key != "type")
-        facts.append(f"an arm with mass ({plain(options)})" if options else "an arm with mass")
-    if keys.get("actuation") == "position":
-        facts.append("position-controlled")
-    if isinstance(disturbances, dict):
-        facts += [plain(f"{key} {value}") for key, value in disturbances.items()]
-    if isinstance(limits, dict):
-        facts.append(f"limits: {', '.join(plain(f'{key} {value}') for key, value in limits.items())}")
-    elif limits:
-        facts.append(f"limits: those of the {plain(limits)}'s actuators")
-    if isinstance(keys.get("sampling_time"), (int, float)):
-        facts.append(f"T_s = {1e3 * keys['sampling_time']:g} ms")
-    if isinstance(keys.get("duration"), (int, float)):
-        facts.append(f"{keys['duration']:g} s")
-    return facts
 
 
 def metric_table(results: Results, scenario: str, group: str) -> Table:
@@ -144,11 +108,9 @@ def usage_table(results: Results, scenario: str) -> Table:
 
 def effort_table(results: Results, scenario: str) -> Table:
     """The share of the acceleration limits that satisfying each row takes; empty where no limits are stated."""
-    needed = {
-        row["constraint"] for name in results.controllers for row in results.rows(scenario, name)
-        if row["share_to_hold"] > 0.0
-    }  # fmt: skip
-    labels = [label for label in results.labels(scenario) if label in needed]
+    rows = [row for name in results.controllers for row in results.rows(scenario, name)]
+    labels = list(dict.fromkeys(row["constraint"] for row in rows if row["share_to_hold"] > 0.0))
+    labels.sort(key=results.labels(scenario).index)
 
     def cell(rows: Sequence[Line]) -> str:
         return over_trials([row["share_to_hold"] for row in rows], percent)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from itertools import pairwise
@@ -35,6 +35,7 @@ REACH = 0.8
 BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
 """Radii of the first and the last link [m], and of a sliding link relative to its revolute one."""
 
+CAMERA_SIZE = 0.12  # depth of the pyramid that stands for the camera, for an arm of that reach [m]
 PLATE_CELLS = 8
 """A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners."""
 
@@ -306,12 +307,21 @@ def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OB
     scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
 
 
-def add_carrier(scene: Scene3D, setup: Setup, scale: float, frame: str = "tip") -> None:
-    """The bar from the tip to what it carries: the camera, or the target of a fixed one."""
-    world = setup.scene
-    carried = world.camera.mount.inverse.t if world.camera.fixed is None else world.markers.mean(axis=0)
+def add_robot(
+    scene: Scene3D, setup: Setup, arm: Iterable[Part], scale: float, colour: str = CAMERA, prefix: str = ""
+) -> None:
+    """An arm of parts, with a bar to what its tip carries: a camera in a colour if there is one, or the target.
+
+    The names of frames begin with ``prefix``.
+    """
+    scene.parts += [part._replace(frame=prefix + part.frame) for part in arm]
+    camera = setup.scene.camera
+    carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
     if np.linalg.norm(carried) > 1e-6:
-        scene.add(tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8), JOINT, frame, name="carrier")
+        bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
+        scene.add(bar, JOINT, f"{prefix}tip", name="carrier")
+    if colour:
+        scene.pyramid(CAMERA_SIZE * scale * image_corners(camera), colour, f"{prefix}camera", name="camera")
 
 
 def image_corners(camera: Camera) -> Array:
@@ -335,9 +345,7 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
     """Everything at an instant, with matplotlib: the arm as bars, and what its camera sees."""
     frames, scale, scene = setup_frames(setup, q, t), view.half / REACH, Scene3D()
     add_surroundings(scene, setup, view.half)
-    scene.parts += _bars(setup.scene.robot, scale)
-    add_carrier(scene, setup, scale)
-    scene.pyramid(0.09 * scale * image_corners(setup.scene.camera), CAMERA, "camera")
+    add_robot(scene, setup, _bars(setup.scene.robot, scale), scale)
     camera = frames["camera"].pose
     corners = view_corners(setup, camera, q, t)
     for a, b in pairwise([*corners, corners[0]]):

@@ -11,8 +11,8 @@ from ..comparisons.metrics import METRICS, TOLERANCES, TOLERANT, Metric
 from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
-from .groups import information_text, required_information
-from .markdown import Table, code, enumeration, first_names, plain
+from .groups import controller_cells
+from .markdown import Table, code, enumeration, first_names
 from .numbers import DASH, FORMATS, largest, median, number, of_length
 from .results import (
     DIVERGED,
@@ -27,7 +27,7 @@ from .results import (
     shown,
     tally,
     violated,
-)
+)  # fmt: skip
 
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 
@@ -195,12 +195,8 @@ def anchor(scenario: str) -> str:
 
 def options_table(results: Results) -> Table:
     """Type, options and required information of each controller, and how it was implemented."""
-    lines = []
-    for name, entry in results.stored.manifest["configuration"]["controllers"].items():
-        options = plain(", ".join(f"{key} = {value}" for key, value in entry.items() if key != "type"))
-        required = information_text(required_information(name, entry))
-        kind, implementation = plain(entry.get("type", name)), results.implementation(name) or DASH
-        lines.append([name, kind, options or "defaults", required, implementation])
+    entries = results.stored.manifest["configuration"]["controllers"]
+    lines = [[name, *controller_cells(name, entries[name]), results.implementation(name) or DASH] for name in entries]
     return Table(["controller", "type", "options", "required information", "implementation"], lines, 5)
 
 

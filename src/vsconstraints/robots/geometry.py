@@ -105,8 +105,7 @@ class Pose:
 
     def act(self, points: Array) -> Array:
         """Coordinates (..., 3) in frame a of points given in frame b."""
-        moved: Array = points @ self.R.T + self.t
-        return moved
+        return points @ self.R.T + self.t
 
     @property
     def twist_matrix(self) -> Array:

@@ -1,6 +1,6 @@
-"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time.
+"""Where a robot is and how it moves, by Pinocchio.
 
-The oracle of :mod:`vsconstraints.compiled.kinematics`: ``test_every_robot_and_constraint_in_every_world`` in
+It is the oracle of :mod:`vsconstraints.compiled.kinematics`: ``test_every_robot_and_constraint_in_every_world`` in
 ``tests/test_control_step.py`` compares the two.
 """
 
@@ -45,10 +45,7 @@ class Kinematics:
 
 
 class KinematicsEvaluator:
-    """Evaluates the kinematics of a model for fixed points, on the frames with these numbers.
-
-    Pinocchio's data is overwritten by every call.
-    """
+    """Evaluates the kinematics of points on the frames with these numbers; each call overwrites Pinocchio's data."""
 
     def __init__(
         self, model: pin.Model, data: pin.Data, tip: int, points: Sequence[RobotPoint], frames: Sequence[int]

@@ -110,23 +110,14 @@ class Rows:
 class Task:
     """The tracking equality J q̈ = b of eq. (41), and what the joints do where it leaves them free.
 
-    Attributes
-    ----------
-    J
-        (k, n) Jacobian J_s of the visual features.
-    b
-        (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
-    error, error_rate
-        (k,) e of the visual features, and ė; (0,) where they are not given, for laws that do not use them.
-    rest
-        (n,) q̈₀ [rad/s² or m/s²]: of all q̈ that rows and task leave, laws choose the nearest to it; (0,) for zero.
+    Of all q̈ that rows and task leave, laws choose the nearest to ``rest``.
     """
 
-    J: Array
-    b: Array
-    error: Array = field(default_factory=lambda: UNKNOWN)
-    error_rate: Array = field(default_factory=lambda: UNKNOWN)
-    rest: Array = field(default_factory=lambda: UNKNOWN)
+    J: Array  #: (k, n) Jacobian J_s of the visual features.
+    b: Array  #: (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
+    error: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) e; (0,) for laws that do not use it.
+    error_rate: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) ė, likewise.
+    rest: Array = field(default_factory=lambda: UNKNOWN)  #: (n,) q̈₀ [rad/s² or m/s²]; (0,) for zero.
 
     @in_one_line
     def __repr__(self) -> str:

@@ -21,8 +21,7 @@ from ..errors import ConfigurationError, shown, unknown_name
 from ..robots.geometry import Pose, Vector3
 from ..vision.motion import Motion
 
-Table = dict[str, Any]
-"""A table of a file, by its keys."""
+Table = dict[str, Any]  #: a table of a file, by its keys
 
 Context = Mapping[str, Any]
 """Arguments that are known besides those of a table: the robot, the camera, the folder of files."""

@@ -16,9 +16,8 @@ PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", 
 OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sensor", "payload", "friction", *PLACES)
 """Tables that need not be in a file, and are made when a key in them is overridden."""
 
-BY_TYPE = ("sensor",)  # tables for which their ``type`` alone may stand
-MAX_DEPTH = 30
-"""Levels of tables and lists in each other that a file may have."""
+BY_TYPE = ("sensor",)  #: tables for which their ``type`` alone may stand
+MAX_DEPTH = 30  #: levels of tables and lists in each other that a file may have
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,10 +15,10 @@ from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
 from ..vision.camera import Camera
-from ..vision.features import Goal
-from ..vision.references import MinimumJerk
+from ..vision.features import Goal, MinimumJerk
 from ..vision.scene import MINIMUM_DEPTH, Scene
 from .reading import Table, demand_known, demand_table, from_table, parameters
+from .toml import PLACES
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
 Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
@@ -31,16 +31,8 @@ SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
 """Shorter words for two of the keys that say where a camera is."""
 
 
-@dataclass(frozen=True)
-class Places:
-    """Keys of a camera's table of which one says where it is: see :meth:`.mounted`."""
-
-    camera_in_tip: Table | None = None
-    tip_in_camera: Table | None = None
-    camera_in_base: Table | None = None
-    base_in_camera: Table | None = None
-    mount: Table | None = None
-    fixed: Table | None = None
+Places = make_dataclass("Places", [(key, Table | None, None) for key in PLACES])
+"""Keys of a camera's table of which one says where it is: see :meth:`.mounted`."""
 
 
 def pose_from(

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..constraints import Constraint, Occlusion
+from ..control.evaluator import Evaluation
 from ..errors import ConfigurationError, SceneError
 from ..robots.geometry import Pose
 from ..rows import Array, BoolArray
@@ -162,7 +163,7 @@ class ImageSensor(Sensor):
     def _detector(self) -> Detector:
         return DETECTORS[self.settings.detector]()
 
-    def measured(self, k: int, q: Array, qd: Array) -> Measurement:
+    def measured(self, k: int, q: Array, qd: Array, world: Evaluation | None = None) -> Measurement:
         """What is measured in sample k, at ``q`` and ``qd`` (n,).
 
         Raises SceneError if no tag is seen in the first image, or a marker is believed to be behind the camera.
@@ -211,20 +212,9 @@ class ImageSensor(Sensor):
         # the first one is waited for
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
 
-    def observe(self, state: State) -> State:
-        """What is believed of the next sample's state; raises as :meth:`measured` does."""
-        seen, wrong = self.measured(self.sample, state.robot.q, state.robot.qd), self.disturbances
-        self.sample += 1
-        if wrong.mount:
-            state = self.believed.remounted(state)
-        assert seen.pixels is not None
-        assert seen.depth is not None
-        return self.believed.believed(state, seen.camera, (seen.pixels, wrong.depth_factor * seen.depth))
-
     def braking(self, qd: Array) -> Array:
         """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they will."""
-        slower: Array = -qd / STOPPING
-        return slower
+        return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of the images."""

@@ -13,7 +13,7 @@ from ..compiled import load
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
 from ..compiled.workspace import Workspace
 from ..constraints import ConstraintSet
-from ..control.evaluator import CompiledEvaluation
+from ..control.evaluator import Evaluation
 from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
@@ -123,6 +123,8 @@ class _Run:
         self.ended: Ended = ""
         self.reason, self.compiled, self.law = "", False, 0
         loop = None
+        if self.setup.disturbances.sensing:
+            self.sensor.expected.write(self.control.packed.step)
         try:
             believe = self.sensor.expected if self.setup.disturbances.sensing else None
             wrong = self.gradient_error if self.gradient_error.any else None
@@ -181,12 +183,10 @@ class _Run:
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
         loop.parts[:3] = believed.step.evaluate, believed.workspace.address, true.packed.workspace.address
         self.gradient_error.write(believed.step)
-        if setup.disturbances.sensing:
-            self.sensor.expected.write(believed.step)
-            if self.sensor.estimates:
-                self._sensing = self.sensor.sensing(setup.samples_at_most)
-                self._sensed = Workspace(self._sensing)
-                loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
+        if setup.disturbances.sensing and self.sensor.estimates:
+            self._sensing = self.sensor.sensing(setup.samples_at_most)
+            self._sensed = Workspace(self._sensing)
+            loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
         law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
         self._laws = [Workspace(part.arrays) for part in (alone, law) if part is not None]
@@ -220,44 +220,36 @@ class _Run:
             self.loop.alone[:] = self.prepared.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         else:
             assert self.bound is not None
-            step = CompiledEvaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
+            step = Evaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
             rows, task = step.rows, step.task
         self._ask_law(k, rows, task)
         return ALONE if stage == LAW else MOVE
 
     def _evaluate(self, k: int) -> tuple[Rows, Task]:
         """Rows and task that the control believes in; the true ones are written to the loop."""
-        setup, t, q, qd = self.setup, k * self.setup.Ts, self.plant.q, self.plant.qd
+        t, q, qd = k * self.setup.Ts, self.plant.q, self.plant.qd
         started = perf_counter()
-        self.sensor.sample = k
-        if self.sensor.disturbed:
-            state = setup.scene.evaluate(t, q, qd)
-            believed = self.sensor.observe(state)
+        world, measured = None, None
+        if self.prepared.world is not self.control:
+            world = self.prepared.world.evaluate(t, q, qd)
+            measured = self.sensor.measured(k, q, qd, world)
             # the time before is not the control's
             started = perf_counter()
-            step = self.control.define(believed)
-        else:
-            step = self.control.evaluate(t, q, qd)
+        step = self.control.evaluate_measured(t, q, qd, measured)
         rows = self.gradient_error(step.rows, qd)
-        ready = perf_counter()
-        true, sigma, seen = step.rows, step.sigma, (step.pixels, step.points, step.camera_R, step.camera_t)
-        if self.sensor.disturbed:
-            true, sigma = setup.constraints.rows(state)
-            seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
+        ready, true = perf_counter(), world or step
         if k == 0 and len(step.error) != len(self.loop.task.error):
             self._begin(self._python_loop(len(step.error)))
         loop = self.loop
-        loop.true.phi[:], loop.true.Lg[:], loop.true.Lf[:], loop.true.sigma[:] = true.phi, true.Lg, true.Lf, sigma
-        loop.pixels[:], loop.points[:], loop.camera_R[:], loop.camera_t[:] = seen
+        loop.true.phi[:], loop.true.Lg[:], loop.true.Lf[:] = true.rows.phi, true.rows.Lg, true.rows.Lf
+        loop.true.sigma[:], loop.pixels[:], loop.points[:] = true.sigma, true.pixels, true.points
+        loop.camera_R[:], loop.camera_t[:] = true.camera_R, true.camera_t
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
-        """Take the controller's command, or end the run.
-
-        A loss of rank that the law claims counts where the rows that it was given show it.
-        """
+        """Take the controller's command, or end the run; a claimed loss of rank counts where the rows show it."""
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return

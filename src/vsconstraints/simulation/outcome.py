@@ -84,8 +84,7 @@ def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) 
     numbers, goals = np.arange(len(begins)), goals_at(begins, np.arange(samples) * Ts)
     first = np.maximum(unreached + 1, np.searchsorted(goals, numbers))
     there = np.append(goals, -1)[first] == numbers
-    times: Array = np.where(there, np.maximum(first * Ts - begins, 0.0), np.nan)
-    return times
+    return np.where(there, np.maximum(first * Ts - begins, 0.0), np.nan)
 
 
 def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:

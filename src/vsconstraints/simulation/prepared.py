@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from ..compiled.samples import Goals, Kept, Loop, Running
-from ..compiled.workspace import Answer, Size, Step
-from ..control import ControlStep
+from ..compiled.workspace import Answer, Size, Step, zeros
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
 from ..robots.geometry import Pose
@@ -28,7 +27,7 @@ class Prepared:
         # what is kept is what is true; where nothing is disturbed, that is what the control believes
         self.world = self.control
         if setup.sensor().disturbed or self.gradient_error.any:
-            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
+            self.world = setup.world()
         self.baseline = Tracking()
         #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
         self.bound, self.true = self.control.bound(), self.world.bound()
@@ -59,11 +58,11 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     ``believed`` and ``true`` are the steps of control and world; unless the ``whole`` run is kept, only the last poses
     and errors of the camera are.
     """
-    N, (m, n), k = setup.samples_at_most, true.rows.Lg.shape, len(believed.task.error)
+    N, (m, n), (states, _) = setup.samples_at_most, true.rows.Lg.shape, plant.x.shape
     window = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
     samples, poses = (N, N) if whole else (1, window)
-    none, zeros, one = np.empty(0), np.zeros, np.zeros(1, dtype=np.int64)
-    counts = np.zeros((4, m), dtype=np.int64)
+    lengths = {"m": m, "n": n, "k": len(believed.task.error), "M": len(true.pixels), "P": len(true.points), "s": states}
+    lengths |= {"N": samples, "poses": poses, "goals": len(setup.task.goals)}
     nowhere = Pose(np.full((3, 3), np.nan), np.full(3, np.nan))
     poses_wanted = [goal.camera or nowhere for goal in setup.task.goals]
     goals = Goals(
@@ -74,50 +73,19 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         tolerance=setup.goal_tolerances,
         by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
     )
-    kept = Kept(
-        states=zeros((samples, *plant.x.shape)),
-        error=zeros((samples, k)),
-        camera_error=zeros((poses, 2)),
-        feature_error=zeros(poses),
-        camera_R=zeros((poses, 3, 3)),
-        camera_t=zeros((poses, 3)),
-        pixels=zeros((samples, *true.pixels.shape)),
-        points=zeros((samples, *true.points.shape)),
-        phi=zeros((samples, m)),
-        sigma=zeros((samples, m)),
-        active=zeros((samples, m), dtype=np.bool_),
-        saturated=zeros(samples, dtype=np.bool_),
-        rows_time=zeros(samples),
-        step_time=zeros(samples),
-    )
-    scores = Running(
-        phi_max=np.full(m, -np.inf),
-        sigma_max=np.full(m, -np.inf),
-        outside=counts[0],
-        acted=counts[1],
-        first_active=np.full(m, -1),
-        last_active=np.full(m, -1),
-        positive=counts[2],
-        longest_positive=counts[3],
-        acceleration_max=zeros(n),
-        common=np.full(1, setup.samples),
-        variation=zeros(1),
-        squared_variation=zeros(1),
-        switches=one.copy(),
-        unreached=np.full(len(setup.task.goals), -1),
-        saturated=one.copy(),
-        share_to_hold=np.full(m, np.nan),
-        active=zeros(m, dtype=np.bool_),
-        qdd=zeros(n),
-    )
+    scores: Running = zeros(Running, lengths)
+    scores.phi_max[:] = scores.sigma_max[:] = -np.inf
+    scores.first_active[:] = scores.last_active[:] = scores.unreached[:] = -1
+    scores.common[:], scores.share_to_hold[:] = setup.samples, np.nan
+    none = np.empty(0)
     return Loop(
         parts=np.zeros(9, dtype=np.int64),
         Ts=np.array([setup.Ts]),
         clock=np.zeros(2 if whole else 0, dtype=np.int64),
         rows=believed.rows,
         task=believed.task,
-        answer=Answer(plant.x[-2], zeros(m, dtype=np.bool_), none, one.copy(), none),
-        alone=zeros(n),
+        answer=Answer(plant.x[-2], np.zeros(m, np.bool_), none, np.zeros(1, np.int64), none),
+        alone=np.zeros(n),
         true=true.rows,
         pixels=true.pixels,
         points=true.points,
@@ -125,6 +93,6 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         camera_t=true.camera_t,
         goals=goals,
         plant=plant.arrays(N, believed.last_command),
-        kept=kept,
+        kept=zeros(Kept, lengths),
         scores=scores,
     )

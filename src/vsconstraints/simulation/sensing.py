@@ -12,14 +12,16 @@ from ..compiled import load
 from ..compiled.images import Images, Lenses, Sensing, usable
 from ..compiled.workspace import Scratch, Step
 from ..constraints import ConstraintSet, SpeedConstraint
+from ..control.evaluator import Evaluation
 from ..control.packing import write_camera
 from ..errors import ConfigurationError, SceneError, unknown_name
 from ..formulas.row import gradient_error
 from ..robots.geometry import Pose
 from ..rows import Array, BoolArray, Rows
 from ..vision.camera import Camera
+from ..vision.measurement import Measurement
 from ..vision.pose_estimate import estimated_pose
-from ..vision.scene import Scene, State
+from ..vision.scene import Scene
 from .disturbances import VISIBILITY, Disturbances
 
 __all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_pixels", "shown_to"]
@@ -81,14 +83,6 @@ class Expectation:
 
     scene: Scene  #: The believed one.
     depth_factor: float
-    elsewhere: bool  #: Whether camera or markers are believed elsewhere than they are.
-
-    def __call__(self, state: State) -> State:
-        """The believed state."""
-        if self.elsewhere:
-            state = self.scene.evaluate(state.t, state.robot.q, state.robot.qd)
-        seen = self.scene.camera.pixels(state.normalised.position)
-        return self.scene.believed(state, None, (seen, self.depth_factor * state.depth))
 
     def write(self, step: Step) -> None:
         """Let a compiled step believe the same."""
@@ -98,7 +92,7 @@ class Expectation:
 
 
 class Sensor:
-    """Turns true states into believed ones, sample after sample.
+    """Makes measurements of what is true, sample after sample.
 
     The camera's pose is estimated from the measured image by least squares (section 2, third part of the computer
     vision algorithm); where the markers do not determine it, it is taken from the kinematics. Robot coordinates and
@@ -107,12 +101,11 @@ class Sensor:
     """
 
     blind = False  #: Whether there is nothing to go by, and the arm has to be braked.
-    sample: int  #: Which one is observed next.
 
     def __init__(self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False) -> None:
         self.scene, self.disturbances = scene, disturbances
         self.believed = believed_scene(scene, disturbances)
-        self.camera = self.believed.camera
+        self.camera, self._Ts = self.believed.camera, Ts
         period = disturbances.image_period / Ts if disturbances.image_period else 1.0
         self._every = max(int(np.round(period)), 1)
         if abs(period - self._every) > 1e-6:
@@ -127,7 +120,7 @@ class Sensor:
 
     def reset(self) -> None:
         """Begin a new run with the same random numbers."""
-        self.sample, self._covered = 0, 0
+        self._covered = 0
         self._images: Images | None = None
 
     def images(self, samples: int) -> Images:
@@ -149,7 +142,7 @@ class Sensor:
         return wrong.image or wrong.intrinsics or wrong.distortion or wrong.mount or wrong.target
 
     def sensing(self, samples: int) -> Sensing:
-        """What the compiled form of :meth:`observe` works with, in a run of so many samples."""
+        """What the compiled form of :meth:`measured` works with, in a run of so many samples."""
         M, camera, address = len(self.scene.markers), self.scene.camera, 0
         if camera.distortion is not None:
             address = load("lenses").address_of(camera.distortion.model)
@@ -157,42 +150,30 @@ class Sensor:
         scratch = Scratch(np.empty(64 * M + 256), np.zeros(1, dtype=np.int64))
         return Sensing(self.images(samples), lenses, scratch)
 
-    def image(self, ideal: Array) -> Array:
-        """(M, 2) the measured pixels that can be used in the next sample, as the control has them, of the true ones."""
-        seen = self.scene.camera.distort(ideal)
-        images, k = self._images, self.sample
-        if images is None or k >= self._covered:
-            images = self.images(2 * k + 1)
-        self.sample += 1
-        return ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
-
-    def observe(self, state: State) -> State:
-        """What is believed of the next sample's state; the state itself where nothing is disturbed.
+    def measured(self, k: int, q: Array, qd: Array, world: Evaluation | None = None) -> Measurement | None:
+        """What is measured in sample k of what is true then, None where that is what the believed scene predicts.
 
         Raises SceneError if the image cannot be explained by any pose with all markers in front of the camera.
         """
-        if not self.disturbed:
-            return state
-        settings = self.disturbances
-        if not settings.sensing:
-            return self.scene.believed(state)
-        pixels = self.image(state.pixels.position)
-        camera, Z = state.camera, state.depth
-        if self.estimates:
-            camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), state.camera)
-            try:
-                Z = self.believed.depth(camera)
-            except SceneError as error:
-                raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
-        if settings.mount:
-            state = self.believed.remounted(state)
-        return self.believed.believed(state, camera, (pixels, settings.depth_factor * Z))
+        if not self.estimates or world is None:
+            return None
+        seen = self.scene.camera.distort(world.pixels)
+        images = self._images
+        if images is None or k >= self._covered:
+            images = self.images(2 * k + 1)
+        pixels = ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
+        near = Pose(world.camera_R, world.camera_t)
+        camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), near)
+        try:
+            Z = self.believed.depth(camera)
+        except SceneError as error:
+            raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
+        return Measurement(pixels, Z, k * self._Ts, camera)
 
     @property
     def expected(self) -> Expectation:
         """What would be believed of a state to come."""
-        wrong = self.disturbances
-        return Expectation(self.believed, wrong.depth_factor, wrong.mount or wrong.target)
+        return Expectation(self.believed, self.disturbances.depth_factor)
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of what was seen."""
@@ -249,5 +230,5 @@ class GradientError:
     def write(self, step: Step) -> None:
         """Let a compiled step make the same rows."""
         if self.any:
-            step.gradient_error["address"] = load("gradient_error").APPLY
+            step.gradient_error["address"] = load("constraint_rows").APPLY_GRADIENT_ERROR
             step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share

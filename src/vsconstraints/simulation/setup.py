@@ -129,6 +129,10 @@ class Setup:
         limits = self.limits if self.limits.known else NO_LIMITS
         return ControlStep(self.scene, self.constraints, self.task, limits=limits, period=self.Ts)
 
+    def world(self) -> ControlStep:
+        """Rows and task as they are: with the motion of everything known."""
+        return ControlStep(self.scene, self.constraints, self.task, known=True)
+
     def sensor(self) -> Sensor:
         """What turns true states into what a controller believes."""
         if self.images is not None:
@@ -148,7 +152,7 @@ class Setup:
     @cached_property
     def separated(self) -> list[str]:
         """See :func:`vsconstraints.simulation.start.separated_markers`."""
-        start = self.scene.evaluate(0.0, self.q0, self.qd0).pixels.position
+        start = self.scene.glance(self.q0)[0]
         return separated_markers(self.scene, self.constraints, self.task, start)
 
     @property
@@ -186,8 +190,7 @@ class Setup:
         own = self.tolerances
         at_rest = own.joint_speed if self.scene.motion is None else np.inf
         factors = np.array([goal.tolerance_factor for goal in self.task.goals])
-        tolerances: Array = np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
-        return tolerances
+        return np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
 
     @property
     def goal_begins(self) -> Array:
@@ -233,8 +236,8 @@ class Setup:
             raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
 
     def _remarks_at_start(self) -> list[str]:
-        camera, state = self.scene.camera, self.scene.evaluate(0.0, self.q0, self.qd0)
-        pixels = enumerate(state.pixels.position, start=1)
+        camera, start = self.scene.camera, self.world().evaluate(0.0, self.q0, self.qd0)
+        pixels = enumerate(start.pixels, start=1)
         unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]
         if unseen:
             raise ConfigurationError(
@@ -243,8 +246,7 @@ class Setup:
             )
         remarks = implausible(self.scene, self.task, self.Ts)
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
-        rows, sigma = self.constraints.rows(state)
-        first = 0
+        rows, sigma, first = start.rows, start.sigma, 0
         for constraint, count, _ in self.constraints.blocks():
             own = slice(first, first := first + count)
             refusal = constraint.refusal(sigma[own], rows.labels[own])

@@ -34,29 +34,16 @@ class Camera:
     which straight lines are straight. :meth:`undistort` makes them of pixels on the *sensor*, :meth:`distort` those of
     them; without distortion the two are the same.
 
-    Attributes
-    ----------
-    focal_px
-        (F_u, F_v): focal length divided by the size of a pixel [px].
-    size_px
-        (W, H): width and height of the image [px].
-    principal_point_px
-        (2,) where the optical axis meets the image, from the top left corner [px]; the centre if None. Pixels' edges
-        count: half a pixel more than OpenCV's c_x and c_y.
-    mount
-        ᶜMₑ: end-effector (robot tip) coordinates to camera coordinates, for a camera that the robot carries.
-    fixed
-        Pose in the base frame of a camera that looks at the robot instead (eye-to-hand); None if the robot carries it.
-    distortion
-        Of the lens; None if there is none.
+    The principal point is where the optical axis meets the image, from the top left corner, the centre if None; pixels'
+    edges count: half a pixel more than OpenCV's c_x and c_y.
     """
 
-    focal_px: tuple[float, float]
-    size_px: tuple[float, float]
+    focal_px: tuple[float, float]  #: (F_u, F_v): focal length divided by the size of a pixel.
+    size_px: tuple[float, float]  #: (W, H): width and height of the image.
     principal_point_px: tuple[float, float] | None = None
-    mount: Pose = field(default_factory=Pose.identity)
-    fixed: Pose | None = None
-    distortion: Distortion | None = None
+    mount: Pose = field(default_factory=Pose.identity)  #: ᶜMₑ: robot tip to camera, of one that the robot carries.
+    fixed: Pose | None = None  #: In the base frame, of one that looks at the robot instead (eye-to-hand).
+    distortion: Distortion | None = None  #: Of the lens.
 
     def __post_init__(self) -> None:
         for name in ("focal_px", "size_px"):

@@ -1,7 +1,7 @@
-"""Visual features: the camera's pose (PBVS) and the markers in the image (IBVS).
+"""Visual features: the camera's pose (PBVS) and the markers in the image (IBVS), and the goals where they should be.
 
-A feature turns a state and a goal into its error, Jacobian and drift; the law that makes a task of them is in
-:mod:`vsconstraints.vision.tracking`.
+Features are evaluated in :mod:`vsconstraints.compiled.visual_task`, which makes a task of them; own ones evaluate
+themselves.
 """
 
 from __future__ import annotations
@@ -9,55 +9,52 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import pinocchio as pin
 
-from ..errors import ConfigurationError, unknown_name
-from ..formulas.features import pose_error, pose_rates
-from ..formulas.rotation import rotation_vector_rate
-from ..formulas.vectors import turned
+from ..errors import ConfigurationError, InvalidInput, unknown_name
+from ..formulas.features import pose_error
+from ..formulas.tracking import minimum_jerk
 from ..robots.geometry import Pose
 from ..rows import Array
-from .references import Reference
 from .scene import State, interaction_matrix
 
 InteractionMatrix = Literal["current", "desired", "mean"]
 
 
 @dataclass(frozen=True)
-class Goal:
-    """What the camera should see, from a given time on.
+class MinimumJerk:
+    """A reference trajectory s_ref(t) of eq. (5): from where the feature is straight to the goal, at rest at both ends.
 
-    Attributes
-    ----------
-    from_time
-        Time from which this goal holds [s].
-    pixels
-        (m, 2) where the markers should be, from the image's centre [px].
-    normalised
-        The same in normalised coordinates.
-    camera
-        Desired pose of the camera in the target's frame; None if only the image is given.
-    depth
-        (m,) Z of the markers there [m]; None if not known.
-    reference
-        How s_ref moves on the way to the goal; None if it is the goal from the start.
-    q
-        (n,) joint coordinates at which the camera is there at t = 0; None where the goal was not given by them.
-    tolerance_factor
-        By how much the tolerances within which this goal counts as reached are wider than those of the setup.
+    s_ref, less the feature's value at the goal, is start · (1 − 10τ³ + 15τ⁴ − 6τ⁵), τ the share of ``duration`` [s].
     """
 
-    from_time: float
-    pixels: Array
-    normalised: Array
-    camera: Pose | None = None
-    depth: Array | None = None
-    reference: Reference | None = None
-    q: Array | None = None
-    tolerance_factor: float = 1.0
+    duration: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.duration) and self.duration > 0.0):
+            raise InvalidInput(f"the duration of a reference trajectory must be positive, not {self.duration}")
+
+    def at(self, elapsed: float, start: Array) -> tuple[Array, Array, Array]:
+        """s_ref less the feature's value at the goal, ṡ_ref and s̈_ref (k,), ``elapsed`` [s] after it was ``start``."""
+        left, rate, acceleration = minimum_jerk(elapsed, self.duration)
+        return left * start, rate * start, acceleration * start
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What the camera should see, from a given time on."""
+
+    from_time: float  #: Time from which this goal holds [s].
+    pixels: Array  #: (m, 2) where the markers should be, from the image's centre [px].
+    normalised: Array  #: The same in normalised coordinates.
+    camera: Pose | None = None  #: Desired pose of the camera in the target's frame; None if only the image is given.
+    depth: Array | None = None  #: (m,) Z of the markers there [m]; None if not known.
+    reference: MinimumJerk | None = None  #: How s_ref moves to the goal; None if it is the goal from the start.
+    q: Array | None = None  #: (n,) joint coordinates at which the camera is there at t = 0, if it was given by them.
+    tolerance_factor: float = 1.0  #: By how much its tolerances are wider than those of the setup.
 
     @cached_property
     def interaction(self) -> Array:
@@ -70,22 +67,10 @@ class Goal:
         return interaction_matrix(self.normalised, self.depth).reshape(-1, 6)
 
 
-@dataclass(frozen=True, slots=True)
-class FeatureMotion:
-    """A feature vector s and how it moves.
+class FeatureMotion(NamedTuple):
+    """A feature vector s (k,) less its value at the goal, J_s (k, n), ṡ, s̈ when q̈ = 0, and ∂s/∂t of eq. (2) (k,) each.
 
-    Attributes
-    ----------
-    error
-        (k,) s less its value at the goal.
-    J
-        (k, n) J_s = ∂s/∂q.
-    velocity
-        (k,) ṡ.
-    drift
-        (k,) s̈ when q̈ = 0, exactly: J̇_s q̇ + ∂ṡ/∂t.
-    partial
-        (k,) ∂s/∂t of eq. (2): zero unless the target is known to move.
+    The drift s̈ is J̇_s q̇ + ∂ṡ/∂t exactly; ∂s/∂t is zero unless the target is known to move.
     """
 
     error: Array
@@ -96,38 +81,28 @@ class FeatureMotion:
 
 
 class Feature(ABC):
-    """A visual feature vector s."""
+    """A visual feature vector s; an own one gives :meth:`size` and :meth:`evaluate`."""
 
     name: ClassVar[str]
 
-    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
-        """The same s_ref (k,), less the feature's value at a new goal instead of at an old one.
+    @abstractmethod
+    def size(self, markers: int) -> int:
+        """How many numbers k it has, with so many markers."""
 
-        Parameters
-        ----------
-        reference
-            (k,) s_ref less the feature's value at the old goal.
-        old, new
-            The goals.
-        near
-            (k,) the error to the new goal: features that are not unique (angles) are those closest to it.
+    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
+        """S_ref (k,), less the feature's value at a new goal instead of at an old one.
+
+        ``near`` (k,) is the error to the new goal: features that are not unique (angles) are those closest to it.
         """
         raise ConfigurationError(f"the feature {self.name} does not say where a reference is seen from another goal")
 
-    @abstractmethod
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        """Error, Jacobian and drift of the feature.
+        """An own feature now.
 
-        Parameters
-        ----------
-        state
-            The scene now.
-        goal
-            What should be seen.
-        previous
-            (k,) the error at the previous sample of the same goal, or None at its first: features that are not
-            unique (angles) stay continuous with it.
+        ``previous`` (k,) is the error at the previous sample of the same goal, None at its first: features that are not
+        unique (angles) stay continuous with it.
         """
+        raise NotImplementedError(f"the feature {self.name} is evaluated by compiled code")
 
 
 class CameraPose(Feature):
@@ -139,6 +114,10 @@ class CameraPose(Feature):
 
     name = "camera-pose"
 
+    def size(self, markers: int) -> int:
+        """Three coordinates and three angles."""
+        return 6
+
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """See :meth:`Feature.carried`."""
         assert old.camera is not None
@@ -146,21 +125,6 @@ class CameraPose(Feature):
         there = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
         _, t, w = pose_error(new.camera.R, new.camera.t, there.R, there.t, near[3:], True)
         return np.array((*t, *w))
-
-    def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        """Error (6,), Jacobian (6, n) and drift of the camera's pose relative to the desired one."""
-        if goal.camera is None:
-            raise ValueError("a camera-pose task needs a goal with a camera pose")
-        near, wanted, camera = np.zeros(3) if previous is None else previous[3:], goal.camera, state.camera
-        E, e, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, previous is not None)
-        v, omega, drift = state.camera_twist[:3], state.camera_twist[3:], state.camera_drift
-        w_dot, L, L_dot = rotation_vector_rate(w, omega)
-        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
-        J: Array = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
-        velocity = np.array((*t_dot, *w_dot))
-        return FeatureMotion(
-            np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ state.robot.qd
-        )
 
 
 class ImagePoints(Feature):
@@ -187,22 +151,13 @@ class ImagePoints(Feature):
             raise unknown_name("interaction_matrix", interaction_matrix, get_args(InteractionMatrix))
         self.interaction_matrix = interaction_matrix
 
+    def size(self, markers: int) -> int:
+        """Two coordinates of each marker."""
+        return 2 * markers
+
     def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
         """See :meth:`Feature.carried`."""
         return reference + (old.normalised - new.normalised).ravel()
-
-    def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        """Error (2m,), Jacobian (2m, n) and drift of the markers' normalised coordinates."""
-        image = state.normalised
-        J, velocity, drift = image.J.reshape(-1, image.J.shape[2]), image.velocity.ravel(), image.drift.ravel()
-        partial = velocity - J @ state.robot.qd
-        if self.interaction_matrix != "current":
-            L = goal.interaction
-            if self.interaction_matrix == "mean":
-                L = 0.5 * (L + interaction_matrix(image.position, state.depth).reshape(-1, 6))
-            J, drift = L @ state.camera_J, L @ state.camera_drift
-            velocity = J @ state.robot.qd + partial
-        return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
 
 
 FEATURES: dict[str, type[Feature]] = {feature.name: feature for feature in (CameraPose, ImagePoints)}

@@ -1,4 +1,4 @@
-"""What a camera has measured: pixels of markers, their depths, its own pose; and what a controller then believes."""
+"""What a camera has measured: pixels of markers, their depths, its own pose; and what of that cannot be right."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from typing import Self
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown
-from ..formulas.innovation import MEMORY, image_innovation
-from ..formulas.motion import angle
 from ..robots.geometry import Pose
 from ..rows import Array
 from .camera import Camera
-from .scene import Scene, State
 
 
 @dataclass(frozen=True)
@@ -23,27 +20,14 @@ class Plausible:
 
     Measured on the families' noise, calibration errors and delays by ``python -m checks.plausible``, which prints how
     often these are exceeded though nothing is wrong.
-
-    Attributes
-    ----------
-    image_share
-        How far a marker may be seen from where the model has it, as a share of the image's shorter side.
-    shape_share
-        By how much the markers' pattern may differ from the predicted one in shape, as a share of its size.
-    pose_m, pose_rad
-        How far a measured pose of the camera may be from that of the kinematics [m, rad]; it is as old as its image.
-    image_s
-        How old an image may be [s]: six periods of a camera of 30 Hz.
-    speed_rad_s
-        By how much measured joint speeds may differ from the change of measured positions [rad/s or m/s].
     """
 
-    image_share: float = 0.1
-    shape_share: float = 0.5
-    pose_m: float = 0.2
-    pose_rad: float = 0.4
-    image_s: float = 0.2
-    speed_rad_s: float = 1.0
+    image_share: float = 0.1  #: Distance of a marker from where the model has it, by the image's shorter side.
+    shape_share: float = 0.5  #: Difference of the markers' pattern from the predicted one, by its size.
+    pose_m: float = 0.2  #: Distance of a measured pose of the camera from that of the kinematics [m].
+    pose_rad: float = 0.4  #: Likewise [rad].
+    image_s: float = 0.2  #: Age of an image [s]: six periods of a camera of 30 Hz.
+    speed_rad_s: float = 1.0  #: Difference of joint speeds from the change of positions [rad/s or m/s].
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -100,59 +84,6 @@ class Measurement:
     def undistorted(self, camera: Camera) -> Self:
         """The same with ideal pixels; raises InvalidInput for one where the lens cannot be inverted."""
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
-
-    def believed(self, scene: Scene, state: State, correction: Array) -> State:
-        """What a controller believes that is told this of a state; the compiled step does the same.
-
-        Pixels are ideal by now. ``correction`` (M, 2) is by how much markers were last seen beside where the model has
-        them, and is kept up.
-        """
-        if self.pixels is None:
-            return scene.believed(state, self.camera)
-        assert self.depth is not None
-        assert self.taken is not None
-        model, eye = state.normalised.position, scene.camera
-        Z = np.where(np.isnan(self.depth), state.depth, self.depth)
-        seen = np.flatnonzero(np.isfinite(self.pixels).all(axis=1))
-        there = state.pixels.position.copy()
-        there[seen] = self.pixels[seen]
-        velocity = scene.believed(state, self.camera, (there, Z)).normalised.velocity
-        moved = eye.normalised(there) + (state.t - self.taken) * velocity
-        correction[seen] = (moved - model)[seen]
-        return scene.believed(state, self.camera, (eye.pixels(model + correction), Z))
-
-
-def innovation(
-    measured: Measurement | None, model: State, camera: Camera, correction: Array, slip: Array, bounds: Array
-) -> Array:
-    """(7,) :data:`INNOVATIONS`, and the greatest ratio of them to their bounds; the compiled step does the same.
-
-    Parameters
-    ----------
-    measured
-        With ideal pixels.
-    model
-        The state as the model predicts it.
-    camera
-        The scene's.
-    correction
-        (M, 2) by how much markers are seen beside that, in normalised coordinates.
-    slip
-        (n,) see :func:`.formulas.innovation.slip`.
-    bounds
-        (6,) see :meth:`Plausible.bounds`.
-    """
-    found = np.zeros(7)
-    if measured is not None and measured.pixels is not None:
-        assert measured.taken is not None
-        seen = model.pixels.position + correction * camera.focal
-        found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
-    if measured is not None and measured.camera is not None:
-        found[2] = np.linalg.norm(measured.camera.t - model.camera.t)
-        found[3] = angle(((measured.camera.R - model.camera.R) ** 2).sum())
-    found[5] = np.abs(slip).max(initial=0.0) / MEMORY
-    found[6] = (found[:6] / bounds).max()
-    return found
 
 
 def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, correction: Array, slip: Array) -> str:

@@ -69,20 +69,11 @@ class TargetMotion:
     """A rigid motion x ↦ R(t)(x − c) + c + d(t) of the target, R a turn with constant angular velocity.
 
     The target's frame O coincides with the base frame at t = 0 and moves with the target.
-
-    Attributes
-    ----------
-    translation
-        d(t), in metres in the base frame; says whether the whole motion is known.
-    angular_velocity
-        (3,) ω in the base frame [rad/s].
-    centre
-        (3,) c in the base frame at t = 0 [m].
     """
 
-    translation: Motion
-    angular_velocity: Array
-    centre: Array
+    translation: Motion  #: d(t), in metres in the base frame; says whether the whole motion is known.
+    angular_velocity: Array  #: (3,) ω in the base frame [rad/s].
+    centre: Array  #: (3,) c in the base frame at t = 0 [m].
 
     def __post_init__(self) -> None:
         if self.translation.size != 3:

@@ -8,24 +8,22 @@ a fixed camera (eye-to-hand).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InvalidInput, SceneError
+from ..formulas.features import MINIMUM_DEPTH as MINIMUM_DEPTH
 from ..formulas.features import image_motion, image_row
 from ..formulas.motion import carried, relative_twist
 from ..formulas.vectors import cross, minus
 from ..robots.geometry import Pose
 from ..robots.kinematics import Kinematics, RobotPoint
 from ..robots.robot import Robot
-from ..rows import Array, BoolArray
+from ..rows import Array
 from ..rows.readable import counted, in_one_line
 from .camera import Camera
 from .motion import TargetMotion
-
-MINIMUM_DEPTH = 1e-3
-"""Depth [m] in front of the camera below which a marker cannot be projected."""
 
 
 def interaction_matrix(xy: Array, Z: Array) -> Array:
@@ -37,78 +35,36 @@ def interaction_matrix(xy: Array, Z: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
-    """Where points are and how they move, in the image (d = 2) or in space (d = 3).
+    """Where points are and how they move, in the image (d = 2) or in space (d = 3)."""
 
-    Attributes
-    ----------
-    position
-        (m, d) coordinates.
-    J
-        (m, d, n) ∂position/∂q.
-    velocity
-        (m, d) time derivative.
-    drift
-        (m, d) second time derivative when q̈ = 0.
-    """
-
-    position: Array
-    J: Array
-    velocity: Array
-    drift: Array
+    position: Array  #: (m, d) coordinates.
+    J: Array  #: (m, d, n) ∂position/∂q.
+    velocity: Array  #: (m, d) time derivative.
+    drift: Array  #: (m, d) second time derivative when q̈ = 0.
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One instant of a scene, as it is or as a controller believes it to be.
-
-    Attributes
-    ----------
-    t
-        Time [s].
-    robot
-        Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
-    camera
-        Pose of the camera in the target's frame.
-    camera_J
-        (6, n) ∂(v, ω)/∂q̇ of the camera's twist relative to the target, expressed in the camera frame.
-    camera_twist
-        (6,) that twist: J q̇, less the target's own motion.
-    camera_drift
-        (6,) its derivative when q̈ = 0.
-    depth
-        (m,) Z of the markers in the camera frame [m].
-    normalised, pixels
-        The markers in the image: normalised coordinates, and pixels from the image's centre.
-    believed
-        Whether this is what a controller believes: then motions that it is not told of count as none.
-    """
+    """One instant of a scene, as it is or as a controller believes it to be."""
 
     t: float
-    robot: Kinematics
-    camera: Pose
-    camera_J: Array
-    camera_twist: Array
-    camera_drift: Array
-    depth: Array
-    normalised: PointMotion
-    pixels: PointMotion
-    believed: bool = False
+    robot: Kinematics  #: Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    camera: Pose  #: Pose of the camera in the target's frame.
+    camera_J: Array  #: (6, n) ∂(v, ω)/∂q̇ of its twist relative to the target, expressed in the camera frame.
+    camera_twist: Array  #: (6,) that twist: J q̇, less the target's own motion.
+    camera_drift: Array  #: (6,) its derivative when q̈ = 0.
+    depth: Array  #: (m,) Z of the markers in the camera frame [m].
+    normalised: PointMotion  #: The markers in normalised coordinates.
+    pixels: PointMotion  #: The same in pixels from the image's centre.
+    believed: bool = False  #: Whether motions that a controller is not told of count as none.
 
 
 class Scene:
     """A robot and a camera, one of which carries it or the markers that it looks at.
 
-    Attributes
-    ----------
-    robot, camera
-        Who moves, and through what it is seen.
-    markers
-        (m, 3) positions of the target's markers in the target's frame [m]: the base frame at t = 0 or, for a camera
-        that is fixed in space, the robot's tip frame.
-    points
-        Robot points whose motion constraints need.
-    motion
-        How the target moves; None if it stands still, or is carried by the robot.
+    Markers (m, 3) are in the target's frame [m]: the base frame at t = 0 or, for a camera that is fixed in space, the
+    robot's tip frame. ``points`` are robot points whose motion constraints need; ``motion`` is that of the target, None
+    if it stands still, or is carried by the robot.
     """
 
     def __init__(
@@ -178,58 +134,27 @@ class Scene:
         """
         robot = self._evaluate_robot(q, qd)
         camera = self._camera(robot.tip, t)
-        J, twist, drift = self._relative_motion(robot, self.motion, t)
-        return _state(t, robot, camera, J, twist, drift, self._in_camera(camera), self.camera)
-
-    def believed(self, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None) -> State:
-        """The state as a controller believes it to be.
-
-        It knows the target's motion only if told, and may have measured the image wrongly.
-
-        Parameters
-        ----------
-        state
-            As it is.
-        camera
-            Believed pose of the camera in the target's frame; the true one if None.
-        seen
-            The markers' pixels (m, 2) in this scene's camera, and their depths (m,) [m]; those of the state if None.
-        """
-        twist, drift = state.camera_twist, state.camera_drift
-        if self.motion is not None and not self.motion.known:
-            _, twist, drift = self._relative_motion(state.robot, None, state.t)
-        believed_camera = camera or state.camera
-        pixels, Z = seen or (state.pixels.position, state.depth)
-        P = np.concatenate((self.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
-        believed = _state(state.t, state.robot, believed_camera, state.camera_J, twist, drift, P, self.camera)
-        return replace(believed, believed=True)
-
-    def remounted(self, state: State) -> State:
-        """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
-        J, twist, drift = self._relative_motion(state.robot, self.motion, state.t)
-        camera = self._camera(state.robot.tip, state.t)
-        return replace(state, camera=camera, camera_J=J, camera_twist=twist, camera_drift=drift)
+        J, twist, drift = self._relative_motion(robot, t)
+        P = self._in_camera(camera)
+        x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
+        xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
+        J_xy, F = interaction_matrix(xy, P[:, 2]) @ J, np.asarray(self.camera.focal)
+        normalised = PointMotion(xy, J_xy, xy_dot, xy_ddot)
+        pixels = PointMotion(self.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F)
+        return State(t, robot, camera, J, twist, drift, P[:, 2], normalised, pixels)
 
     def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
         """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
         return self.project(self._camera(robot.tip, t)), robot.points
 
-    def glances(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
-        """The same at N instants, and whether all markers are in front of the camera (N,); pixels count if they are."""
-        N = len(t)
-        pixels, points = np.zeros((N, len(self.markers), 2)), np.zeros((N, len(self.points), 3))
-        seen = np.ones(N, dtype=np.bool_)
-        for k in range(N):
-            try:
-                pixels[k], points[k] = self.glance(q[k], float(t[k]))
-            except SceneError:
-                seen[k] = False
-        return pixels, points, seen
+    def kinematics(self, q: Array, qd: Array) -> Kinematics:
+        """Where the robot and the points are that constraints ask for, and how they move, at ``q`` and ``qd`` (n,)."""
+        return self._evaluate_robot(q, qd)
 
-    def _relative_motion(self, robot: Kinematics, motion: TargetMotion | None, t: float) -> tuple[Array, Array, Array]:
+    def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
         """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""
-        tip, fixed = robot.tip, self.camera.fixed
+        tip, fixed, motion = robot.tip, self.camera.fixed, self.motion
         V: Array
         R: Array
         r: Array
@@ -261,25 +186,3 @@ class Scene:
             which = ", ".join(f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH))
             raise SceneError(f"not in front of the camera: {which}")
         return P
-
-
-def _state(
-    t: float, robot: Kinematics, camera: Pose, J: Array, twist: Array, drift: Array, P: Array, eye: Camera
-) -> State:
-    """The state in which a camera with that relative motion has the markers at P (m, 3) in its frame."""
-    Z = P[:, 2]
-    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
-    xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
-    J_xy = interaction_matrix(xy, Z) @ J
-    F = np.asarray(eye.focal)
-    return State(
-        t,
-        robot,
-        camera,
-        J,
-        twist,
-        drift,
-        Z,
-        PointMotion(xy, J_xy, xy_dot, xy_ddot),
-        PointMotion(eye.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F),
-    )

@@ -1,20 +1,18 @@
-"""The reference tracking of section 4.4: from a visual feature to the equality J_s q̈ = b of level 2."""
+"""The reference tracking of section 4.4: what the equality J_s q̈ = b of level 2 is made of."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ..formulas.tracking import demanded, gains, goal_at, resting
-from ..rows import UNKNOWN, Array, Task
+from ..formulas.tracking import gains, goal_at
+from ..rows import Array
 from ..rows.readable import amount, counted, in_one_line
-from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from .references import Reference
-from .scene import State
+from .features import CameraPose, Feature, Goal, ImagePoints
 
 DERIVATIVES = ("exact", "differences")
 Derivative = Literal["exact", "differences"]
@@ -26,20 +24,11 @@ class TrackingGains:
 
     K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``Kp_slope`` at zero error
     and vanishes at infinity; K_v = ``damping`` √K_p.
-
-    Attributes
-    ----------
-    Kp0
-        Gain at zero error [1/s²].
-    Kp_slope
-        How fast it falls with the error's norm [1/s² per unit of the error].
-    damping
-        K_v / √K_p: 2 is critically damped, 3 is the paper's.
     """
 
-    Kp0: float
-    Kp_slope: float = 0.0
-    damping: float = 3.0
+    Kp0: float  #: Gain at zero error [1/s²].
+    Kp_slope: float = 0.0  #: How fast it falls with the error's norm [1/s² per unit of the error].
+    damping: float = 3.0  #: K_v / √K_p: 2 is critically damped, 3 is the paper's.
 
     def __post_init__(self) -> None:
         for name, least in (("Kp0", 1e-300), ("Kp_slope", 0.0), ("damping", 0.0)):
@@ -59,17 +48,10 @@ class Rest:
     """What joints do where task and rows leave them free: q̈₀ = −d q̇ + (d/2)² (q_posture − q).
 
     Without it, an arm with more joints than the task needs goes on moving once the camera is where it should be.
-
-    Attributes
-    ----------
-    damping
-        d [1/s]; 0 for q̈₀ = 0.
-    posture
-        (n,) q_posture [rad or m], approached with critical damping; none if not given.
     """
 
-    damping: float = 5.0
-    posture: Sequence[float] = ()
+    damping: float = 5.0  #: d [1/s]; 0 for q̈₀ = 0.
+    posture: Sequence[float] = ()  #: (n,) q_posture [rad or m], approached with critical damping; none if not given.
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.damping) and self.damping >= 0.0):
@@ -94,49 +76,18 @@ DAMPED, FREE = Rest(), Rest(damping=0.0)
 """What joints do by default, of arms with more of them than the task needs, and of others."""
 
 
-@dataclass(slots=True)
-class TrackingMemory:
-    """What tracking remembers between samples: the goal it follows, the last sample's feature, and the reference's.
-
-    ``began`` is the time of the goal's first sample, ``start`` the feature then; ``reference`` and ``reference_rate``
-    are s_ref, less the feature's value at the goal, and ṡ_ref.
-    """
-
-    goal: int = -1
-    time: float = 0.0
-    last: FeatureMotion | None = None
-    began: float = 0.0
-    start: Array | None = None
-    reference: Array | None = None
-    reference_rate: Array | None = None
-
-
 class VisualTask:
-    """Tracks a visual feature towards goals that change at given times.
+    """Tracks a visual feature towards goals that change at given times; :mod:`.visual_task` evaluates it.
 
     b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the goal itself, or moves
-    towards it as the goal's :class:`.Reference` says. ∂s/∂t, in ė and in the last term, is that
-    of a target whose motion is known (section 5.4).
+    towards it as the goal's reference says. ∂s/∂t, in ė and in the last term, is that of a target whose motion is known
+    (section 5.4).
 
-    Attributes
-    ----------
-    feature
-        What is tracked.
-    goals
-        In the order of their times; the first holds from the start.
-    gains
-        K_p and K_v.
-    drift
-        Where J̇_s q̇ comes from: ``"exact"`` from the kinematics, or ``"differences"`` of J_s between samples, as in
-        line 5 of Appendix B. Differences start afresh at the first sample and where the goal changes.
-    velocity
-        Where ṡ comes from, likewise (line 2 of Appendix B).
-    reference
-        Where ṡ_ref and s̈_ref come from, likewise (lines 3 and 4 of Appendix B); both are zero where differences start.
-    rest
-        What joints do that the feature leaves free; None for that of :meth:`rest_of`.
-    memory
-        What is kept between samples; :meth:`reset` clears it.
+    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref with s̈_ref come
+    ``"exact"`` from the kinematics, or from ``"differences"`` between samples (``drift``, ``velocity`` and
+    ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start afresh, those of the reference at zero, at the first
+    sample and where the goal changes. ``rest`` is what joints do that the feature leaves free; None for that of
+    :meth:`rest_of`.
     """
 
     def __init__(
@@ -154,7 +105,7 @@ class VisualTask:
                 raise unknown_name(name, value, DERIVATIVES)
         if not goals:
             raise ConfigurationError("a task needs at least one goal")
-        times = [goal.from_time for goal in goals]
+        self._times = times = [goal.from_time for goal in goals]
         if times != sorted(times) or len(set(times)) < len(times):
             raise ConfigurationError(f"goals must be in the order of their times; from_time is {shown(times)}")
         if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
@@ -164,82 +115,24 @@ class VisualTask:
                 _ = goal.interaction
         self.feature, self.goals, self.gains = feature, tuple(goals), gains
         self.drift, self.velocity, self.reference, self.rest = drift, velocity, reference, rest
-        self.memory = TrackingMemory()
 
     @in_one_line
     def __repr__(self) -> str:
         gains = f"K_p(0) = {amount(self.gains.Kp0)} per s², damping {amount(self.gains.damping)}"
         return f"<VisualTask {self.feature.name}: {counted(len(self.goals), 'goal')}, {gains}>"
 
-    def reset(self) -> None:
-        """Forget the last sample."""
-        self.memory = TrackingMemory()
-
     def goal_at(self, t: float) -> int:
         """Index of the goal that holds at time t [s]; a goal's time is met up to rounding."""
-        return goal_at([goal.from_time for goal in self.goals], t)
+        return goal_at(self._times, t)
 
     def rest_of(self, n: int, k: int) -> Rest:
         """What n joints do that k features leave free: unless it is given, damping where there are more than needed.
 
-        No feature of a rigid target needs more than six.
-
-        Raises
-        ------
-        ConfigurationError
-            if there is a posture of another number of joints.
+        No feature of a rigid target needs more than six. Raises ConfigurationError if there is a posture of another
+        number of joints.
         """
         if self.rest is None:
             return DAMPED if n > min(k, 6) else FREE
         if len(self.rest.posture) not in (0, n):
             raise ConfigurationError(f"rest.posture has {len(self.rest.posture)} values; the robot has {n} joints")
         return self.rest
-
-    def _resting(self, state: State, k: int) -> Array:
-        """q̈₀ (n,), or (0,) where it is zero."""
-        q, qd = state.robot.q, state.robot.qd
-        rest = self.rest_of(len(q), k)
-        posture = np.array(rest.posture) if len(rest.posture) else q
-        return np.asarray(resting(q, qd, posture, rest.damping, rest.stiffness)) if rest.any else UNKNOWN
-
-    def evaluate(self, state: State) -> tuple[Task, Array]:
-        """The task now, and the error e = s − s_ref (k,)."""
-        memory = self.memory
-        goal = self.goal_at(state.t)
-        last = memory.last if goal == memory.goal else None
-        motion = self.feature.evaluate(state, self.goals[goal], None if last is None else last.error)
-        velocity, drift = motion.velocity, motion.drift
-        if self.drift == "differences":
-            drift = np.zeros_like(drift)
-        if last is not None and state.t > memory.time:
-            Ts = state.t - memory.time
-            if self.drift == "differences":
-                drift = ((motion.J - last.J) @ state.robot.qd + motion.partial - last.partial) / Ts
-            if self.velocity == "differences":
-                velocity = (motion.error - last.error) / Ts
-        following, rest = self.goals[goal].reference, self._resting(state, len(motion.error))
-        if following is None:
-            self.memory = TrackingMemory(goal, state.t, motion)
-            Kp, Kv = self.gains.at(motion.error)
-            b = demanded(motion.error, velocity, drift, Kp, Kv)
-            return Task(motion.J, b, motion.error, velocity, rest), motion.error
-        s_ref, rate, acceleration = self._reference(following, memory, state.t, motion.error, last is None)
-        self.memory = replace(self.memory, goal=goal, time=state.t, last=motion)
-        error = motion.error - s_ref
-        Kp, Kv = self.gains.at(error)
-        b = acceleration + demanded(error, velocity - rate, drift, Kp, Kv)
-        return Task(motion.J, b, error, velocity - rate, rest), error
-
-    def _reference(
-        self, following: Reference, memory: TrackingMemory, t: float, s: Array, first: bool
-    ) -> tuple[Array, Array, Array]:
-        """s_ref, ṡ_ref and s̈_ref now, the first less the feature's value at the goal; remembers the first two."""
-        began, start = (t, s) if first or memory.start is None else (memory.began, memory.start)
-        s_ref, rate, acceleration = following.at(t - began, start)
-        if self.reference == "differences":
-            rate = acceleration = np.zeros_like(s_ref)
-            if not first and t > memory.time and memory.reference is not None and memory.reference_rate is not None:
-                rate = (s_ref - memory.reference) / (t - memory.time)
-                acceleration = (rate - memory.reference_rate) / (t - memory.time)
-        self.memory = TrackingMemory(began=began, start=start, reference=s_ref, reference_rate=rate)
-        return s_ref, rate, acceleration

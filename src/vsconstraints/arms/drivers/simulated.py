@@ -11,10 +11,7 @@ from ..driver import Address, ArmError, Driver, Joints
 
 
 class SimulatedArm(Driver):
-    """The scenario's own robot, simulated as fast as it goes; without options.
-
-    It is what :func:`vsconstraints.simulation.simulate` moves, told q̇_c: it carries out (q̇_c − q̇_c,last) / T_s.
-    """
+    """The scenario's own plant, simulated as fast as it goes, with the command (q̇_c − q̇_c,last) / T_s; no options."""
 
     real = False
     simulated_time = True

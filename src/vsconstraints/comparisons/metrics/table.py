@@ -165,7 +165,7 @@ TERMS = {
 }
 """Words that definitions use."""
 
-RUN = ("suite", "scenario", "controller", "trial")  # columns of both files that say which run it is
+RUN = ("suite", "scenario", "controller", "trial")  #: columns of both files that say which run it is
 STORED = tuple(sorted((metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added))
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))

@@ -12,11 +12,9 @@ from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ...rows import Array, BoolArray
 from ..metrics import METRICS, Metric
 
-Better = Literal["less", "more"]
-"""Which values are better."""
+Better = Literal["less", "more"]  #: which values are better
 
-Verdict = Literal["better", "worse", "not distinguishable", "too few"]
-"""What is said of a against b."""
+Verdict = Literal["better", "worse", "not distinguishable", "too few"]  #: what is said of a against b
 
 MIN_SCENES = 6
 """Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
@@ -25,7 +23,7 @@ MIN_SCENES = 6
 SCENE = ("family", "condition", "half", "scene")
 """Columns that say which scene a run is of, and what went otherwise than assumed in it."""
 
-LAW = "controller"  # the column that says which law
+LAW = "controller"  #: the column that says which law
 
 
 def checked_confidence(confidence: float) -> float:
@@ -41,34 +39,28 @@ def checked_name(what: str, name: object, candidates: Any) -> None:
         raise unknown_name(what, name, get_args(candidates))
 
 
-def array(values: ArrayLike, name: str) -> Any:
-    """Numbers or booleans of any shape."""
+def array(values: ArrayLike, name: str, ndim: int = 1) -> Array:
+    """(scenes,) or (scenes, laws) floats; InvalidInput for anything else."""
     try:
-        column = np.asarray(values)
-        return column if column.dtype == np.bool_ else column.astype(float)
+        numbers = np.asarray(values).astype(float)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"{name} must hold numbers only: {error}") from error
-
-
-def line(values: ArrayLike, name: str) -> Any:
-    """(n,) numbers or booleans."""
-    column = array(values, name)
-    if column.ndim != 1:
-        raise InvalidInput(f"{name} must be of shape (scenes,), not {column.shape}")
-    return column
+    if numbers.ndim != ndim or (ndim == 2 and numbers.shape[1] == 0):
+        raise InvalidInput(f"{name} must be of shape {('(scenes,)', '(scenes, laws)')[ndim - 1]}, not {numbers.shape}")
+    return numbers
 
 
 def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
     """(n,) booleans; numbers have to be 0 or 1."""
-    column = line(values, name)
-    if column.dtype != np.bool_ and not np.isin(column, (0, 1)).all():
+    column = array(values, name)
+    if not np.isin(column, (0, 1)).all():
         raise InvalidInput(f"{name} must be true or false in every scene; give only scenes in which that is known")
-    return np.asarray(column, dtype=np.bool_)
+    return column.astype(np.bool_)
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """(n,) floats; NaN stands for a run that does not count, and nothing may be infinite."""
-    column: Array = line(values, name).astype(float)
+    column = array(values, name)
     if np.isinf(column).any():
         infinite = shown(column[np.isinf(column)][0])
         raise InvalidInput(f"{name} holds {infinite}: NaN stands for a run that does not count")

@@ -51,9 +51,7 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
 
 
 def _checked(costs: ArrayLike) -> Array:
-    known: Array = array(costs, "costs").astype(float)
-    if known.ndim != 2 or known.shape[1] == 0:
-        raise InvalidInput(f"costs must be of shape (scenes, laws), not {known.shape}")
+    known = array(costs, "costs", 2)
     if np.isnan(known).any() or (known == -np.inf).any():
         raise InvalidInput("costs must be numbers, or infinite where a law failed; leave out scenes without a value")
     return known

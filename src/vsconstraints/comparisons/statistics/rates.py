@@ -13,14 +13,13 @@ from scipy.stats import binom, binomtest, norm
 
 from ...errors import InvalidInput, shown
 from ...rows import Array
-from .judged import Better, checked_confidence, checked_name, flags, line, numbers, pair
+from .judged import Better, array, checked_confidence, checked_name, flags, numbers, pair
 
 CONTINUITY = 1.0
 """Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ
 rejects up to twice as often as it says."""
 
-Kind = Literal["difference", "log-ratio"]
-"""a − b, or ln(a/b)."""
+Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 
 @dataclass(frozen=True)
@@ -186,7 +185,7 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     are not zero it excludes zero if and only if the two-sided sign test rejects at the level α.
     """
     alpha = 1.0 - checked_confidence(confidence)
-    ordered: Array = np.sort(line(values, "values").astype(float))
+    ordered: Array = np.sort(array(values, "values"))
     n = len(ordered)
     if np.isnan(ordered).any():
         raise InvalidInput("a median of values of which one is NaN; leave out what does not count")

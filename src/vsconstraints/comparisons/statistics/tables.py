@@ -30,7 +30,7 @@ from .judged import (
 )
 from .rates import mcnemar, median, paired, rate
 
-BY = ("family", "condition")  # scenes that have these in common are looked at together
+BY = ("family", "condition")  #: scenes that have these in common are looked at together
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:

@@ -31,11 +31,10 @@ OBJECTIVES = (
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 
-STILL_MOVING = ("slow", "unfinished")  # statuses of runs that are still moving when time is up
-ROUNDING = 1e-12  # distances that differ by less, relatively, are the same
+STILL_MOVING = ("slow", "unfinished")  #: statuses of runs that are still moving when time is up
+ROUNDING = 1e-12  #: distances that differ by less, relatively, are the same
 
-Point = tuple[float, ...]
-"""A value of each objective."""
+Point = tuple[float, ...]  #: a value of each objective
 
 
 class Outcome(NamedTuple):

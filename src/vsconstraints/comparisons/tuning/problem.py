@@ -23,10 +23,9 @@ from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
 
 Options = dict[str, Any]
 
-Evaluate = Callable[[Sequence[ControllerSpec]], list[Judged]]
-"""Judges settings, all on the same runs."""
+Evaluate = Callable[[Sequence[ControllerSpec]], list[Judged]]  #: judges settings, all on the same runs
 
-TRAINING = "training"  # the only half of a family that tuning sees; the other is for judging the result
+TRAINING = "training"  #: the only half of a family that tuning sees; the other is for judging the result
 
 
 @dataclass(frozen=True)

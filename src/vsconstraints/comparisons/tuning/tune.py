@@ -26,10 +26,9 @@ from .problem import Evaluate, Options, Problem, Searched, evaluating
 JOURNAL, TUNED = "journal.jsonl", "tuned.toml"
 EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
 
-EXCESS = "excess"  # attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
+EXCESS = "excess"  #: attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
 
-Setting = tuple[str, str]
-"""A law's name, and its options as JSON."""
+Setting = tuple[str, str]  #: a law's name, and its options as JSON
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import ControllerSpec, RunSpec
-from ...control import ControlStep
 from ...controllers import Controller, SlidingMode
 from ...rows import Command, Rows, Task
 from ...rows.readable import amount
@@ -103,12 +103,11 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
     texts, same, equal = [], [], []
     for spec, run in zip((OCCLUDER, SPHERE), runs, strict=True):
         uninformed = RunSpec(spec.name, overrides={KNOWN: False}).load().setup()
+        knowing, unknowing = run.setup.world(), uninformed.control()
         needed, Lg, phi = np.zeros(2), 0.0, 0.0
         for k in np.flatnonzero((run.trajectory.phi >= 0.0).any(axis=1)):
             t, q, qd = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
-            informed, _ = run.setup.constraints.rows(run.setup.scene.evaluate(t, q, qd))
-            # what a controller sees that does not know of the motion
-            blind, _ = uninformed.constraints.rows(uninformed.scene.believed(uninformed.scene.evaluate(t, q, qd)))
+            informed, blind = knowing.evaluate(t, q, qd).rows, unknowing.evaluate(t, q, qd).rows
             active = informed.phi >= 0.0
             needed = np.maximum(needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (informed, blind)])
             Lg = max(Lg, np.abs(informed.Lg - blind.Lg).max())
@@ -125,8 +124,10 @@ def _computation_time(case: Run) -> Finding:
     step, rows = case.trajectory.step_time[1:], case.trajectory.rows_time[1:]
     both = step + rows
     median, law, missed = float(np.median(both)), float(np.median(step)), int((both > case.sampling_time).sum())
-    why = ControlStep(case.setup.scene, case.setup.constraints, case.setup.task).not_compiled
-    shown = {"form": f"NumPy form ({why})" if why else "compiled", "rows": np.median(rows)}
+    shown: dict[str, Any] = {
+        "form": "compiled" if case.trajectory.compiled else "not compiled",
+        "rows": np.median(rows),
+    }
     shown |= {"slowest": np.quantile(both, 0.99), "samples": len(both), "Ts": case.sampling_time}
     in_time = median <= PRINTED_TIME, median <= 0.5 * case.sampling_time
     return finding("12a", *in_time, shown, median=median, law=law, missed=missed)

@@ -253,9 +253,9 @@ def _aborted_without_rank(*runs: Run) -> Finding:
 
 def lost_rank(run: Run) -> int | None:
     """The first sample whose active rows, each divided by its length, are linearly dependent; None if there is none."""
-    scene, constraints = run.setup.scene, run.setup.constraints
+    world = run.setup.world()
     for k in np.flatnonzero((run.trajectory.phi >= 0.0).sum(axis=1) > 1):
-        rows, _ = constraints.rows(scene.evaluate(float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]))
+        rows = world.evaluate(float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]).rows
         A = rows.Lg[rows.phi >= 0.0]
         A = A / np.linalg.norm(A, axis=1, keepdims=True)
         if len(A) > A.shape[1] or np.linalg.svd(A, compute_uv=False)[-1] < 1e-6:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +17,9 @@ from ..plots.image import START, Plane
 from ..plots.style import LOOKS
 
 GREY, COLUMNS = "#666666", 3
-TRACKING = LOOKS["tracking"].colour
 
-# --- performance profiles ---
-
-MAX_RATIO = 100.0
-"""Ratios are drawn up to this one."""
+MAX_RATIO, TICK_GAP = 100.0, 0.12
+"""Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis."""
 
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 
@@ -36,46 +32,30 @@ class Panel(NamedTuple):
     profile: Profile
 
 
-TICK_GAP = 0.12
-"""Between ticks at least, as a share of the axis."""
-
-
 def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sheet | None:
     """One panel per condition, metrics below each other, each with a horizontal axis of its own."""
     if not any(metrics):
         return None
-    look, width = looks(laws), widths(laws, 2.4, 1.2)
-    sheet = Sheet(left=0.62, right=0.2)
+    look, width, sheet = looks(laws), widths(laws, 2.4, 1.2), Sheet(left=0.62, right=0.2)
     options: dict[str, Any] = {"height": 1.75, "gap": 0.2, "above": 0.28, "same_y": True}
-    labels = ("times the least of the scene", "share of scenes [%]")
+    options["labels"] = "times the least of the scene", "share of scenes [%]"
     for panels in metrics:
-        last = max([1.1, *(_end(panel) for panel in panels)])
-        tau = np.geomspace(1.0, last, 400)
-        for ax, panel in zip(sheet.panels(len(panels), COLUMNS, labels=labels, **options), panels, strict=True):
-            shares = 100.0 * panel.profile.share(tau)
-            for k, law in enumerate(panel.laws):
-                ax.plot(tau, shares[:, k], color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
+        finite = [panel.profile.ratios[np.isfinite(panel.profile.ratios)] for panel in panels]
+        # where nearly all curves have come to their end
+        last = max([1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))])
+        tau, ticks = np.geomspace(1.0, last, 400), [1.0]
+        for tick in TICKS:
+            if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
+                ticks.append(tick)
+        for ax, panel in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
+            for law, shares in zip(panel.laws, 100.0 * panel.profile.share(tau).T, strict=True):
+                ax.plot(tau, shares, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
             ax.set_xlim(1.0, last)
             ax.set_ylim(0.0, 102.0)
-            logarithmic(ax.xaxis, _ticks(last))
+            logarithmic(ax.xaxis, ticks)
             ax.set_title(panel.title, loc="left", fontsize=8.5, pad=4)
     sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
     return sheet
-
-
-def _ticks(last: float) -> list[float]:
-    """Ticks up to the last ratio that leave room for each other's labels."""
-    ticks = [1.0]
-    for tick in TICKS:
-        if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
-            ticks.append(tick)
-    return ticks
-
-
-def _end(panel: Panel) -> float:
-    """Where nearly all curves have come to their end."""
-    finite = panel.profile.ratios[np.isfinite(panel.profile.ratios)]
-    return min(float(np.quantile(finite, 0.99)), MAX_RATIO) if len(finite) else 1.0
 
 
 PROFILES = Figure(
@@ -86,14 +66,8 @@ PROFILES = Figure(
     draw_profiles,
 )
 
-
-# --- mean ranks ---
-
-NAME_LINE, BAR = 0.2, 0.1
-"""Height of a name's line, and of a bar [in]."""
-
-MARGIN = 2.0
-"""Room for names on either side [in]."""
+NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.0
+"""Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in]."""
 
 
 class Diagram(NamedTuple):
@@ -109,49 +83,35 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
     shown = [diagram for diagram in diagrams if len(diagram.laws) > 1]
     if not shown:
         return None
-    look = looks(laws)
-    sheet = Sheet(left=MARGIN, right=MARGIN)
+    look, sheet = looks(laws), Sheet(left=MARGIN, right=MARGIN)
     for diagram in shown:
-        _draw(sheet, diagram, {law: look[law].colour for law in diagram.laws})
+        _draw_ranks(sheet, diagram, {law: look[law].colour for law in diagram.laws})
     return sheet
 
 
-def _draw(sheet: Sheet, diagram: Diagram, colours: dict[str, str]) -> None:
+def _draw_ranks(sheet: Sheet, diagram: Diagram, colours: dict[str, str]) -> None:
     count, ranks = len(diagram.laws), diagram.ranks
-    bars = BAR * len(ranks.groups) + 0.08
-    height = bars + NAME_LINE * (-(-count // 2)) + 0.1
+    half, bars = -(-count // 2), BAR * len(ranks.groups) + 0.08
+    height = bars + NAME_LINE * half + 0.1
     sheet.text(0.1, sheet.at + 0.1, diagram.title, fontsize=9.0, va="center", color=INK)
     ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
     sheet.at += 0.12
-    ax.set_xlim(0.9, count + 0.1)
-    ax.set_ylim(height, 0.0)
+    ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1), yticks=[])
     ax.xaxis.tick_top()
-    ax.set_xticks(range(1, count + 1))
-    ax.set_yticks([])
     ax.grid(False)
-    for side in ("left", "right", "bottom"):
-        ax.spines[side].set_visible(False)
-    order = sorted(range(count), key=lambda i: float(ranks.means[i]))
+    ax.spines[["left", "right", "bottom"]].set_visible(False)
     for i, group in enumerate(ranks.groups):
-        ends = [float(ranks.means[k]) for k in group]
-        at = 0.08 + BAR * i
+        ends, at = [float(ranks.means[k]) for k in group], 0.08 + BAR * i
         ax.plot([min(ends) - 0.03, max(ends) + 0.03], [at, at], color=INK, linewidth=3.0, solid_capstyle="butt")
-    half = -(-count // 2)
-    for place, k in enumerate(order):
-        left = place < half
-        line = place if left else count - 1 - place
-        _name(ax, diagram.laws[k], colours[diagram.laws[k]], float(ranks.means[k]), bars + NAME_LINE * line, left)
-
-
-def _name(ax: Any, law: str, colour: str, rank: float, at: float, left: bool) -> None:
-    """A line from a rank down to its law's name beside the diagram."""
-    low, high = ax.get_xlim()
-    end = low if left else high
-    ax.plot([rank, rank, end], [0.0, at, at], color=colour, linewidth=1.3, clip_on=False)
-    text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
-    look: dict[str, Any] = {"fontsize": 8.5, "color": INK, "va": "center_baseline", "annotation_clip": False}
-    away = (-5, 0) if left else (5, 0)
-    ax.annotate(text, (end, at), xytext=away, textcoords="offset points", ha="right" if left else "left", **look)
+    for place, k in enumerate(sorted(range(count), key=lambda i: float(ranks.means[i]))):
+        # a line from the rank down to the law's name beside the diagram
+        law, rank, left = diagram.laws[k], float(ranks.means[k]), place < half
+        at, end = bars + NAME_LINE * (place if left else count - 1 - place), ax.get_xlim()[not left]
+        ax.plot([rank, rank, end], [0.0, at, at], color=colours[law], linewidth=1.3, clip_on=False)
+        text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
+        look: dict[str, Any] = {"fontsize": 8.5, "color": INK, "va": "center_baseline", "annotation_clip": False}
+        side = {"xytext": (-5 if left else 5, 0), "ha": "right" if left else "left", "textcoords": "offset points"}
+        ax.annotate(text, (end, at), **side, **look)
 
 
 CRITICAL_DIFFERENCE = Figure(
@@ -161,9 +121,6 @@ CRITICAL_DIFFERENCE = Figure(
     "that is always the best. Bars join laws that are not distinguishable (Friedman and Nemenyi, 95 %).",
     draw_critical_difference,
 )
-
-
-# --- tuning ---
 
 ROUND_NUMBERS = [factor * 10.0**k for k in range(-6, 7) for factor in (1.0, 2.0, 5.0)]
 FRONT_COLUMNS = {"law", "feasible", "on_front", "chosen", "number", "unused", "log_variation"}
@@ -176,20 +133,20 @@ def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     """
     if not set(evaluations.columns) >= FRONT_COLUMNS or evaluations.empty:
         return None
-    look = looks(laws)
-    sheet = Sheet(left=0.72, right=0.2)
+    look, sheet = looks(laws), Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.6, above=0.05)
-
-    def plot(settings: Any, marker: dict[str, Any], zorder: float) -> None:
-        ax.plot(100.0 * settings["unused"].clip(lower=1e-6), 10.0 ** settings["log_variation"], **marker, zorder=zorder)
-
     for law in laws:
         own, (colour, shape) = evaluations[evaluations["law"] == law], (look[law].colour, look[law].marker)
         feasible, front, chosen = (own[own[name].astype(bool)] for name in ("feasible", "on_front", "chosen"))
-        plot(feasible, symbol("o", colour, "none", 3.0, alpha=0.35), 2)
-        plot(front, symbol(shape, colour, darker(colour), 6.0), 3)
-        plot(own[own["number"] == 0].head(1), symbol(shape, "white", colour, 9.0), 4)
-        plot(chosen, symbol("*", colour, INK, 10.0), 5)
+        marks = (
+            (feasible, symbol("o", colour, "none", 3.0, alpha=0.35)),
+            (front, symbol(shape, colour, darker(colour), 6.0)),
+            (own[own["number"] == 0].head(1), symbol(shape, "white", colour, 9.0)),
+            (chosen, symbol("*", colour, INK, 10.0)),
+        )
+        for zorder, (some, mark) in enumerate(marks, start=2):
+            x, y = 100.0 * some["unused"].clip(lower=1e-6), 10.0 ** some["log_variation"]
+            ax.plot(x, y, **mark, zorder=zorder)
     for axis in (ax.xaxis, ax.yaxis):
         logarithmic(axis)
         low, high = axis.get_view_interval()
@@ -218,27 +175,11 @@ FRONTS = Figure(
     draw_fronts,
 )
 
-
-# --- worst runs ---
-
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A run that is shown.
-
-    Attributes
-    ----------
-    controller
-        Of the law.
-    where
-        Which scene, for the title.
-    setup
-        What was simulated.
-    run, baseline
-        Of the law, and of tracking alone.
-    """
+class Shown(NamedTuple):
+    """A run of a controller that is shown with that of tracking alone; ``where`` is the scene, for the title."""
 
     controller: str
     where: str
@@ -253,21 +194,17 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     if not shown:
         return None
     width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
-    planes = [Plane.of(one.setup) for one in shown]
-    sheet = Sheet(left=LEFT)
-    for row in range(-(-len(shown) // COLUMNS)):
-        some = slice(row * COLUMNS, (row + 1) * COLUMNS)
-        left, top = LEFT, sheet.at + TITLE
-        height = width * max(plane.size[1] / plane.size[0] for plane in planes[some])
-        for one, plane in zip(shown[some], planes[some], strict=True):
-            ax = sheet.axes(left, top, width, height)
-            _panel(ax, one, plane)
-            left += width + GAP
+    planes, sheet = [Plane.of(one.setup) for one in shown], Sheet(left=LEFT)
+    for first in range(0, len(shown), COLUMNS):
+        row, top = planes[first : first + COLUMNS], sheet.at + TITLE
+        height = width * max(plane.size[1] / plane.size[0] for plane in row)
+        for k, (one, plane) in enumerate(zip(shown[first:], row, strict=False)):
+            _panel(sheet.axes(LEFT + k * (width + GAP), top, width, height), one, plane)
         sheet.at = top + height + 0.2
     entries = [
         START | {"label": "start of marker 1, 2, …"},
         LAST | {"label": "goal"},
-        line("tracking alone", TRACKING) | {"linewidth": 0.9},
+        line("tracking alone", LOOKS["tracking"].colour) | {"linewidth": 0.9},
         line("row in the image violated", **VIOLATED),
         *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
     ]

@@ -120,11 +120,11 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
     if len(front) < 2 or ranked.hopeless:
         return None
     best = best_by(dataset, ranked.condition, front, "acceleration_variation", ratio=True)
-    if best is None or len(best.laws) > 1:
+    if best is None or len(best[0]) > 1:
         return None
-    (calm,) = best.laws
-    second = max((law for law in front if law != calm), key=lambda law: best.pairs[calm, law].difference)
-    pair = best.pairs[calm, second]
+    (calm,), pairs = best
+    second = max((law for law in front if law != calm), key=lambda law: pairs[calm, law].difference)
+    pair = pairs[calm, second]
     text = text_of("calmest", calm=calm, second=second, pair=pair, scenes=counted(pair.scenes, "scene"))
     numbers = {"ratio": pair.difference, "ratio_low": pair.low, "ratio_high": pair.high, "ratio_scenes": pair.scenes}
     others = tuple(law for law in front if law not in (calm, second))

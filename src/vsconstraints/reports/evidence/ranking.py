@@ -241,16 +241,13 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
     return verdicts
 
 
-class Best(NamedTuple):
-    """The best of some controllers by a metric with its ties, all pairs, and how many scenes were compared."""
+def best_by(
+    dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
+) -> tuple[list[str], PairVerdicts] | None:
+    """The best by the median of a metric over scenes in which all of these succeed, with its ties, and all pairs.
 
-    laws: tuple[str, ...]
-    pairs: PairVerdicts
-    scenes: int
-
-
-def best_by(dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False) -> Best | None:
-    """The best by the median of a metric over scenes in which all of these succeed; None where there are none."""
+    None where there are no such scenes.
+    """
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(axis=1) & values.notna().all(axis=1)
     values = values[clean]
@@ -261,9 +258,7 @@ def best_by(dataset: Dataset, condition: str, laws: Sequence[str], metric: str, 
     medians = values.median()
     first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
     pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)  # of all: the same scenes say which is first
-    return Best(
-        (first, *(law for law in laws if law != first and pairs[first, law].verdict != "better")), pairs, len(values)
-    )
+    return [first, *(law for law in laws if law != first and pairs[first, law].verdict != "better")], pairs
 
 
 def gap(pair: PairVerdict, factor: float = 1.0) -> str:

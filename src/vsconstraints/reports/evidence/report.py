@@ -80,26 +80,14 @@ def write_evidence_report(
 ) -> Path:
     """Write report.md, details.md, both as report.html, figures and claims.json from a campaign; returns report.md.
 
-    Parameters
-    ----------
-    figures, formats
-        Whether to draw figures, without which those that are there stay as they are and the report shows none, and in
-        which formats; the report shows the first.
-    tuning
-        Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
-    trust
-        Whether laws and constraints that the campaign names as ``module:Class`` are imported, to make single runs again
-        that figures show; else nothing that the folder names is run, and the report says which runs these are.
-    on_written, on_remark
-        Called with how many parts are there and how many there will be; and with warnings on what is stored.
+    Without ``figures`` those that are there stay as they are, and the report shows none; ``formats`` are those of the
+    files, of which the report shows the first. ``tuning`` is the folder of the tuning that tuned settings come from,
+    ``tuning`` in the campaign's folder if not given. Only with ``trust`` are laws and constraints imported that the
+    campaign names as ``module:Class``, to make single runs again that figures show. Called are ``on_written`` with how
+    many parts are there and how many there will be, ``on_remark`` with warnings on what is stored.
 
-    Raises
-    ------
-    ConfigurationError
-        if there is no evidence in the folder, it is not what was stored, or the runs are gone that its report was made
-        from.
-    StorageError
-        if the report cannot be written.
+    Raises ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs are gone
+    that its report was made from, and StorageError if the report cannot be written.
     """
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from math import isfinite
 from statistics import median
 from typing import Any, NamedTuple
@@ -115,40 +116,32 @@ class Power(NamedTuple):
         return f"{percentage(self.detectable, 0)} points" if self.detected else "none"
 
 
-def conclusions(dataset: Dataset) -> tuple[Conclusion, ...]:
+def conclusions(dataset: Dataset) -> list[Conclusion]:
     """All conclusions of the first condition in each of the others, in the families that both have."""
-
-    def computed() -> tuple[Conclusion, ...]:
-        every, (first, *others) = [], dataset.conditions or ("",)
-        for condition in others:
-            for measure in MEASURES:
-                before, after = (
-                    _verdicts(dataset, first, condition, measure),
-                    _verdicts(dataset, condition, first, measure),
-                )
-                for (a, b), one in before.items():
-                    if one.verdict == "better" and (a, b) in after:
-                        outcome = {"better": "holds", "worse": "reversed"}.get(after[a, b].verdict, "inconclusive")
-                        every.append(Conclusion(measure, a, b, condition, outcome, one, after[a, b]))
-        return tuple(every)
-
-    return dataset.once("conclusions", computed)
+    return dataset.once("robustness", lambda: _robustness(dataset))[0]
 
 
-def powers(dataset: Dataset) -> tuple[Power, ...]:
+def powers(dataset: Dataset) -> list[Power]:
     """What each condition could have detected, measure by measure."""
-    several = []
-    for condition in dataset.conditions[1:]:
-        for measure in MEASURES:
-            own = [one.other for one in conclusions(dataset) if (one.condition, one.measure) == (condition, measure)]
-            if own:
-                after = _verdicts(dataset, condition, dataset.conditions[0], measure)
-                tests = sum(one.verdict != "too few" for one in after.values()) // 2
-                scenes = median(one.scenes for one in own)
-                differing = median(one.differ / one.scenes for one in own if one.scenes) if scenes else 0.0
-                least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
-                several.append(Power(measure.name, condition, len(own), scenes, least))
-    return tuple(several)
+    return dataset.once("robustness", lambda: _robustness(dataset))[1]
+
+
+def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
+    """All conclusions, and what each condition could have detected."""
+    (first, *others), every, powers = dataset.conditions or ("",), list[Conclusion](), list[Power]()
+    for condition, measure in product(others, MEASURES):
+        before, after = (_verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first)))
+        own = [pair for pair, one in before.items() if one.verdict == "better" and pair in after]
+        for a, b in own:
+            outcome = {"better": "holds", "worse": "reversed"}.get(after[a, b].verdict, "inconclusive")
+            every.append(Conclusion(measure, a, b, condition, outcome, before[a, b], after[a, b]))
+        if own:
+            tests = sum(one.verdict != "too few" for one in after.values()) // 2
+            scenes = median(after[pair].scenes for pair in own)
+            differing = median(after[p].differ / after[p].scenes for p in own if after[p].scenes) if scenes else 0.0
+            least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+            powers.append(Power(measure.name, condition, len(own), scenes, least))
+    return every, powers
 
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:
@@ -161,8 +154,7 @@ def _runs(dataset: Dataset, condition: str, other: str) -> Any:
 def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
     """As :func:`pairwise_verdicts`, once for the same runs."""
     runs = _runs(dataset, condition, other)
-    columns = ["condition", *SCENE, "controller"]
-    key = "pairs", measure.name, frozenset(runs[columns].itertuples(index=False, name=None))
+    key = "pairs", measure.name, condition, frozenset(runs["family"]), frozenset(runs["controller"])
     return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
 
 

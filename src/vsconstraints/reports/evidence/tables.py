@@ -16,7 +16,7 @@ from ...comparisons.metrics import TOLERANCES, TOLERANT
 from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
-from ..groups import information_text
+from ..groups import controller_cells, information_text
 from ..markdown import Table, bold, code, enumeration, plain
 from ..numbers import DASH, median, number, of_length
 from ..results import reason_kind
@@ -90,7 +90,7 @@ def selection_table(dataset: Dataset) -> Table:
             cells.append(_front_cell(ranking(dataset, condition, "kept").among(dataset.working(condition))))
             for metric in AIMS.values():
                 best = None if ranked.hopeless else best_by(dataset, condition, ranked.front, metric)
-                cells.append(_names_cell(best.laws) if best else DASH)
+                cells.append(_names_cell(best[0]) if best else DASH)
             lines.append([condition_text(condition), *cells])
     return Table(header, lines, len(header))
 
@@ -161,14 +161,10 @@ def information_table(dataset: Dataset) -> Table:
     """Type, options, required information, implementation and call time of each controller."""
     lines = []
     for law in dataset.laws:
-        entry = dict(dataset.configuration["controllers"].get(law, {}))
-        kind = str(entry.pop("type", law))
-        options = (f"{key} = {number(value) if isinstance(value, float) else value}" for key, value in entry.items())
-        own = dataset.of_law(law)
+        own, cells = dataset.of_law(law), controller_cells(law, dataset.configuration["controllers"].get(law, {}))
         share, call = own["compiled"].astype(bool).mean(), median(own["step_time_median_us"].astype(float).tolist())
         compiled = {1.0: "compiled", 0.0: "NumPy"}.get(share, f"compiled in {100.0 * share:.0f} %, else NumPy")
-        lines.append([law, DASH if kind == law else plain(kind), plain(", ".join(options)) or "defaults",
-                      information_text(dataset.required[law]), compiled, number(call)])  # fmt: skip
+        lines.append([law, *cells, compiled, number(call)])
     return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
 
 
@@ -308,7 +304,7 @@ def scene_facts(dataset: Dataset) -> dict[str, Any]:
     found = every[every["found"].astype(bool)]
     kinds: Counter[str] = Counter()
     for text in found["challenged"].astype(str):
-        kinds.update({label.partition("[")[0] for label in text.split("; ") if label})
+        kinds.update(sorted({label.partition("[")[0] for label in text.split("; ") if label}))
     known = every[every["least_time_s"].notna()]
     missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
     return {

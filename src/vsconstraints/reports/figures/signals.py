@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -94,16 +94,13 @@ def _lanes(ax: Any, view: View, height: float) -> None:
 # --- errors ---
 
 
-class _Quantity(NamedTuple):
-    label: str
-    tolerance: float
-    decides: bool
-    values: Callable[[RunRecord], Array]
+Quantity = tuple[str, float, bool, Callable[[RunRecord], Array]]
+"""An error's label, its tolerance, whether that decides that the goal is reached, and its values (N,) in a run."""
 
 
 def draw_errors(view: View) -> Sheet:
     """One panel for each error, logarithmic, with the tolerance where it decides whether the goal is reached."""
-    quantities = [q for q in _quantities(view) if any(np.isfinite(q.values(run)).any() for run in view.runs.values())]
+    quantities = [q for q in _quantities(view) if any(np.isfinite(q[3](run)).any() for run in view.runs.values())]
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
     panels = sheet.panels(len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", ""))
@@ -122,19 +119,19 @@ def draw_errors(view: View) -> Sheet:
     return sheet
 
 
-def _quantities(view: View) -> list[_Quantity]:
+def _quantities(view: View) -> list[Quantity]:
     setup, (far, turned, apart) = view.setup, (1e-3, 1e-3, 1.0)
     image = setup is not None and isinstance(setup.task.feature, ImagePoints)
     if setup is not None:
         accepted = setup.tolerances
         far, turned, apart = accepted.translation_m, accepted.rotation_rad, accepted.feature_px
     pose = setup is not None and not image
-    quantities = [
-        _Quantity("position error [mm]", 1e3 * far, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 0]),
-        _Quantity("orientation error [mrad]", 1e3 * turned, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 1]),
+    quantities: list[Quantity] = [
+        ("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px),
+        ("position error [mm]", 1e3 * far, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 0]),
+        ("orientation error [mrad]", 1e3 * turned, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 1]),
     ]
-    pixels = _Quantity("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px)
-    return [pixels, *quantities] if image else quantities
+    return quantities if image else quantities[1:]
 
 
 # --- joints ---

@@ -34,7 +34,7 @@ from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
 if TYPE_CHECKING:
     import pandas as pd
 
-UPDATE = 0.2  # between two updates of a notebook's line [s]
+UPDATE = 0.2  # between two updates of how many runs are done [s]
 NAME = "session"  # what results call the suite of a session
 
 
@@ -57,27 +57,23 @@ def compare(
     Parameters
     ----------
     laws
-        Instances, classes, registered names, or ``module:Class``; a mapping gives them names of one's own, as two of
-        one class need.
+        Instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class need.
     scenarios
         Names of shipped ones, paths, scenarios, or setups made in Python.
     trials, seed
         How often each is run from starts or with noise that differ, and what those are drawn from.
     workers
-        Number of processes at most; as many as make sense if None. 0 runs all in this process: a debugger then reaches
+        Number of processes at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches
         a law, and a law that hangs or ends its process does so with the session.
     limit
         How long a run may take in another process [s]; by its number of samples if None.
     out
         A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
     progress
-        Whether to show how many runs are done, in a terminal and in a notebook; nothing is shown elsewhere.
+        Whether to show how many runs are done, in a terminal or a notebook.
 
-    Raises
-    ------
-    ConfigurationError
-        if a law or a scenario cannot be used, two have the same name, or trials would all be the same run. A law that
-        fails costs its own runs, whose status is then ``failed``.
+    Raises ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials would all be the
+    same run. A law that fails costs its own runs, whose status is then ``failed``.
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
@@ -231,38 +227,34 @@ class Comparison:
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
     """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
     console = Console(stderr=True)
-    if console.is_jupyter:
-        yield from _line(total)
-    elif console.is_terminal:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=console) as bars:
-            bar = bars.add_task("comparing", total=total)
-            yield lambda: bars.advance(bar)
-    else:
+    if not console.is_jupyter and not console.is_terminal:
         yield lambda: None
-
-
-def _line(total: int) -> Iterator[Callable[[], None]]:
-    """A line below a cell, updated as runs are done."""
-    from IPython import display
-
+        return
     begun = updated = time.monotonic()
+    line: Any = None
     done = 0
 
-    def text() -> dict[str, str]:
-        return {"text/plain": f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"}
-
-    show: Any = display.display
-    line = show(text(), raw=True, display_id=True)
+    def show() -> None:
+        text = f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"
+        if line is None:
+            console.print(text, end="\r", highlight=False)
+        else:
+            line.update({"text/plain": text}, raw=True)
 
     def advance() -> None:
         nonlocal done, updated
         done += 1
         if time.monotonic() - updated > UPDATE:
             updated = time.monotonic()
-            line.update(text(), raw=True)
+            show()
 
+    if console.is_jupyter:
+        from IPython import display
+
+        create: Any = display.display
+        line = create({"text/plain": ""}, raw=True, display_id=True)
+    show()
     yield advance
-    line.update(text(), raw=True)
+    show()
+    if line is None:
+        console.print()

@@ -39,17 +39,12 @@ class InstanceSpec(ControllerSpec):
 
     packed: bytes = b""
     instance: Controller | None = None
-    sources: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()
 
     @property
     def here(self) -> bool:
         """See :class:`.ControllerSpec`."""
         return not self.packed
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """See :class:`.ControllerSpec`."""
-        return self.sources
 
     def make(self) -> Controller:
         """A copy of the instance; the instance itself where it cannot be copied."""
@@ -113,9 +108,9 @@ def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
     # what is used as it is may be another one each time
     options = {"instance": hashlib.sha256(packed).hexdigest()[:16] if packed else uuid.uuid4().hex}
-    sources = (Path(file),) if file else ()
+    files = (Path(file),) if file else ()
     law_name = f"{kind.__module__}:{kind.__qualname__}"
-    return InstanceSpec(name, law_name, options, packed=packed, instance=instance, sources=sources)
+    return InstanceSpec(name, law_name, options, packed=packed, instance=instance, files=files)
 
 
 def _name(law: object) -> str:

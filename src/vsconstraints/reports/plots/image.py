@@ -77,10 +77,16 @@ class Plane:
         return [points for c in self.constraints for points in c.boundary(self.size)]
 
     @property
+    def edge(self) -> Array:
+        """(p, 2) the sensor's edge, a closed line: the rectangle of its size where no lens bends it [px]."""
+        corners = 0.5 * np.asarray(self.size) * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
+        return corners if self.outline is None else self.outline
+
+    @property
     def half(self) -> Array:
         """(2,) half the size of the part that is shown [px]."""
-        half: Array = 0.5 * np.asarray(self.size)
-        return AROUND * (half if self.outline is None else np.maximum(half, np.abs(self.outline).max(axis=0)))
+        half: Array = AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0))
+        return half
 
     @cached_property
     def forbidden(self) -> list[Array]:
@@ -107,7 +113,6 @@ class Plane:
         """The whole plane; ``v`` points down, as in an image, or upwards."""
         from matplotlib.ticker import MaxNLocator
 
-        u, v = self.half
         self.draw_part(ax, np.zeros(2), self.half, self.forbidden)
         for t, lines in self.moving:
             for points in lines:
@@ -115,11 +120,9 @@ class Plane:
                 if (np.abs(middle) <= LABELLED * self.half).all():  # else its time would be cut off
                     place: dict[str, Any] = {"ha": "center", "va": "center", "clip_on": True, "annotation_clip": True}
                     ax.annotate(f"{t:.1f} s", middle, **place, fontsize=7.5, color=FAINT, zorder=2.2)
-        if self.outline is None:
-            square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
-        else:
-            ax.plot(*self.outline.T, **FRAME, zorder=2.5)
-        ax.set_ylim(*((-v, v) if upwards else (v, -v)))
+        ax.plot(*self.edge.T, **FRAME, zorder=2.5)
+        if upwards:
+            ax.invert_yaxis()
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True))
         if labels:

@@ -70,9 +70,8 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
         except ConfigurationError as error:
             problems.append(f"lines of sight are not checked: {error}")
         try:
-            state = scene.evaluate(t, q, qd)
-            rows, sigma = constraints.rows(state)
-            places = state.pixels.position[None], state.robot.points[None]
+            now = setup.world().evaluate(t, q, qd)
+            rows, sigma, places = now.rows, now.sigma, (now.pixels[None], now.points[None])
             phi, clearance = rows.phi, setup.clearance(np.array([t]), q[None], qd[None], *places)[0]
             problems += [
                 f"{rows.labels[i]} is violated: {abs(clearance[i]):.4g} {constraints.units[i]} outside"

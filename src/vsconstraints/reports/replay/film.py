@@ -14,6 +14,7 @@ from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane, tracks
 from ..plots.marks import symbol
+from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import INK, darker, shortened
 from ..scene3d import draw_setup
 from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
@@ -22,7 +23,7 @@ from .space import common_viewpoint
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
 """Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s]."""
 
-WIDTH, DPI, COLOURS = 8.0, 100, 96  # of a film [in], dots per inch, and colours of a GIF
+DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
 MAX_LABELS, LETTERS = 3, 12.0
 """Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it."""
 
@@ -53,29 +54,23 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
 
 def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[Array]:
     """Each frame (height, width, 3) as bytes: for each run a column with the image above and the arm below."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     plane, viewpoint, several = Plane.of(runs[0].setup), common_viewpoint(runs), len(runs) > 1
-    columns = max(len(runs), 2)
-    width = (WIDTH - 0.1 * (columns + 1)) / columns
+    width = (WIDTH - 0.1) / max(len(runs), 2) - 0.1
     tall, arm = width * plane.half[1] / plane.half[0], 0.78 * width
-    # sides of films are even numbers of pixels
-    high = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
-    figure: Any = Figure((WIDTH, high), DPI, facecolor="white")
-    canvas: Any = FigureCanvasAgg(figure)
-    speed = frames.period * RATE
-    faster, head = f"   ({speed:.1f} times as fast)" if speed > 1.05 else "", 1.0 - 0.2 / high
-    figure.text(0.0125, head, title + faster, fontsize=10.5, fontweight="bold", va="center")
-    clock = figure.text(0.9875, head, "", fontsize=10.5, ha="right", va="center")
+    sheet, speed = Sheet(left=0.1), frames.period * RATE
+    faster = f"   ({speed:.1f} times as fast)" if speed > 1.05 else ""
+    sheet.text(0.1, 0.2, title + faster, fontsize=10.5, fontweight="bold", va="center")
+    clock = sheet.figure.text(WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches)
     drawn = []
     for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
-        left = (0.1 + k * (width + 0.1)) / WIDTH
-        image = figure.add_axes((left, (high - 0.7 - tall) / high, width / WIDTH, tall / high))
-        beside = left if several else left + (width + 0.1) / WIDTH
-        place = (beside, 0.0, width / WIDTH, (arm if several else tall + 0.3) / high)
-        space = figure.add_axes(place, projection="3d", computed_zorder=False)
+        left = 0.1 + k * (width + 0.1)
+        place = (left, 1.0 + tall, width, arm) if several else (left + width + 0.1, 0.7, width, tall + 0.3)
+        image, space = sheet.axes(left, 0.7, width, tall), sheet.axes(*place, projection="3d", computed_zorder=False)
         drawn.append((run, colour, image, space, frames.samples(run), frames.states(run), things_of(run)))
+    # sides of films are even numbers of pixels
+    sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
+    sheet.figure.set_dpi(DPI)
+    sheet.placed()
     for k, t in enumerate(frames.t.tolist()):
         clock.set_text(f"{t:.2f} s")
         plane.times = (t,)
@@ -89,8 +84,8 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
             for old in list(space.collections):
                 old.remove()
             draw_setup(space, run.setup, trajectory.q[sample], t, viewpoint)
-        canvas.draw()
-        yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        sheet.canvas.draw()
+        yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
 
 
 def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]) -> None:

@@ -77,12 +77,10 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    run = runs[0]
+    run, figure, file = runs[0], Figure(figsize=PICTURE, dpi=100, facecolor="white"), BytesIO()
     k = len(run.trajectory.t) // 2
-    figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     draw_setup(ax, run.setup, run.trajectory.q[k], float(run.trajectory.t[k]), common_viewpoint(runs))
-    file = BytesIO()
     FigureCanvasAgg(figure).print_png(file)
     return file.getvalue()
 
@@ -90,21 +88,18 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
 def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
     """Everything that is drawn beside the arm, in pixels from the image's centre and one entry per frame."""
     setup = runs[0].setup
-    plane = Plane.of(setup)
-    w, h = 0.5 * plane.size[0], 0.5 * plane.size[1]
-    moving = []
+    plane, moving = Plane.of(setup), []
     for constraint, motion, _ in plane.drifting:
         if lines := constraint.boundary(plane.size, frames.t):
             low, high = np.concatenate(lines).min(axis=0) - 1.0, np.concatenate(lines).max(axis=0) + 1.0
             area = Plane(plane.size, (constraint,)).forbidden_within(0.5 * (low + high), 0.5 * (high - low))
             still = {"lines": _rounded(lines), "forbidden": _rounded(area)}
             moving.append(still | {"moved": _rounded([motion.displacement(frames.t)])[0]})
-    outline = np.array([[-w, -h], [w, -h], [w, h], [-w, h]]) if plane.outline is None else plane.outline
     return {
         "period": round(frames.period, 6),
         "frames": len(frames.t),
         "half": _rounded([plane.half])[0],
-        "outline": _rounded([outline]),
+        "outline": _rounded([plane.edge]),
         "forbidden": _rounded(plane.forbidden),
         "lines": _rounded(plane.lines),
         "moving": moving,

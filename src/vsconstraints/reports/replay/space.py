@@ -19,10 +19,9 @@ from ..scene3d import (
     Placement,
     Scene3D,
     Viewpoint,
-    add_carrier,
+    add_robot,
     add_surroundings,
     ball,
-    image_corners,
     joint_poses,
     obstacle_meshes,
     points_in_view,
@@ -76,18 +75,17 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
 def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a remark."""
     scene, setup = Scene3D(), runs[0].setup
-    fixed = setup.scene.camera.fixed is not None
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
     for k, colour in enumerate(colours_of(runs)):
-        smaller, look = (1.0 - 0.03 * k) * scale, {"opacity": OTHERS if k else 1.0}
-        for i, (part, mesh) in enumerate(zip(arm, meshes, strict=True)):
-            own = inset(mesh, k * INSET * scale)
-            scene.add(own, paler(colour), f"{k} {part.frame}", name=f"{part.name} {i}", **look)
-        add_carrier(scene, setup, smaller, f"{k} tip")
-        if k == 0 or not fixed:
-            scene.pyramid(0.16 * smaller * image_corners(setup.scene.camera), colour, f"{k} camera", name="camera")
-        if k and fixed:
+        own = [
+            part._replace(mesh=inset(mesh, k * INSET * scale), colour=paler(colour), opacity=OTHERS if k else 1.0)
+            for part, mesh in zip(arm, meshes, strict=True)
+        ]
+        named = [part._replace(name=f"{part.name} {i}") for i, part in enumerate(own)]
+        shared = k > 0 and setup.scene.camera.fixed is not None
+        add_robot(scene, setup, named, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
+        if shared:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
     return scene, remark

@@ -33,27 +33,22 @@ class Reason(StrEnum):
 
     START_OUT_OF_REACH = "start out of reach"
     """No joint coordinates within the ranges put the camera where it shall start."""
-    GOAL_OUT_OF_REACH = "goal out of reach"
-    """The same of a goal; where the target moves, of where the goal is at last."""
+    GOAL_OUT_OF_REACH = "goal out of reach"  #: the same of a goal; where the target moves, of where the goal is at last
     START_OUT_OF_RANGE = "start out of joint range"
     GOAL_OUT_OF_RANGE = "goal out of joint range"
     START_BEHIND = "marker behind the camera at the start"
     GOAL_BEHIND = "marker behind the camera at the goal"
     START_UNSEEN = "marker outside the image at the start"
     GOAL_UNSEEN = "marker outside the image at the goal"
-    BUILD_REFUSED = "build refused"
-    """The scenario of one of the conditions cannot be built."""
+    BUILD_REFUSED = "build refused"  #: the scenario of one of the conditions cannot be built
     START_FORBIDDEN = "start forbidden"
     """A row is violated at the start: an obstacle, a collision, a range, the field of view."""
     GOAL_FORBIDDEN = "goal forbidden"
     START_HIDDEN = "marker hidden by the robot at the start"
     GOAL_HIDDEN = "marker hidden by the robot at the goal"
-    START_REFUSED = "start refused"
-    """Anything else for which a run cannot start."""
-    NOT_CHALLENGED = "nothing challenged"
-    """Tracking alone violates no row: there is nothing to compare."""
-    START_UNDETECTED = "no tag in the first image"
-    """In a condition by images no law has anything to begin with."""
+    START_REFUSED = "start refused"  #: anything else for which a run cannot start
+    NOT_CHALLENGED = "nothing challenged"  #: tracking alone violates no row: there is nothing to compare
+    START_UNDETECTED = "no tag in the first image"  #: in a condition by images no law has anything to begin with
 
 
 class Rejected(Exception):
@@ -168,7 +163,7 @@ def check_ends(setup: Setup, ends: Ends) -> None:
 
 def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
     try:
-        _, sigma = setup.constraints.rows(setup.scene.evaluate(t, q, np.zeros_like(q)))
+        sigma = setup.world().evaluate(t, q, np.zeros_like(q)).sigma
     except SceneError as error:
         raise Rejected(reason, str(error)) from error
     violated = np.flatnonzero(sigma > 0.0)
@@ -239,8 +234,8 @@ def least_time(setup: Setup, ends: Ends) -> float:
     robot, goal = setup.scene.robot, ends.q[-1]
     if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
         return math.nan
-    there = setup.scene.evaluate(0.0, goal, np.zeros(robot.n))
-    if np.linalg.matrix_rank(setup.task.feature.evaluate(there, setup.task.goals[-1], None).J) < robot.n:
+    there = setup.world().evaluate(setup.task.goals[-1].from_time, goal, np.zeros(robot.n))
+    if np.linalg.matrix_rank(there.task.J) < robot.n:
         return math.nan
     way = goal - setup.q0
     speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)

@@ -18,8 +18,8 @@ from ...rows import Array
 from ..reading import Table
 from .placements import PLACEMENTS
 
-MAX_NUMBER = 1e300  # numbers beyond cannot be drawn with
-ALIKE = 0.75  # how close a key must be to that of a distribution to count as a slip of it
+MAX_NUMBER = 1e300  #: numbers beyond cannot be drawn with
+ALIKE = 0.75  #: how close a key must be to that of a distribution to count as a slip of it
 
 Random = np.random.Generator
 

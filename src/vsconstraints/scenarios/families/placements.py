@@ -16,10 +16,10 @@ from ...vision.motion import Motion
 from ...vision.scene import Scene
 from ..reading import Table, checked, from_table
 
-POSE_TOLERANCE = 1e-9  # error of a pose, ‖(m, rad)‖, that counts as none
+POSE_TOLERANCE = 1e-9  #: error of a pose, ‖(m, rad)‖, that counts as none
 MAX_STEPS = 60
-MAX_STEP = 0.5  # of any joint [rad or m], so that the steps stay near where the linearisation holds
-DAMPING = 0.02  # share of the squared error by which singular directions are damped: none is left at the solution
+MAX_STEP = 0.5  #: of any joint [rad or m], so that the steps stay near where the linearisation holds
+DAMPING = 0.02  #: share of the squared error by which singular directions are damped: none is left at the solution
 
 
 class Ends(NamedTuple):

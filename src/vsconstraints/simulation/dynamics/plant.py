@@ -11,18 +11,20 @@ from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
 from ...compiled.workspace import Workspace
 from ...control.packing import joints
-from ...errors import ConfigurationError, SceneError
+from ...errors import ConfigurationError, SceneError, described
 from ...formulas.limits import JointLimits
+from ...plugins.extras import demand
 from ...robots.limits import per_joint
 from ...robots.robot import Robot
 from ...rows import Array, IntArray
-from ..plant import Plant, cubic, without_limits
-from .mujoco import MujocoArm
+from ..disturbances import Disturbances
+from ..plant import Plant, cubic
 from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
 SINGULAR = 1e-9  #: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
+NOTHING = 1e-12  #: Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²].
 
 
 def with_masses(
@@ -96,8 +98,7 @@ def felt_inertia(model: pin.Model, q: Array) -> Array:
 
     Torques of these by accelerations never make more than n times the accelerations, whichever way the arm moves.
     """
-    felt: Array = 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
-    return felt
+    return 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
 
 
 def _inertia(model: pin.Model, q: Array) -> Array:
@@ -123,6 +124,50 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     )
 
 
+class MujocoArm:
+    """Moves an arm in MuJoCo by the torques and the friction of the plant: bodies without geometry, so no contact.
+
+    The payload is part of the last of the ``bodies``; ``h`` is a substep [s]. Raises ConfigurationError if MuJoCo is
+    not installed, or cannot take the robot.
+    """
+
+    def __init__(self, robot: Robot, bodies: BodyArrays, h: float) -> None:
+        demand("physics")
+        import mujoco
+
+        self._mujoco, spec = mujoco, mujoco.MjSpec()
+        # it would write warnings of unbounded motions to a file; the loop reports them
+        mujoco.set_mju_user_warning(lambda _: None)
+        spec.option.timestep, spec.option.gravity = h, bodies.gravity
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        off = mujoco.mjtDisableBit
+        spec.option.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_AUTORESET
+        body, quaternion = spec.worldbody, np.empty(4)
+        for i, name in enumerate(robot.joint_names):
+            body = body.add_body(name=f"body {i + 1}")
+            mujoco.mju_mat2Quat(quaternion, bodies.R[i].ravel())
+            body.pos, body.quat = bodies.t[i], quaternion.copy()
+            body.mass, body.ipos = max(bodies.mass[i], NOTHING), bodies.centre[i]
+            inertia = bodies.inertia[i] + NOTHING * np.eye(3)
+            body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            body.explicitinertial = True
+            kind = mujoco.mjtJoint.mjJNT_SLIDE if bodies.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
+            body.add_joint(name=name, type=kind, axis=bodies.axis[i])
+        try:
+            self.model = spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            raise ConfigurationError(f"plant: MuJoCo cannot take {robot.name}: {described(error)}") from error
+        self.model.dof_armature[:] = bodies.rotor
+        self.data = mujoco.MjData(self.model)
+
+    def step(self, x: Array, torque: Array) -> None:
+        """Integrate a substep of the state x (s, n), q and q̇ first, with held torques (n,)."""
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = x[0], x[1], torque
+        self._mujoco.mj_step(self.model, data)
+        x[0], x[1] = data.qpos, data.qvel
+
+
 class DynamicPlant(Plant):
     """An arm with mass: the control's q̈_c is the reference of its joint controller.
 
@@ -135,12 +180,8 @@ class DynamicPlant(Plant):
     def __init__(
         self, robot: Robot, dynamics: ArmDynamics, q0: Array, qd0: Array, Ts: float, limits: JointLimits | None = None
     ) -> None:
-        n, self.Ts, self.robot, self.dynamics = robot.n, float(Ts), robot, dynamics
-        self._limits = without_limits(self.Ts) if limits is None else limits
-        self._offset, self._noise, self._seed, self._random = np.zeros(n), 0.0, (0,), np.random.default_rng(0)
-        self.transition = np.eye(4)
-        self.x = np.zeros((4, n))
-        self.x[0], self.x[1] = q0, qd0
+        super().__init__(q0, qd0, Ts, "acceleration", Disturbances(), limits)
+        n, self.robot, self.dynamics, self.transition = robot.n, robot, dynamics, np.eye(4)
         rotor = per_joint("plant: rotor_inertia", dynamics.rotor_inertia, n)
         #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
         self.model = with_masses(robot, dynamics, rotor)

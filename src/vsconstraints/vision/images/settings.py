@@ -21,59 +21,23 @@ LAST_ID = 586
 
 @dataclass(frozen=True)
 class ImageSettings:
-    """Images are rendered, tags in them detected, and what that says is what a controller believes.
+    """Images are rendered, tags in them detected, and what that says is what a controller believes."""
 
-    Attributes
-    ----------
-    rate_hz
-        Images a second; each is taken at the first sample that is not before its time.
-    latency_s
-        How long after that it can be used: exposure, transfer and detection [s]. The first is waited for.
-    detector
-        ``"apriltag"``, or OpenCV's ``"aruco"``.
-    prediction
-        Whether what an image shows is moved on by the known motion until the next one; it is held if not.
-    depth
-        Of the markers: that of the ``"pose"`` that explains the image, that of the scene as the control's ``"model"``
-        has it, or always the same number [m].
-    noise
-        Standard deviation of every grey level, of 256.
-    blur_px
-        Standard deviation of the lens's blur [px].
-    light
-        Factor on all grey levels; what exceeds 255 is white.
-    exposure_s
-        How long the shutter is open: things that move are smeared [s].
-    rolling_s
-        How much later the last row of an image is taken than the first; 0 is a global shutter [s].
-    tag_side_m
-        Side of the tags' black squares [m]; as large as the markers' distances let it be if None.
-    tags
-        Numbers of the tags that are looked for, one per marker; 0, 1, 2, … if None.
-    printed
-        Numbers of those that the board really has; the same if None.
-    opaque
-        What stands before the tags besides what occludes: the arm's own ``"links"``, ``"bodies"`` of collision
-        constraints, forbidden ``"regions"`` that have an end.
-    patience_s
-        How long the control goes on with an image that is the last that could be used, before the arm is braked [s].
-    """
-
-    rate_hz: float = 30.0
-    latency_s: float = 0.03
+    rate_hz: float = 30.0  #: Images a second; each is taken at the first sample that is not before its time.
+    latency_s: float = 0.03  #: How long after that it can be used [s]. The first is waited for.
     detector: DetectorName = "apriltag"
-    prediction: bool = True
-    depth: DepthName | float = "pose"
-    noise: float = 2.0
-    blur_px: float = 0.5
-    light: float = 1.0
-    exposure_s: float = 0.0
-    rolling_s: float = 0.0
-    tag_side_m: float | None = None
-    tags: Sequence[int] | None = None
-    printed: Sequence[int] | None = None
-    opaque: Sequence[OpaqueName] = ("links", "bodies")
-    patience_s: float = 0.25
+    prediction: bool = True  #: Whether images are moved on by the known motion until the next one.
+    depth: DepthName | float = "pose"  #: Of the "pose" that explains the image, of the "model", or always the same [m].
+    noise: float = 2.0  #: Standard deviation of every grey level, of 256.
+    blur_px: float = 0.5  #: Standard deviation of the lens's blur [px].
+    light: float = 1.0  #: Factor on all grey levels; what exceeds 255 is white.
+    exposure_s: float = 0.0  #: How long the shutter is open: things that move are smeared [s].
+    rolling_s: float = 0.0  #: How much later the last row is taken than the first; 0 is a global shutter [s].
+    tag_side_m: float | None = None  #: Of the tags' black squares [m]; as large as can be if None.
+    tags: Sequence[int] | None = None  #: Numbers of the tags that are looked for, one per marker; 0, 1, … if None.
+    printed: Sequence[int] | None = None  #: Numbers of those that the board really has; the same if None.
+    opaque: Sequence[OpaqueName] = ("links", "bodies")  #: What hides tags besides what occludes.
+    patience_s: float = 0.25  #: How long control goes on with the last usable image before it brakes [s].
 
     def __post_init__(self) -> None:
         if self.detector not in get_args(DetectorName):

@@ -1,0 +1,450 @@
+"""The predictive safety filter, compiled: the last plan carried on, rows and task along it, and the best plan there."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..formulas.tracking import gains
+from ..rows import Array, IntArray
+from ..rows.tolerances import PULLING
+from .compiler import IN_PLACE, compiled, in_place
+from .laws import RESOLVER, load_law
+from .linear import copy_vector
+from .parts import call_int_pointer, load_step, struct_loader
+from .plan_program import FORCE, Cost, Factor, Limits, Space, follow_block, move, plan_best
+from .resolving import finished, follow_alone, measurable
+from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
+
+PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
+"""Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀."""
+
+PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)
+"""What is reported: at how many instants rows and task were predicted, of how many, how many rows hold the plan, and
+the code of its program."""
+
+ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
+"""The stages of a law, of which Python asks for one at a time where it predicts: option 1."""
+
+
+class PlanArrays(NamedTuple):
+    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k features.
+
+    Attributes
+    ----------
+    loop, step
+        Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
+    frozen
+        Whether all is predicted at the present time.
+    period, length, approach, damping
+        T_s, T and κ [s], and λ relative to the mean of ‖J‖².
+    tracking
+        (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
+    most, K, weights
+        (n,) greatest |q̈|; (m,) K of rows, 0 of those on φ itself, and weights of violations.
+    now
+        (1 + 2n,) t, q, q̇.
+    at, seen, out
+        (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the step's outputs (s,).
+    times, block, since
+        (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the brake.
+    states
+        (2, N, n) q and q̇.
+    plan, then, made
+        (H, n) q̈, (n,) what comes after it, and (1,) when it was made, NaN if there is none.
+    outcome, braking
+        (OUTCOMES,), and (1,) how long the brake takes [s].
+    gains, rest, square, pull, free, factor
+        See :class:`.Cost` and :class:`.Factor`.
+    value, gradient, by_speed, falls, left, low, high
+        See :class:`.Limits`.
+    space
+        See :class:`.Space`.
+    """
+
+    loop: int
+    step: int
+    frozen: int
+    period: float
+    length: float
+    approach: float
+    damping: float
+    tracking: Array
+    most: Array
+    K: Array
+    weights: Array
+    now: Array
+    at: IntArray
+    seen: Array
+    out: Array
+    times: Array
+    block: IntArray
+    since: Array
+    states: Array
+    plan: Array
+    then: Array
+    made: Array
+    outcome: IntArray
+    braking: Array
+    gains: Array
+    rest: Array
+    square: Array
+    pull: Array
+    free: Array
+    factor: Factor
+    value: Array
+    gradient: Array
+    by_speed: IntArray
+    falls: Array
+    left: Array
+    low: Array
+    high: Array
+    space: Space
+
+
+def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
+    """The arrays that plans are computed in, by the fields of :class:`PlanArrays`."""
+    zeros = np.zeros
+    return {
+        "states": zeros((2, N, n)),
+        "plan": zeros((H, n)),
+        "then": zeros(n),
+        "made": np.full(1, math.nan),
+        "outcome": np.zeros(OUTCOMES, dtype=np.int64),
+        "braking": zeros(1),
+        "gains": zeros((H, 2)),
+        "rest": zeros((H, 2)),
+        "square": zeros((H, n, n)),
+        "pull": zeros((H, n)),
+        "free": zeros((H, n)),
+        "factor": Factor(
+            zeros((H, n, 2 * n)), zeros((H, n)), zeros((H, n, n)), zeros((H, n)), zeros((2 * n + 1, 2 * n))
+        ),
+        "value": zeros((N, m)),
+        "gradient": zeros((N, m, n)),
+        "falls": zeros(N - 1),
+        "left": zeros((N - 1, m)),
+        "low": zeros((H, n)),
+        "high": zeros((H, n)),
+        "space": Space.of(H, N, n, m),
+    }
+
+
+def _example() -> PlanArrays:
+    one, counts = np.zeros(1), np.zeros(1, dtype=np.int64)
+    return PlanArrays(
+        1, 1, 1, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
+        by_speed=counts, **plan_space(1, 2, 1, 1),
+    )  # fmt: skip
+
+
+load_plans = struct_loader(_example())
+
+
+@in_place
+def start_from(plans: PlanArrays) -> None:
+    """Take over the present state from the step in the loop, and what it remembers."""
+    source, target, n = load_step(plans.loop), load_step(plans.step), plans.then.size
+    plans.now[0] = source.time[0]
+    for j in range(n):
+        plans.now[1 + j], plans.now[1 + n + j] = source.q[j], source.qd[j]
+    target.last[0].goal, target.last[0].time = source.last[0].goal, source.last[0].time
+    copy_vector(target.last_error, source.last_error)
+    copy_vector(target.last_partial, source.last_partial)
+    copy_vector(target.last_command, source.last_command)
+    for i in range(source.last_J.shape[0]):
+        for j in range(source.last_J.shape[1]):
+            target.last_J[i, j] = source.last_J[i, j]
+    for i in range(source.correction.shape[0]):
+        for j in range(source.correction.shape[1]):
+            target.correction[i, j] = source.correction[i, j]
+
+
+@in_place
+def set_box(plans: PlanArrays, rows: RowArrays) -> None:
+    """Write the bounds of all blocks; what rows say of now holds for the first."""
+    for k in range(plans.low.shape[0]):
+        for j in range(plans.low.shape[1]):
+            most = plans.most[j]
+            plans.low[k, j], plans.high[k, j] = -most, most
+            if k == 0 and rows.qdd_max.size:
+                plans.low[k, j] = min(max(-most, rows.qdd_min[j]), rows.qdd_max[j])
+                plans.high[k, j] = min(max(most, rows.qdd_min[j]), rows.qdd_max[j])
+
+
+@in_place
+def brake(plans: PlanArrays) -> None:
+    """Plan to stop each joint as soon as its bounds allow."""
+    H, n = plans.plan.shape
+    for j in range(n):
+        qd = plans.now[1 + n + j]
+        for k in range(H):
+            plans.plan[k, j] = min(max(-qd / plans.length, plans.low[k, j]), plans.high[k, j])
+            qd += plans.length * plans.plan[k, j]
+
+
+@in_place
+def carry_on(plans: PlanArrays) -> None:
+    """Move the last plan on in time, by means over the new blocks; brake if there is none."""
+    H, n = plans.plan.shape
+    after = plans.now[0] - plans.made[0]
+    if not 0.0 <= after < H * plans.length:
+        brake(plans)
+        return
+    over = int(after / plans.length)
+    share = after / plans.length - over
+    for k in range(H):
+        for j in range(n):
+            before = plans.plan[k + over, j] if k + over < H else plans.then[j]
+            behind = plans.plan[k + over + 1, j] if k + over + 1 < H else plans.then[j]
+            mean = (1.0 - share) * before + share * behind
+            plans.plan[k, j] = min(max(mean, plans.low[k, j]), plans.high[k, j])
+
+
+@in_place
+def stopping_time(plans: PlanArrays) -> float:
+    """Time [s] in which all joints can stop together after the plan; 0 if a joint that moves has no bound."""
+    longest, free = 0.0, False
+    for j in range(plans.then.size):
+        end = end_speed(plans, j)
+        free |= plans.most[j] == math.inf and end != 0.0
+        longest = max(longest, abs(end) / plans.most[j])
+    return 0.0 if free else longest
+
+
+@in_place
+def end_speed(plans: PlanArrays, j: int) -> float:
+    """Speed of a joint at the end of the plan."""
+    qd: float = plans.now[1 + plans.then.size + j]
+    for k in range(plans.plan.shape[0]):
+        qd += plans.length * plans.plan[k, j]
+    return qd
+
+
+@in_place
+def walk(plans: PlanArrays) -> int:
+    """Write the states at all instants along the plan; returns their number."""
+    H, n = plans.plan.shape
+    N, stop = plans.times.size - 1, stopping_time(plans)
+    plans.braking[0], plans.times[N] = stop, plans.times[N - 1] + stop
+    for k in range(H):
+        follow_block(plans.length, plans.plan, plans.space.x, k, n)
+    count = N + 1 if stop > 0.0 else N
+    limits = limits_of(plans, count, plans.value[0])
+    move(limits, plans.plan, plans.space.x, plans.space.moved)
+    for t in range(count):
+        for j in range(n):
+            # what is moved at now's speed: half as far while that is braked
+            tau = plans.times[t] if t < N else plans.times[N - 1] + 0.5 * stop
+            plans.states[0, t, j] = plans.now[1 + j] + tau * plans.now[1 + n + j] + plans.space.moved[0, t, j]
+            plans.states[1, t, j] = plans.now[1 + n + j] + plans.space.moved[1, t, j] if t < N else 0.0
+    plans.outcome[ASKED] = count
+    return count
+
+
+@in_place
+def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
+    """What of the limits is written, at the first instants."""
+    return Limits(
+        count, plans.block, plans.since, plans.braking[0], plans.value, plans.gradient, plans.by_speed, plans.falls,
+        plans.left, scale, plans.low, plans.high,
+    )  # fmt: skip
+
+
+@in_place
+def predict(plans: PlanArrays) -> int:
+    """Evaluate the step along the plan; returns how many states there are before the first that has none."""
+    count, evaluate = walk(plans), load_step(plans.step).evaluate
+    for t in range(count):
+        time = plans.now[0] + (0.0 if plans.frozen else plans.times[t])
+        if call_int_pointer(evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t])) != 0:
+            return t
+        copy_vector(plans.seen[t], plans.out)
+    return count
+
+
+@in_place
+def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) -> None:
+    """Write value and gradient of rows: what is predicted otherwise of now than rows say stays so."""
+    m, n = plans.gradient.shape[1:]
+    for i in range(m):
+        on_phi = plans.by_speed[i] != 0
+        first = plans.seen[0, plans.at[PHI if on_phi else SIGMA] + i]
+        now = rows.phi[i] if on_phi else first + rows.phi[i] - plans.seen[0, plans.at[PHI] + i]
+        if rows.sigma.size and not on_phi:
+            now = rows.sigma[i]
+        by = 1.0 if on_phi else 1.0 / plans.K[i]
+        for t in range(count):
+            value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)
+            for j in range(n):
+                plans.gradient[t, i, j] = by * plans.seen[t, plans.at[GRADIENT] + i * n + j]
+                value -= plans.gradient[t, i, j] * plans.space.moved[1 if on_phi else 0, t, j]
+            plans.value[t, i] = value
+
+
+@in_place
+def limit(plans: PlanArrays, count: int) -> None:
+    """Write by how much rows fall from instant to instant, and by how much they may be exceeded while braking."""
+    m, N = plans.gradient.shape[1], plans.times.size - 1
+    for t in range(count - 1):
+        brakes = t + 1 == N
+        plans.falls[t] = 0.0 if brakes else math.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
+        for i in range(m):
+            plans.left[t, i] = 0.0
+            if brakes:
+                # what is outside now may come back as slowly; the first state does not depend on the plan
+                outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
+                plans.left[t, i] = math.inf if plans.by_speed[i] else outside
+
+
+@in_place
+def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
+    """Write the cost of the blocks that begin where the task is predicted; returns λ."""
+    H, n = plans.plan.shape
+    k, seen, at = task.b.size, plans.seen, plans.at
+    total, blocks = 0.0, 0
+    for block in range(H):
+        t = begin_of(plans, block)
+        plans.gains[block] = 0.0
+        plans.rest[block] = 0.0
+        plans.square[block] = 0.0
+        plans.pull[block] = 0.0
+        plans.free[block] = 0.0
+        if t >= count:
+            continue
+        blocks += 1
+        squared = 0.0
+        for r in range(k):
+            squared += seen[t, at[ERROR] + r] ** 2
+        Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
+        plans.gains[block, 0], plans.gains[block, 1] = Kp, Kv
+        for r in range(k):
+            b = seen[t, at[B] + r] + (task.b[r] - seen[0, at[B] + r])
+            for i in range(n):
+                Ji = task.J[r, i] if t == 0 else seen[t, at[JACOBIAN] + r * n + i]
+                total += Ji * Ji
+                plans.pull[block, i] += Ji * b
+                for j in range(n):
+                    plans.square[block, i, j] += Ji * (task.J[r, j] if t == 0 else seen[t, at[JACOBIAN] + r * n + j])
+        for i in range(n):
+            for j in range(n):
+                # b is that along the plan so far
+                own = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
+                plans.pull[block, i] += plans.square[block, i, j] * own
+        if task.rest.size:
+            damping, stiffness = plans.tracking[3], plans.tracking[4]
+            plans.rest[block, 0], plans.rest[block, 1] = stiffness, damping
+            for j in range(n):
+                free = task.rest[j]
+                if at[REST] >= 0:
+                    free += seen[t, at[REST] + j] - seen[0, at[REST] + j]
+                own = stiffness * plans.space.moved[0, t, j] + damping * plans.space.moved[1, t, j]
+                plans.free[block, j] = free + own
+    size = total / blocks
+    return plans.damping * (size if size > 0.0 else 1.0)
+
+
+@in_place
+def begin_of(plans: PlanArrays, block: int) -> int:
+    """The instant at which a block begins: the end of the one before."""
+    # one instant more lies within the first block, unless that is one period long
+    first: int = plans.times.size - 2 - plans.plan.shape[0]
+    return block + first if block > 0 else 0
+
+
+@in_place
+def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
+    """Mark the rows that hold the plan, and report how many there are."""
+    work, rows, most = plans.space.work, plans.left.size, 0.0
+    answer.acted[:] = False
+    for q in range(active):
+        if plans.space.active[q] < rows + 2 * plans.plan.size:
+            most = max(most, work[FORCE, q])
+    plans.outcome[ACTIVE] = 0
+    for q in range(active):
+        row = plans.space.active[q]
+        if row < rows + 2 * plans.plan.size and work[FORCE, q] > 0.0:
+            plans.outcome[ACTIVE] += 1
+            if row < rows and work[FORCE, q] > PULLING * most:
+                answer.acted[row % plans.K.size] = True
+
+
+@in_place
+def settle(plans: PlanArrays) -> None:
+    """Remember when the plan was made, and what comes after it."""
+    stop = stopping_time(plans)
+    plans.made[0] = plans.now[0]
+    for j in range(plans.then.size):
+        plans.then[j] = -end_speed(plans, j) / stop if stop > 0.0 else 0.0
+
+
+@in_place
+def decide(law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """The best plan where rows and task are predicted, and its first acceleration."""
+    m, qdd, count = rows.phi.size, answer.qdd, plans.outcome[PREDICTED]
+    answer.acted[:] = False
+    answer.slack[:] = 0.0
+    plans.outcome[CODE] = FAILED
+    if count < 2:
+        plans.made[0] = math.nan
+        copy_vector(qdd, plans.plan[0])
+        return FAILED
+    linearise(plans, count, rows, task)
+    limit(plans, count)
+    damping = weigh(plans, count, task)
+    cost = Cost(plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free)
+    limits = limits_of(plans, count, rows.scale)
+    code, active = plan_best(cost, plans.factor, limits, plans.space, plans.weights)
+    plans.outcome[CODE] = code
+    planned = code in (SOLVED, RELAXED_ROWS)
+    if planned:
+        # bounds are met up to rounding
+        for k in range(plans.low.shape[0]):
+            for j in range(plans.low.shape[1]):
+                plans.plan[k, j] = min(max(plans.space.u[k, j], plans.low[k, j]), plans.high[k, j])
+    settle(plans)
+    copy_vector(qdd, plans.plan[0])
+    if not planned:
+        return FAILED
+    hold(plans, answer, active)
+    unmet = 0.0
+    for i in range(m):
+        answer.slack[i] = plans.space.slack[i]
+        unmet = max(unmet, answer.slack[i])
+    if plans.outcome[ACTIVE] == 0 and unmet == 0.0:
+        # bit by bit what tracking alone commands
+        follow_alone(law, task, answer)
+    if count < plans.outcome[ASKED]:
+        return FAILED
+    return finished(law, rows, qdd, RELAXED_ROWS if unmet > 0.0 else SOLVED)
+
+
+@compiled(RESOLVER, IN_PLACE, from_python=False)
+def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.PredictiveControl`.
+
+    ``FAILED`` where something is to be said beside the acceleration that is written.
+    """
+    law = load_law(address)
+    if not measurable(law, rows, task, answer):
+        return NEEDS_PYTHON
+    plans, stage = load_plans(law.demand), law.options[1]
+    if plans.loop != 0:
+        start_from(plans)
+    if stage != CONCLUDE:
+        set_box(plans, rows)
+        if stage == BRAKE:
+            brake(plans)
+        else:
+            carry_on(plans)
+        if stage != ALL:
+            walk(plans)
+            return SOLVED
+        count = predict(plans)
+        if count < 2:
+            brake(plans)
+            count = predict(plans)
+        plans.outcome[PREDICTED] = count
+    return decide(law, plans, rows, task, answer)

@@ -1,0 +1,167 @@
+"""What rows ask of the descent, compiled: which of them resist, as walls of a polyhedron, and what is said of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rows import Array, BoolArray, IntArray
+from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
+from .compiler import in_place, inner
+from .least_distance import KINDS, MULTIPLIER, SIDE
+from .least_violation import GREATEST, LEAST
+from .levels import CENTER, ORIGIN
+from .linear import START, copy, copy_vector, dot, length
+from .scratch import blank, matrix, vector
+from .workspace import Scratch
+
+
+class Demands(NamedTuple):
+    """What rows ask of the acceleration, A q̈ ≤ c with A (m, n) and c (m,), ∞ for a row that asks for nothing.
+
+    ``scale`` (m,) is the positive ‖Aᵢ‖ that counts as usual: a row far below it is one that no acceleration influences.
+    ``weights`` (m,) are those of level 1, positive.
+    """
+
+    A: Array
+    c: Array
+    scale: Array
+    weights: Array
+
+
+class Resolved(NamedTuple):
+    """Outputs: q̈ (n,), what each demand is exceeded by (m,), and which rows act (m,)."""
+
+    qdd: Array
+    slack: Array
+    acted: BoolArray
+
+
+class Walls(NamedTuple):
+    """Rows N x ≤ sides (w,) of which the first f are demands that accelerations influence; those of the box follow.
+
+    ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled; ``held`` (w,) the rows that
+    hold the answer; ``rows`` (4, w) as :func:`nearest` takes them. Of the demands, ``weights`` of level 1, ``which``
+    each is, and ``violation``, by what it is exceeded where that cannot be helped, are (f,).
+    """
+
+    normals: Array
+    sides: Array
+    limits: Array
+    held: BoolArray
+    rows: Array
+    weights: Array
+    which: IntArray
+    violation: Array
+
+
+@in_place
+def count_resisting(demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved) -> int:
+    """How many demands accelerations influence; −1 if tracking, which is written to q̈, meets them all, and the box.
+
+    Marks those that ask for something in ``acted`` and those that nothing influences in ``fixed`` (m,).
+    """
+    A, c, scale, _ = demands
+    qdd, slack, acted = resolved
+    n, free = qdd.size, 0
+    below = within = tracks = True
+    for j in range(n):
+        qdd[j] = X[ORIGIN, j] = X[CENTER, j]
+        within = within and box[LEAST, j] <= qdd[j] <= box[GREATEST, j]
+    far = length(X, CENTER, n)
+    for i in range(c.size):
+        acted[i] = c[i] != math.inf
+        slack[i] = 0.0
+        if acted[i]:
+            size, excess = length(A, i, n), dot(A, i, X, CENTER, START, n) - c[i]
+            fixed[i] = size <= ZERO_GRADIENT * scale[i]
+            below = below and excess <= 0.0
+            tracks = tracks and excess < math.inf
+            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * far + abs(c[i])))
+            free += not fixed[i]
+    if not (within and (below or tracks)):
+        return free
+    for i in range(c.size):
+        acted[i] = False
+    return -1
+
+
+@inner
+def gather_walls(
+    demands: Demands, box: Array, fixed: BoolArray, free: int, resolved: Resolved, scratch: Scratch
+) -> Walls:
+    """Demands and the box as rows; what nothing influences is slack."""
+    A, c, _, weights = demands
+    slack, acted, n, w, at = resolved.slack, resolved.acted, box.shape[1], free, START
+    for j in range(n):
+        w += box[GREATEST, j] < math.inf
+        w += box[LEAST, j] > -math.inf
+    normals, sides, W, which = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
+    violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
+    for i in range(c.size):
+        if acted[i]:
+            acted[i] = False
+            if fixed[i]:
+                slack[i] = max(0.0, -c[i])
+            else:
+                sides[at], W[at], which[at], violation[at] = c[i], weights[i], i, 0.0
+                copy(normals, at, A, i, n)
+                at += 1
+    for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
+        for j in range(n):
+            if sign * box[end, j] < math.inf:
+                normals[at, j], sides[at] = sign, sign * box[end, j]
+                at += 1
+    limits, held = vector(scratch, w), np.zeros(w, np.bool_)
+    copy_vector(limits, sides)
+    return Walls(normals, sides, limits, held, rows, W, which, violation)
+
+
+@in_place
+def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
+    """State the rows in y of x = origin + Z y: H (p, w), and their sides; False if there is none that is a number."""
+    p, n, free = H.shape[0], X.shape[1], walls.violation.size
+    for i in range(walls.sides.size):
+        outside = 0.0
+        for d in range(p):
+            H[d, i] = walls.normals[i, d] if p == n else dot(walls.normals, i, Z, d, START, n)
+            outside += H[d, i] * H[d, i]
+        if p < n:
+            # rows within the span of the violated ones are settled
+            settled = outside <= DEPENDENT * DEPENDENT * dot(walls.normals, i, walls.normals, i, START, n)
+            if settled or (i < free and walls.violation[i] > 0.0):
+                walls.limits[i] = math.inf
+        walls.rows[SIDE, i] = walls.limits[i] - dot(walls.normals, i, X, ORIGIN, START, n)
+        if not walls.rows[SIDE, i] > -math.inf:
+            return False
+    return True
+
+
+@in_place
+def hold(walls: Walls) -> None:
+    """Mark the rows that pull on the answer."""
+    strongest = 0.0
+    for i in range(walls.held.size):
+        strongest = max(strongest, walls.rows[MULTIPLIER, i])
+    for i in range(walls.held.size):
+        walls.held[i] = walls.held[i] or walls.rows[MULTIPLIER, i] > PULLING * strongest
+
+
+@in_place
+def report(walls: Walls, resolved: Resolved) -> bool:
+    """Write slack and the rows that act; whether any demand is unmet."""
+    qdd, slack, acted = resolved
+    violation, unmet = walls.violation, False
+    for i in range(violation.size):
+        if violation[i] > 0.0:
+            excess = -walls.sides[i]
+            for j in range(qdd.size):
+                excess += walls.normals[i, j] * qdd[j]
+            violation[i] = max(0.0, excess)
+        slack[walls.which[i]] = violation[i]
+        acted[walls.which[i]] = violation[i] > 0.0 or walls.held[i]
+    for i in range(slack.size):
+        unmet = unmet or slack[i] > 0.0
+    return unmet

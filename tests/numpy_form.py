@@ -1,0 +1,309 @@
+"""Rows and tasks in NumPy, from the state of a scene: what compiled code computes, computed again for comparison."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from vsconstraints.compiled import load
+from vsconstraints.constraints import ConstraintSet, Manipulability, PerformanceFunnel, RowBlock
+from vsconstraints.constraints.manipulability import ROWS_OF
+from vsconstraints.control import ControlStep
+from vsconstraints.formulas.features import MINIMUM_DEPTH, image_motion, pose_error, pose_rates
+from vsconstraints.formulas.innovation import MEMORY, image_innovation, slip
+from vsconstraints.formulas.limits import joint_box
+from vsconstraints.formulas.motion import angle
+from vsconstraints.formulas.rotation import rotation_vector_rate, turn_by
+from vsconstraints.formulas.tracking import demanded, funnel, goal_at, resting
+from vsconstraints.formulas.vectors import turned
+from vsconstraints.robots.geometry import Pose
+from vsconstraints.rows import UNKNOWN, Array, Rows, Task
+from vsconstraints.simulation.image_sensor import ImageSensor
+from vsconstraints.vision.camera import Camera
+from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
+from vsconstraints.vision.measurement import Measurement
+from vsconstraints.vision.scene import PointMotion, Scene, State, interaction_matrix
+from vsconstraints.vision.tracking import VisualTask
+
+# --- states ---
+
+
+def believed(scene: Scene, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None) -> State:
+    """The state as a controller believes it: it knows the target's motion only if told, and measures as it does."""
+    J, twist, drift = state.camera_J, state.camera_twist, state.camera_drift
+    if scene.motion is not None and not scene.motion.known:
+        still = Scene(scene.robot, scene.camera, scene.markers_at(state.robot.q, state.t))
+        there = still.evaluate(state.t, state.robot.q, state.robot.qd)
+        twist, drift = there.camera_twist, there.camera_drift
+    pixels, Z = seen or (state.pixels.position, state.depth)
+    P = np.concatenate((scene.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
+    xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
+    J_xy, F = interaction_matrix(xy, Z) @ J, np.asarray(scene.camera.focal)
+    normalised = PointMotion(xy, J_xy, xy_dot, xy_ddot)
+    image = PointMotion(scene.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F)
+    return State(state.t, state.robot, camera or state.camera, J, twist, drift, Z, normalised, image, believed=True)
+
+
+def remounted(scene: Scene, state: State) -> State:
+    """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
+    there = scene.evaluate(state.t, state.robot.q, state.robot.qd)
+    names = "camera", "camera_J", "camera_twist", "camera_drift"
+    return replace(state, **{name: getattr(there, name) for name in names})
+
+
+def measured_state(measured: Measurement, scene: Scene, state: State, correction: Array) -> State:
+    """What a controller believes that is told this of a state; keeps the correction (M, 2) up."""
+    if measured.pixels is None:
+        return believed(scene, state, measured.camera)
+    model, eye = state.normalised.position, scene.camera
+    Z = np.where(np.isnan(measured.depth), state.depth, measured.depth)
+    seen = np.flatnonzero(np.isfinite(measured.pixels).all(axis=1))
+    there = state.pixels.position.copy()
+    there[seen] = measured.pixels[seen]
+    velocity = believed(scene, state, measured.camera, (there, Z)).normalised.velocity
+    moved = eye.normalised(there) + (state.t - measured.taken) * velocity
+    correction[seen] = (moved - model)[seen]
+    return believed(scene, state, measured.camera, (eye.pixels(model + correction), Z))
+
+
+def innovation(
+    measured: Measurement | None, model: State, camera: Camera, correction: Array, slip: Array, bounds: Array
+) -> Array:
+    """(7,) how far what is measured is from the model, and the greatest ratio of that to its bounds."""
+    found = np.zeros(7)
+    if measured is not None and measured.pixels is not None:
+        seen = model.pixels.position + correction * camera.focal
+        found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
+    if measured is not None and measured.camera is not None:
+        found[2] = np.linalg.norm(measured.camera.t - model.camera.t)
+        found[3] = angle(((measured.camera.R - model.camera.R) ** 2).sum())
+    found[5] = np.abs(slip).max(initial=0.0) / MEMORY
+    found[6] = (found[:6] / bounds).max()
+    return found
+
+
+def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
+    """Pose of the camera in the target's frame that explains an image best, by singular values of LAPACK."""
+    camera = near
+    for _ in range(10):
+        P = (markers - camera.t) @ camera.R
+        Z = np.maximum(P[:, 2], MINIMUM_DEPTH)
+        xy = P[:, :2] / Z[:, None]
+        U, s, Vt = np.linalg.svd(interaction_matrix(xy, Z).reshape(-1, 6), full_matrices=False)
+        kept = s > 1e-4 * s[0]
+        step = Vt[kept].T @ ((U[:, kept].T @ (normalised - xy).ravel()) / s[kept])
+        camera = camera @ Pose(np.array(turn_by(step[3:].tolist())), step[:3])
+        if np.sqrt(step @ step) < 1e-10:
+            break
+    return camera
+
+
+SAMPLES: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+
+
+def observe(sensor: Any, state: State) -> State:
+    """What is believed of the next sample's state."""
+    if not sensor.disturbed:
+        return state
+    k, settings = SAMPLES.get(sensor, 0), sensor.disturbances
+    SAMPLES[sensor] = k + 1
+    if not settings.sensing and not isinstance(sensor, ImageSensor):
+        return believed(sensor.scene, state)
+    world = Evaluated(None, None, None, None, state.pixels.position, None, state.camera.R, state.camera.t)  # type: ignore
+    measured = sensor.measured(k, state.robot.q, state.robot.qd, world)
+    camera, pixels, Z = state.camera, state.pixels.position, state.depth
+    if measured is not None:
+        camera, pixels, Z = measured.camera, measured.pixels, measured.depth
+    if settings.mount:
+        state = remounted(sensor.believed, state)
+    return believed(sensor.believed, state, camera, (pixels, settings.depth_factor * Z))
+
+
+# --- features and tasks ---
+
+
+def feature_motion(feature: Feature, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
+    """Error, Jacobian and drift of a feature."""
+    qd = state.robot.qd
+    if isinstance(feature, CameraPose):
+        near, wanted, camera = np.zeros(3) if previous is None else previous[3:], goal.camera, state.camera
+        assert wanted is not None
+        E, e, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, previous is not None)
+        v, omega, drift = state.camera_twist[:3], state.camera_twist[3:], state.camera_drift
+        w_dot, L, L_dot = rotation_vector_rate(w, omega)
+        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
+        J = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
+        velocity = np.array((*t_dot, *w_dot))
+        return FeatureMotion(np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ qd)
+    if not isinstance(feature, ImagePoints):
+        return feature.evaluate(state, goal, previous)
+    image = state.normalised
+    J, velocity, drift = image.J.reshape(-1, image.J.shape[2]), image.velocity.ravel(), image.drift.ravel()
+    partial = velocity - J @ qd
+    if feature.interaction_matrix != "current":
+        L = goal.interaction
+        if feature.interaction_matrix == "mean":
+            L = 0.5 * (L + interaction_matrix(image.position, state.depth).reshape(-1, 6))
+        J, drift = L @ state.camera_J, L @ state.camera_drift
+        velocity = J @ qd + partial
+    return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
+
+
+@dataclass(slots=True)
+class Memory:
+    """What tracking remembers between samples; the reference is less the feature's value at the goal."""
+
+    goal: int = -1
+    time: float = 0.0
+    last: FeatureMotion | None = None
+    began: float = 0.0
+    start: Array | None = None
+    reference: Array | None = None
+    reference_rate: Array | None = None
+
+
+MEMORIES: WeakKeyDictionary[VisualTask, Memory] = WeakKeyDictionary()
+
+
+def reset(task: VisualTask) -> None:
+    """Forget the last sample."""
+    MEMORIES.pop(task, None)
+
+
+def evaluate_task(task: VisualTask, state: State) -> tuple[Task, Array]:
+    """The task now, and the error e = s − s_ref (k,)."""
+    memory, goal = MEMORIES.get(task, Memory()), task.goal_at(state.t)
+    last = memory.last if goal == memory.goal else None
+    motion = feature_motion(task.feature, state, task.goals[goal], None if last is None else last.error)
+    velocity, drift, k = motion.velocity, motion.drift, len(motion.error)
+    Ts = state.t - memory.time
+    differences = last is not None and Ts > 0.0
+    if task.drift == "differences":
+        drift = np.zeros_like(drift)
+        if differences:
+            drift = ((motion.J - last.J) @ state.robot.qd + motion.partial - last.partial) / Ts
+    if differences and task.velocity == "differences":
+        velocity = (motion.error - last.error) / Ts
+    now = Memory(goal, state.t, motion)
+    s_ref = rate = acceleration = np.zeros(k)
+    following = task.goals[goal].reference
+    if following is not None:
+        fresh = last is None or memory.start is None
+        now.began, now.start = (state.t, motion.error) if fresh else (memory.began, memory.start)
+        s_ref, rate, acceleration = following.at(state.t - now.began, now.start)
+        if task.reference == "differences":
+            rate = acceleration = np.zeros(k)
+            if differences and memory.reference is not None:
+                rate = (s_ref - memory.reference) / Ts
+                acceleration = (rate - memory.reference_rate) / Ts
+        now.reference, now.reference_rate = s_ref, rate
+    MEMORIES[task] = now
+    q, qd, error = state.robot.q, state.robot.qd, motion.error - s_ref
+    rest = task.rest_of(len(q), k)
+    posture = np.array(rest.posture) if len(rest.posture) else q
+    free = np.asarray(resting(q, qd, posture, rest.damping, rest.stiffness)) if rest.any else UNKNOWN
+    b = acceleration + demanded(error, velocity - rate, drift, *task.gains.at(error))
+    return Task(motion.J, b, error, velocity - rate, free), error
+
+
+# --- rows ---
+
+
+def block(constraint: Any, state: State, points: slice) -> RowBlock:
+    """The rows of one constraint."""
+    if isinstance(constraint, PerformanceFunnel):
+        goal = constraint.goals[goal_at([goal.from_time for goal in constraint.goals], state.t)]
+        seen, form = state.pixels, constraint.compiled_form(None, points)  # type: ignore[arg-type]
+        if constraint.of_image:
+            error, J = (seen.position - goal.pixels).ravel(), seen.J.reshape(-1, seen.J.shape[2])
+            velocity, drift = seen.velocity.ravel(), seen.drift.ravel()
+        else:
+            error, J, velocity, drift, _ = feature_motion(CameraPose(), state, goal, None)
+        at, side = form.which, form.offsets
+        width, rate, bend = funnel(state.t - goal.from_time, constraint.final, constraint.decay)
+        return constraint.block(
+            side * error[at] - width, side * velocity[at] - rate, side[:, None] * J[at], side * drift[at] - bend
+        )
+    if isinstance(constraint, Manipulability):
+        qd, factor, at = state.robot.qd, -1.0 / constraint.w_scale, ROWS_OF[constraint.part]
+        derivatives = load("manipulability_rows").derivatives
+        w, slope, bent = derivatives(state.robot.J, qd, at.start, at.stop - at.start)
+        g, sigma = factor * slope[None, :], np.array([(constraint.minimum - w) / constraint.w_scale])
+        return constraint.block(sigma, g @ qd, g, np.array([factor * bent]))
+    return constraint.rows(state, points)
+
+
+def evaluate_rows(constraints: ConstraintSet, state: State) -> tuple[Rows, Array]:
+    """The rows now, and σ (m,) of each."""
+    if not constraints.constraints:
+        return Rows.none(constraints.scene.robot.n), np.empty(0)
+    blocks = [block(c, state, at) for c, _, at in constraints.blocks()]
+    sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    K = constraints.approach_time
+    sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
+    gain, labels, scale = constraints.switching_gain, constraints.labels, constraints.scale
+    return Rows(phi, Lg, Lf, gain, labels, scale, sigma, sigma_dot, K), sigma
+
+
+# --- steps ---
+
+
+@dataclass(slots=True)
+class Evaluated:
+    """What one step came to; see :class:`vsconstraints.control.evaluator.Evaluation`."""
+
+    rows: Rows
+    task: Task
+    error: Array
+    sigma: Array
+    pixels: Array
+    points: Array
+    camera_R: Array
+    camera_t: Array
+
+
+def define(step: ControlStep, state: State) -> Evaluated:
+    """Rows and task of a step from a state, which may be a believed one; the step itself stays as it is."""
+    rows, sigma = evaluate_rows(step.constraints, state)
+    limits = step.packed.step.limits
+    if step.packed.size.limited:
+        rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, step.last_command, limits)
+    task, error = evaluate_task(step.visual_task, state)
+    seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
+    return Evaluated(rows, task, error, sigma, *seen)
+
+
+class NumpyStep(ControlStep):
+    """A control step whose rows and tasks are those in NumPy."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._mine = np.zeros(1), np.zeros(self.scene.robot.n), np.zeros(self.scene.robot.n)
+        self._correction, self._slip = np.zeros((len(self.scene.markers), 2)), np.full(self.scene.robot.n, np.nan)
+
+    def reset(self) -> None:
+        super().reset()
+        reset(self.visual_task)
+        self._correction[:], self._slip[:] = 0.0, np.nan
+
+    def evaluate_measured(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Any:
+        model = self.scene.evaluate(*self._checked(t, q, qd))
+        state = model
+        if measured is not None:
+            state = measured_state(measured, self.scene, model, self._correction)
+        elif self.believes:
+            state = believed(self.scene, model)
+        before, q_before, qd_before = self._mine
+        self._slip[:] = slip(self._slip, q - q_before, 0.5 * (qd + qd_before), t - before[0])
+        before[:], q_before[:], qd_before[:] = t, q, qd
+        found = define(self, state)
+        bounds = self.plausible.bounds(self.scene.camera)
+        self.innovation[:] = innovation(measured, model, self.scene.camera, self._correction, self._slip, bounds)
+        return found
+
+    def bound(self) -> None:
+        """Nothing of it is compiled."""
