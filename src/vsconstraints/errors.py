@@ -10,11 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-MAX_VALUE_LENGTH = 200
-"""Characters of a value that a message shows."""
-
-MAX_REASON_LENGTH = 2000
-"""Characters of a reason that are kept."""
+MAX_VALUE_LENGTH = 200  #: Characters of a value that a message shows.
+MAX_REASON_LENGTH = 2000  #: Characters of a reason that are kept.
 
 
 class VsconstraintsError(Exception):

@@ -44,6 +44,7 @@ def list_(
     print_listing(what or ())
 
 
+#: The commands by what they are for, each with an example, in the order in which ``--help`` shows them.
 GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     "Laws in a few scenes": {
         "compare": (compare, "compare --scenario ur5-fov --controller sliding-mode --controller hierarchical-qp"),
@@ -69,7 +70,6 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "tune": (tune, "tune --family six-axis --controller cbf-filter"),
     },
 }
-"""The commands by what they are for, each with an example, in the order in which ``--help`` shows them."""
 
 for _panel, _commands in GROUPS.items():
     for _name, (_command, _example) in _commands.items():

@@ -63,6 +63,7 @@ def _described(things: Iterable[tuple[str, object]]) -> Iterator[Entry]:
     return (Entry(name, _first_line(thing)) for name, thing in things)
 
 
+#: What makes the entries of each kind.
 KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
     "scenarios": lambda: (
         Entry(name, scenario.title, (" ".join(scenario.description.split()),))
@@ -83,7 +84,6 @@ KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
     "shapes": lambda: _described(SHAPES.items()),
     "metrics": lambda: (_metric(metric) for metric in METRICS if metric.value is not None),
 }
-"""What makes the entries of each kind."""
 
 ALSO_CALLED = {"controllers": "laws"}
 

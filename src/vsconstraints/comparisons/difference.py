@@ -26,8 +26,8 @@ from .stored import StoredComparison
 
 SIGNIFICANT = 0.05  #: chance, over all tests of a difference together, to find something where there is nothing
 TOLERANCE = 1e-6  #: share of a value by which it may move: another machine rounds otherwise
+#: Columns that are equal if a run is: all but times.
 SCORES = [metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS]
-"""Columns that are equal if a run is: all but times."""
 
 PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
 PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
@@ -35,12 +35,12 @@ PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machi
 
 NAMED = ("scenarios", "controllers", "families")  #: tables of a configuration that hold a table for each name
 
+#: What a run is to do, and whether each run does.
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
     "converges": converged,
     "stays inside": lambda runs: ~violated(runs),
     "comes to an end": lambda runs: ~runs["status"].isin(["failed", "aborted"]),
 }
-"""What a run is to do, and whether each run does."""
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,8 @@ from ..scenarios.reading import Table, checked, demand_table
 from ..scenarios.toml import parse_toml
 from .runs.spec import BASELINE, ControllerSpec
 
-MAX_NAME_BYTES = 100
-"""Bytes that the name of a scenario or controller may have; files are named after both."""
-
-Entries = tuple[ControllerSpec, ...]
-"""Controllers in the order of the results."""
+MAX_NAME_BYTES = 100  #: Bytes that the name of a scenario or controller may have; files are named after both.
+Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
 
 Own = TypeVar("Own", bound="Experiment")
 

@@ -22,6 +22,7 @@ from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0  # bytes that a sample may take: thousands of rows and robot points
 
+#: Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p, goals g.
 SHAPES = {
     **dict.fromkeys(("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"),
     **dict.fromkeys(("q", "qd", "qdd_command"), "Nn"),
@@ -35,10 +36,10 @@ SHAPES = {
     "points": "Np3",
     "goal_begins": "g",
 }
-"""Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p, goals g."""
 
 TEXTS = ("labels", "kinds", "units")
 FLAGS = ("active", "saturated", "settled")
+#: Arrays that are no numbers, and what else a record holds.
 FACTS: dict[str, Any] = {
     **dict.fromkeys(("status", "reason", "fingerprint"), str),
     "fallbacks": int,
@@ -48,47 +49,32 @@ FACTS: dict[str, Any] = {
     "common": int,
     "missed": (int, type(None)),
 }
-"""Arrays that are no numbers, and what else a record holds."""
 
 TRAJECTORY = [f.name for f in fields(Trajectory)]
 
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run and the description of its rows.
-
-    Attributes
-    ----------
-    kinds, units, length, switching_gain
-        (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
-    approach_time, sampling_band
-        (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row, in its unit.
-    settled, goal_begins
-        (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins [s].
-    common
-        Samples of the scenario's duration, which all laws share: scores per second are of these.
-    Ts
-        Sampling time [s].
-    fingerprint, files
-        Hash of scenario, controller, trial, seed and code; hashes of the other files that it was made from.
-    missed
-        On an arm, how many periods the loop has missed; None in a simulation.
-    """
+    """A run and the description of its rows."""
 
     trajectory: Trajectory
+    #: (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
     kinds: tuple[str, ...]
     units: tuple[str, ...]
     length: Array
     switching_gain: Array
+    #: (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row, in its unit.
     approach_time: Array
     sampling_band: Array
+    #: (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins [s].
     settled: BoolArray
     goal_begins: Array
-    common: int
-    Ts: float
+    common: int  #: Samples of the scenario's duration, which all laws share: scores per second are of these.
+    Ts: float  #: Sampling time [s].
+    #: Hash of scenario, controller, trial, seed and code; hashes of the other files that it was made from.
     fingerprint: str
     files: Files = field(default_factory=dict)
-    missed: int | None = None
+    missed: int | None = None  #: On an arm, how many periods the loop has missed; None in a simulation.
 
     @in_one_line
     def __repr__(self) -> str:

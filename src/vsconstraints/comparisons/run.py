@@ -22,8 +22,8 @@ from .metrics import Score, score
 from .record import RunRecord
 from .runs.spec import RunSpec
 
+#: Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses zero repeatedly.
 MERGE = 0.6
-"""Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses zero repeatedly."""
 
 
 @dataclass(frozen=True)

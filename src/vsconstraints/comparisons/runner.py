@@ -26,8 +26,8 @@ from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
 
+#: Called for each finished run with its score and whether it was stored before.
 Report = Callable[[RunSpec, Score, bool], None]
-"""Called for each finished run with its score and whether it was stored before."""
 
 Key = tuple[str, str, int]  # scenario, controller and trial
 

@@ -29,11 +29,8 @@ TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 Number, Texts = float | None, Sequence[str]
 
-ARM_LOG = Path("arm", "log.npz")
-"""What a run on an arm leaves in its folder beside what all runs do."""
-
-ON_ARM = re.compile(r"on [\w-]+://[^;]*")
-"""How the reason of a run on an arm begins."""
+ARM_LOG = Path("arm", "log.npz")  #: What a run on an arm leaves in its folder beside what all runs do.
+ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: How the reason of a run on an arm begins.
 
 KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
 

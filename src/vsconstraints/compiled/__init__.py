@@ -16,8 +16,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+#: Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one.
 VARIABLE = "VSCONSTRAINTS_COMPILE"
-"""Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
 MODULES = ("laws", "step", "task_priority", "closed_loop", "constraint_rows", "polylines", "hierarchical_qp")
 """Modules whose functions are called from Python, of which any simulation may need each.
@@ -25,11 +25,9 @@ MODULES = ("laws", "step", "task_priority", "closed_loop", "constraint_rows", "p
 A process that compiles them begins with the first ones, and one that helps it with the last, which takes longest.
 """
 
+#: How the warning begins that says why nothing is compiled; processes that another one starts do not repeat it.
 COMPLAINT = "vsconstraints runs without its compiler"
-"""How the warning begins that says why nothing is compiled; processes that another one starts do not repeat it."""
-
-loaded: dict[str, Any] = {}
-"""Modules by their names: like ``sys.modules``, for as long as the process lives."""
+loaded: dict[str, Any] = {}  #: Modules by their names: like ``sys.modules``, for as long as the process lives.
 
 
 def load(name: str) -> Any:

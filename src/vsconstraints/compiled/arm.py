@@ -7,8 +7,8 @@ from typing import Annotated, NamedTuple
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, zeros
 
+#: Controllers of the joints: computed torque; a speed loop with a position loop around it; the speed loop alone.
 TORQUE, POSITION, SPEED = range(3)
-"""Controllers of the joints: computed torque; a speed loop with a position loop around it; the speed loop alone."""
 
 
 class BodyArrays(NamedTuple):

@@ -31,21 +31,16 @@ from . import COMPLAINT, VARIABLE
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
 
+#: Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit.
 OPTIONS = {"error_model": "numpy", "fastmath": False}
-"""Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
-
+#: For functions that make no arrays: counting references to every view of one takes as long as computing.
 IN_PLACE = {**OPTIONS, "_nrt": False}
-"""For functions that make no arrays: counting references to every view of one takes as long as computing."""
-
+#: Value of the environment variable with which a process compiles everything it needs by itself.
 SINGLE_PROCESS = "alone"
-"""Value of the environment variable with which a process compiles everything it needs by itself."""
-
+#: States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
+#: the length of their names' ends.
 KEPT, KEPT_PARTS, HASH = 8, 64, 16
-"""States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
-the length of their names' ends."""
-
-_warned: list[Exception] = []
-"""Why nothing is compiled, once a warning has said so."""
+_warned: list[Exception] = []  #: Why nothing is compiled, once a warning has said so.
 
 
 def _warn(error: Exception) -> None:
@@ -71,15 +66,14 @@ def _internals() -> Any:
 
 internals = _internals()
 numba: Any = internals and internals.numba
+#: Types in signatures; None where nothing is compiled.
 VOID, INT, FLOAT, VECTOR, MATRIX = (
     getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
 )
-"""Types in signatures; None where nothing is compiled."""
-
+#: ``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math`` raises.
 QUIET = SimpleNamespace(
     **{**vars(math), **{name: getattr(np, name) for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]}}
 )
-"""``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math`` raises."""
 
 
 def compiles() -> bool:
@@ -103,8 +97,7 @@ def _as_compiled(function: Callable[..., Any]) -> None:
         function.__globals__["math"] = QUIET
 
 
-_registered: set[Callable[..., Any]] = set()
-"""Formulas that compiled code can call."""
+_registered: set[Callable[..., Any]] = set()  #: Formulas that compiled code can call.
 
 
 def register_formulas(*formulas: Callable[..., Any]) -> None:
@@ -245,8 +238,8 @@ def _writable(folder: Path) -> Iterator[Path]:
         yield Path(copy)
 
 
+#: Files outside this room and the formulas' of which compiled code takes constants, which leave no trace in it.
 OTHERS = ("vision/distortion.py", "vision/pose_estimate.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
-"""Files outside this room and the formulas' of which compiled code takes constants, which leave no trace in it."""
 
 
 def sources() -> list[Path]:
@@ -298,11 +291,8 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
     raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
 
 
-_helpers: list[subprocess.Popen[bytes]] = []
-"""Kept, since the end of a process that nobody holds is complained about."""
-
-_announced: list[Path] = []
-"""Where this process has said that it keeps what it compiles."""
+_helpers: list[subprocess.Popen[bytes]] = []  #: Kept, since the end of a process that nobody holds is complained about.
+_announced: list[Path] = []  #: Where this process has said that it keeps what it compiles.
 
 
 def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:

@@ -273,5 +273,4 @@ def apply_gradient_error(step_address: int, in_phi: int) -> None:
             rows.Lf[i] += change / rows.K[i]
 
 
-APPLY_GRADIENT_ERROR = address(apply_gradient_error)
-"""Where it begins."""
+APPLY_GRADIENT_ERROR = address(apply_gradient_error)  #: Where it begins.

@@ -22,11 +22,9 @@ from .workspace import zeros
 
 register_formulas()
 
-BOUND = 1e4
-"""Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s]."""
-
+BOUND = 1e4  #: Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s].
+#: Most sweeps that balance friction among the joints, and the change at which they end, by the greatest speed.
 SWEEPS, SETTLED = 200, 1e-12
-"""Most sweeps that balance friction among the joints, and the change at which they end, by the greatest speed."""
 
 
 @in_place
@@ -390,5 +388,4 @@ def end_substep(arm_address: int, x: Array) -> None:
     update_motion(load_arm(arm_address), x[0], x[1])
 
 
-MOVE = address(drive_period)
-"""Where the function begins that moves an arm through a period."""
+MOVE = address(drive_period)  #: Where the function begins that moves an arm through a period.

@@ -8,8 +8,7 @@ from .laws import apply_law, load_answer
 from .parts import call_int_pointer, checked, load_step
 from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
 
-REFUSED = -1
-"""The step cannot be evaluated: the NumPy form says why."""
+REFUSED = -1  #: The step cannot be evaluated: the NumPy form says why.
 
 
 @checked(Step, LawArrays, Answer)

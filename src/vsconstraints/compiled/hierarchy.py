@@ -21,8 +21,8 @@ from .scratch import blank, matrix
 from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
+#: Stages: all rows; the points that violate least; level 2 by itself.
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
-"""Stages: all rows; the points that violate least; level 2 by itself."""
 
 
 class Priorities(NamedTuple):

@@ -22,14 +22,10 @@ _answer = Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one)
 ROWS, TASK = type_of(RowArrays(_one, _two, *(_one,) * 8)), type_of(TaskArrays(_two, *(_one,) * 4))
 SCRATCH = type_of(_law.scratch)
 
+#: Signature of a resolver, and so of a law: see :class:`.LawArrays`.
 RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
-"""Signature of a resolver, and so of a law: see :class:`.LawArrays`."""
-
-DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
-"""Signature of a demand: see :func:`demand_part`."""
-
-load_law, load_answer = struct_loader(_law), struct_loader(_answer)
-"""The law at an address, and the answer at one."""
+DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)  #: Signature of a demand: see :func:`demand_part`.
+load_law, load_answer = struct_loader(_law), struct_loader(_answer)  #: The law at an address, and the answer at one.
 
 
 @in_place
@@ -143,8 +139,8 @@ def fits(x: Array, size: int) -> bool:
     return not wrong
 
 
+#: Signature of a vector that may be read-only, as those of a set of constraints are.
 CONSTANT = "Array(float64, 1, 'C', readonly=True)"
-"""Signature of a vector that may be read-only, as those of a set of constraints are."""
 
 OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
 

@@ -13,24 +13,15 @@ from .linear import S_ROWS, START, constant
 from .scratch import matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
-EXCEEDED = 1e-12
-"""A row exceeded by less than this fraction of its terms is met."""
-
-DEPENDENT = 1e-11
-"""A row of unit norm whose part outside the span of the active ones is below this depends on them."""
-
-OPTIMAL = 1e-9
-"""Largest error in the optimality conditions, relative to the size of the answer."""
-
-NONE = constant(-1)
-"""No row."""
-
+EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms is met.
+DEPENDENT = 1e-11  #: A row of unit norm whose part outside the span of the active ones is below this depends on them.
+OPTIMAL = 1e-9  #: Largest error in the optimality conditions, relative to the size of the answer.
+NONE = constant(-1)  #: No row.
+#: Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made it of unit norm; and
+#: how many of these there are.
 SIDE, EXCESS, MULTIPLIER, SCALE, KINDS = constant(0), constant(1), constant(2), constant(3), constant(4)
-"""Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made it of unit norm; and
-how many of these there are."""
-
+#: Rows of the work space.
 POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), constant(3), constant(4)
-"""Rows of the work space."""
 
 
 @in_place

@@ -16,14 +16,9 @@ from .levels import CENTER
 from .linear import ONE, S_ROWS, START, WORK, constant
 from .scratch import no_scratch
 
-REACHED = 1e-12
-"""A step that changes the residual by less than this fraction of its terms is none."""
-
-PUSHING = 1e-9
-"""A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient."""
-
-ROW = constant(0)
-"""The row of X with the point."""
+REACHED = 1e-12  #: A step that changes the residual by less than this fraction of its terms is none.
+PUSHING = 1e-9  #: A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient.
+ROW = constant(0)  #: The row of X with the point.
 
 
 @inner

@@ -22,14 +22,10 @@ CERTAIN = 30.0
 1 would do for the rank. More keeps the fast way to matrices for which it is as accurate as singular values are.
 """
 
+#: Least singular value, over the norm, with which triangular factors alone are accurate, whatever the tolerance.
 WELL = 1e-4
-"""Least singular value, over the norm, with which triangular factors alone are accurate, whatever the tolerance."""
-
-CANCELLED = 1e-6
-"""Square of the answer over that of J†b below which :func:`bring` has lost digits."""
-
-SWEEPS = 60
-"""Jacobi sweeps at most; some six are usual."""
+CANCELLED = 1e-6  #: Square of the answer over that of J†b below which :func:`bring` has lost digits.
+SWEEPS = 60  #: Jacobi sweeps at most; some six are usual.
 
 
 @in_place

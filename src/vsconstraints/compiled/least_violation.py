@@ -14,17 +14,12 @@ from .linear import ONE, START, constant, dot, length
 from .scratch import no_scratch
 from .workspace import FAILED, SOLVED
 
-ROUNDING = 1e-13
-"""Below this fraction of its terms a row counts as met while iterating."""
-
+ROUNDING = 1e-13  #: Below this fraction of its terms a row counts as met while iterating.
+#: A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none.
 CONVERGED = 1e-12
-"""A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none."""
-
-RANK = 1e-14
-"""Singular values below this fraction of the largest count as zero in a step."""
-
+RANK = 1e-14  #: Singular values below this fraction of the largest count as zero in a step.
+#: Rows of a box: (2, n) least and greatest x, infinite where there is no bound.
 LEAST, GREATEST = constant(0), constant(1)
-"""Rows of a box: (2, n) least and greatest x, infinite where there is no bound."""
 
 
 class Violations(NamedTuple):

@@ -11,8 +11,7 @@ from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, e
 from ..rows import Array
 from .parts import address, make_part, to_fixed_tuple
 
-FIXED = 5
-"""Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's reach."""
+FIXED = 5  #: Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's reach.
 
 
 def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:

@@ -16,14 +16,11 @@ from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length
 from .scratch import blank, matrix
 from .workspace import Scratch
 
+#: Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping.
 CHECKED = 1e-5
-"""Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping."""
-
-ROUNDED = 1e-13
-"""What rounding leaves of the gradient, as a fraction of its terms."""
-
+ROUNDED = 1e-13  #: What rounding leaves of the gradient, as a fraction of its terms.
+#: Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it; their number.
 CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
-"""Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it; their number."""
 
 
 @in_place

@@ -20,11 +20,9 @@ def constant(value: int) -> int:
     return cast("int", np.int64(value))
 
 
+#: The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it has.
 START, ONE, WORK, S_ROWS = constant(0), constant(1), constant(2), constant(3)
-"""The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it has."""
-
-LARGE = 1e280
-"""Squares beyond this are not for compiled laws."""
+LARGE = 1e280  #: Squares beyond this are not for compiled laws.
 
 
 @in_place

@@ -20,11 +20,8 @@ from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
-SINGULAR = 1e-9
-"""Singular value below which the curvature is taken as that at this value, so that it stays finite."""
-
-GONE = 1e-14
-"""Singular value, relative to the largest, below which the vector that belongs to it is only rounding."""
+SINGULAR = 1e-9  #: Singular value below which the curvature is taken as that at this value, so that it stays finite.
+GONE = 1e-14  #: Singular value, relative to the largest, below which the vector that belongs to it is only rounding.
 
 
 @inner

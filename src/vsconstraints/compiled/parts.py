@@ -22,8 +22,7 @@ from .workspace import Size, demand_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_functions: dict[int, Callable[..., Any]] = {}
-"""Functions whose address was taken, as Python calls them."""
+_functions: dict[int, Callable[..., Any]] = {}  #: Functions whose address was taken, as Python calls them.
 
 
 @lru_cache(maxsize=256)
@@ -115,8 +114,8 @@ def _with(function: F, **attributes: Any) -> F:
     return function
 
 
+#: The :class:`.Step` at an address: entry points take a number in place of fifty arrays.
 load_step = struct_loader(Size().step()[0])
-"""The :class:`.Step` at an address: entry points take a number in place of fifty arrays."""
 
 
 def make_part(

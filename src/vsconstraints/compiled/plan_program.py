@@ -26,39 +26,27 @@ from .least_distance import DEPENDENT
 from .linear import START, add, apply, apply_transposed, copy, dot, make_reflection, solve_lower, solve_upper
 from .workspace import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 
+#: π by the greatest distance of a row from the plan without rows; the weaker one where the stronger one fails.
 STRONG, WEAK = 1e6, 1e4
-"""π by the greatest distance of a row from the plan without rows; the weaker one where the stronger one fails."""
-
-NEGLIGIBLE = 1e-14
-"""Slack by π that is none."""
-
+NEGLIGIBLE = 1e-14  #: Slack by π that is none.
+#: Square of the part of a unit normal outside the span of others from which on a row is begun with.
 INDEPENDENT = 1e-12
-"""Square of the part of a unit normal outside the span of others from which on a row is begun with."""
-
+#: A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and with slacks.
 MET, MET_SOFT = 1e-11, 1e-6
-"""A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and with slacks."""
-
+#: Rows of the work space, and how many there are.
 POINT, NEW, TURNED, DIRECTION, FORCE, RATIO, SIDE, VECTORS = range(8)
-"""Rows of the work space, and how many there are."""
 
 
 class Cost(NamedTuple):
-    """What a plan is to follow.
+    """What a plan is to follow."""
 
-    Attributes
-    ----------
-    length, damping
-        Of a block [s], and λ.
-    gains, rest
-        (H, 2) K_p and K_v, s and d; zero in blocks that cannot be predicted, like the following.
-    square, pull, free
-        (H, n, n) JᵀJ, (H, n) Jᵀb, and (H, n) r.
-    """
-
+    #: Of a block [s], and λ.
     length: float
     damping: float
+    #: (H, 2) K_p and K_v, s and d; zero in blocks that cannot be predicted, like the following.
     gains: Array
     rest: Array
+    #: (H, n, n) JᵀJ, (H, n) Jᵀb, and (H, n) r.
     square: Array
     pull: Array
     free: Array
@@ -75,36 +63,22 @@ class Factor(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Rows along a plan.
+    """Rows along a plan."""
 
-    Attributes
-    ----------
-    instants
-        N, of those that can be predicted.
-    block, since
-        (N,) in which block each instant is, and how long it has lasted [s]; the block H is that of the brake.
-    stop
-        How long the brake takes [s].
-    value, gradient
-        (N, m) of the plan without any acceleration, and (N, m, n) by q, or by q̇ where ``by_speed`` (m,) is not 0.
-    falls, left
-        (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left.
-    scale
-        (m,) of the rows.
-    low, high
-        (H, n) the box.
-    """
-
-    instants: int
+    instants: int  #: N, of those that can be predicted.
+    #: (N,) in which block each instant is, and how long it has lasted [s]; the block H is that of the brake.
     block: IntArray
     since: Array
-    stop: float
+    stop: float  #: How long the brake takes [s].
+    #: (N, m) of the plan without any acceleration, and (N, m, n) by q, or by q̇ where ``by_speed`` (m,) is not 0.
     value: Array
     gradient: Array
     by_speed: IntArray
+    #: (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left.
     falls: Array
     left: Array
-    scale: Array
+    scale: Array  #: (m,) of the rows.
+    #: (H, n) the box.
     low: Array
     high: Array
 

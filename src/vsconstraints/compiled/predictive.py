@@ -18,82 +18,56 @@ from .plan_program import FORCE, Cost, Factor, Limits, Space, follow_block, move
 from .resolving import finished, follow_alone, measurable
 from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
 
-PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
-"""Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀."""
-
+PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)  #: Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀.
+#: What is reported: at how many instants rows and task were predicted, of how many, how many rows hold the plan, and
+#: the code of its program.
 PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)
-"""What is reported: at how many instants rows and task were predicted, of how many, how many rows hold the plan, and
-the code of its program."""
-
+#: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
 ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
-"""The stages of a law, of which Python asks for one at a time where it predicts: option 1."""
 
 
 class PlanArrays(NamedTuple):
-    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k features.
+    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k features."""
 
-    Attributes
-    ----------
-    loop, step
-        Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
-    frozen
-        Whether all is predicted at the present time.
-    period, length, approach, damping
-        T_s, T and κ [s], and λ relative to the mean of ‖J‖².
-    tracking
-        (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
-    most, K, weights
-        (n,) greatest |q̈|; (m,) K of rows, 0 of those on φ itself, and weights of violations.
-    now
-        (1 + 2n,) t, q, q̇.
-    at, seen, out
-        (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the step's outputs (s,).
-    times, block, since
-        (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the brake.
-    states
-        (2, N, n) q and q̇.
-    plan, then, made
-        (H, n) q̈, (n,) what comes after it, and (1,) when it was made, NaN if there is none.
-    outcome, braking
-        (OUTCOMES,), and (1,) how long the brake takes [s].
-    gains, rest, square, pull, free, factor
-        See :class:`.Cost` and :class:`.Factor`.
-    value, gradient, by_speed, falls, left, low, high
-        See :class:`.Limits`.
-    space
-        See :class:`.Space`.
-    """
-
+    #: Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
     loop: int
     step: int
-    frozen: int
+    frozen: int  #: Whether all is predicted at the present time.
+    #: T_s, T and κ [s], and λ relative to the mean of ‖J‖².
     period: float
     length: float
     approach: float
     damping: float
-    tracking: Array
+    tracking: Array  #: (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
+    #: (n,) greatest |q̈|; (m,) K of rows, 0 of those on φ itself, and weights of violations.
     most: Array
     K: Array
     weights: Array
-    now: Array
+    now: Array  #: (1 + 2n,) t, q, q̇.
+    #: (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the step's outputs (s,).
     at: IntArray
     seen: Array
     out: Array
+    #: (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the brake.
     times: Array
     block: IntArray
     since: Array
-    states: Array
+    states: Array  #: (2, N, n) q and q̇.
+    #: (H, n) q̈, (n,) what comes after it, and (1,) when it was made, NaN if there is none.
     plan: Array
     then: Array
     made: Array
+    #: (OUTCOMES,), and (1,) how long the brake takes [s].
     outcome: IntArray
     braking: Array
+    #: See :class:`.Cost` and :class:`.Factor`.
     gains: Array
     rest: Array
     square: Array
     pull: Array
     free: Array
     factor: Factor
+    #: See :class:`.Limits`.
     value: Array
     gradient: Array
     by_speed: IntArray
@@ -101,7 +75,7 @@ class PlanArrays(NamedTuple):
     left: Array
     low: Array
     high: Array
-    space: Space
+    space: Space  #: See :class:`.Space`.
 
 
 def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:

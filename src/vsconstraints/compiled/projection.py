@@ -16,8 +16,8 @@ from .scratch import blank, emptied
 from .task_priority import pushed
 from .workspace import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 
+#: Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of J.
 Z, UNIT, NULL, ROWS_OF_X = START, ONE, constant(2), constant(3)
-"""Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of J."""
 
 
 @in_place

@@ -15,8 +15,7 @@ from .workspace import Scratch
 
 __all__ = ["EVALUATE", "TRACK", "respond"]
 
-TRACK = address(track)
-"""Where the function begins that tracks."""
+TRACK = address(track)  #: Where the function begins that tracks.
 
 
 @compiled(

@@ -14,11 +14,9 @@ from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, Answer, RowArrays, TaskArrays
 
+#: What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion.
 STEP, LAW, ALONE, MOVE = range(4)
-"""What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion."""
-
-NOTICED = 1e-3
-"""From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make."""
+NOTICED = 1e-3  #: From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make.
 
 
 class Goals(NamedTuple):

@@ -19,8 +19,8 @@ from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, matrix
 from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
+#: Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1.
 BEST, NONE, TRACKING, WHOLE, ROWS_OF_X = START, ONE, constant(2), constant(3), constant(4)
-"""Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1."""
 
 
 class Critical(NamedTuple):

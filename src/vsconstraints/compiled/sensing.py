@@ -24,19 +24,14 @@ from .workspace import Scratch, Step, zeros
 in_place(images.usable)
 register_formulas()
 
-ITERATIONS = 10
-"""Of the pose estimation at most; three or four are usual."""
-
-CONVERGED = 1e-10
-"""Step of the pose estimation [m, rad] at which it ends."""
-
+ITERATIONS = 10  #: Of the pose estimation at most; three or four are usual.
+CONVERGED = 1e-10  #: Step of the pose estimation [m, rad] at which it ends.
+#: Directions of the camera's motion to which the image is less sensitive than this, relative to the most sensitive one,
+#: are left as they are where the search starts.
 RANK_TOLERANCE = 1e-4
-"""Directions of the camera's motion to which the image is less sensitive than this, relative to the most sensitive
-one, are left as they are where the search starts."""
-
+#: Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
+#: ends where a step is small, however accurate it is.
 CERTAIN = 1.01
-"""Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
-ends where a step is small, however accurate it is."""
 
 
 @inner
@@ -129,5 +124,4 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
     return 0
 
 
-OBSERVE = address(observe)
-"""Address of the function that gives a step its measurement."""
+OBSERVE = address(observe)  #: Address of the function that gives a step its measurement.

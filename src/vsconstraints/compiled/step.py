@@ -232,8 +232,7 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     return 0 if done else 1
 
 
-EVALUATE = address_of(evaluate_step)
-"""Where it begins."""
+EVALUATE = address_of(evaluate_step)  #: Where it begins.
 
 
 @checked(Step)

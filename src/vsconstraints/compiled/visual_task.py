@@ -11,8 +11,7 @@ from .kinematics import put
 from .linear import START
 from .workspace import CAMERA_POSE, IMAGE_POINTS, Step
 
-JUST_NOW = 1e-9
-"""A goal's time [s] is met up to rounding."""
+JUST_NOW = 1e-9  #: A goal's time [s] is met up to rounding.
 
 
 @in_place

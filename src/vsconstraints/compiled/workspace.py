@@ -18,17 +18,14 @@ from ..errors import InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 
+#: Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check; rows contradict each
+#: other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met;
+#: both.
 SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
-"""Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check; rows contradict each
-other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
-"""
-
-CAMERA_POSE, IMAGE_POINTS, OWN = range(3)
-"""Features of the task."""
-
+CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
+#: Below the rows: the task, and within it the least acceleration; the way to the command that tracks, in the joints, or
+#: in the task with a little of the joints; the way to a share of that command.
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
-"""Below the rows: the task, and within it the least acceleration; the way to the command that tracks, in the joints, or
-in the task with a little of the joints; the way to a share of that command."""
 
 Records = Any
 
@@ -47,47 +44,47 @@ F8, I8, BOOL = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 V3, M3 = (3,), (3, 3)
 POSE = ("R", M3), ("t", V3)
 
+#: d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is zero.
 MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
-"""d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is zero."""
+#: Placement in the body before, axis there, and whether the joint moves along it.
 JOINT = record(*POSE, ("axis", V3), "#prismatic")
-"""Placement in the body before, axis there, and whether the joint moves along it."""
+#: Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal lengths and what is added
+#: to pixels; the factor of believed depths.
 CAMERA = record(*POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed")
-"""Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal lengths and what is added
-to pixels; the factor of believed depths."""
+#: See :class:`vsconstraints.vision.motion.TargetMotion`.
 TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3), ("centre", V3))
-"""See :class:`vsconstraints.vision.motion.TargetMotion`."""
+#: A robot point: its body (0 is the base) and place in its frame.
 POINT = record("#body", ("offset", V3))
-"""A robot point: its body (0 is the base) and place in its frame."""
+#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half.
 TASK = record(
     "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
     "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
 )  # fmt: skip
-"""See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""
+#: When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there.
 GOAL = record("from_time", "reach_in", *POSE)
-"""When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there."""
+#: A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
+#: image R[:2, :2] and t[:2]); the motion of what it forbids.
 PART = record("#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION))
-"""A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
-image R[:2, :2] and t[:2]); the motion of what it forbids."""
+#: A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin, ω̇, v̇.
 BODY = record(
     ("R", M3), ("origin", V3), ("axis", V3), ("angular_velocity", V3), ("velocity", V3), ("angular_acceleration", V3),
     ("acceleration", V3),
 )  # fmt: skip
-"""A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin, ω̇, v̇."""
+#: A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative, and Z.
 MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
-"""A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative, and Z."""
+#: A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration.
 PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
-"""A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration."""
+#: The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes.
 EYE = record(
     ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
     ("angular_acceleration", V3),
 )  # fmt: skip
-"""The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes."""
+#: Whether pixels are measured, and when; whether the camera's pose is.
 MEASUREMENT = record("#given", "time", "#pose_given")
-"""Whether pixels are measured, and when; whether the camera's pose is."""
+#: The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too.
 GRADIENT_ERROR = record("#address", "#in_phi")
-"""The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too."""
+#: The sample before; goal −1 if there is none; the time of its goal's first sample.
 SAMPLE = record("time", "#goal", "began")
-"""The sample before; goal −1 if there is none; the time of its goal's first sample."""
 
 
 class RowArrays(NamedTuple):
@@ -142,46 +139,29 @@ class LawArrays(NamedTuple):
     Its ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and :class:`Answer`; see
     :mod:`vsconstraints.compiled.laws`. It returns a code; with ``NEEDS_PYTHON`` nothing is remembered, and the
     controller's ``command`` has to be called.
-
-    Attributes
-    ----------
-    resolver, demand, track, otherwise
-        Addresses; the third of :func:`.track`, the last of the resolver that answers where this one does not, or 0.
-    tracks
-        Whether the demand depends on the effect of tracking on the rows.
-    period
-        T_s [s], or NaN.
-    options, parameters
-        Of the resolver, and of the demand's formula.
-    weights
-        (m,) of the rows' violations, or (0,) where all are 1.
-    memory
-        (m, f) memory of the demand for each row, or (0, 0).
-    last_rates
-        (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
-    squared, asked, after, tracked, effort
-        Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ q̈ and (1,) ‖q̈‖.
-    scratch
-        For all else; empty whenever a law begins.
     """
 
+    #: Addresses; the third of :func:`.track`, the last of the resolver that answers where this one does not, or 0.
     resolver: int
     demand: int
     track: int
     otherwise: int
-    tracks: int
-    period: float
+    tracks: int  #: Whether the demand depends on the effect of tracking on the rows.
+    period: float  #: T_s [s], or NaN.
+    #: Of the resolver, and of the demand's formula.
     options: Annotated[Array, F8, 1]
     parameters: Annotated[Array, F8, 1]
-    weights: Annotated[Array, F8, "m"]
-    memory: Annotated[Array, F8, "m", 1]
+    weights: Annotated[Array, F8, "m"]  #: (m,) of the rows' violations, or (0,) where all are 1.
+    memory: Annotated[Array, F8, "m", 1]  #: (m, f) memory of the demand for each row, or (0, 0).
+    #: (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
     last_rates: Annotated[Array, F8, "m"]
+    #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ q̈ and (1,) ‖q̈‖.
     squared: Annotated[Array, F8, "m"]
     asked: Annotated[Array, F8, "m"]
     after: Annotated[Array, F8, "m", 1]
     tracked: Annotated[Array, F8, "m"]
     effort: Annotated[Array, F8, 1]
-    scratch: Scratch
+    scratch: Scratch  #: For all else; empty whenever a law begins.
 
 
 class Step(NamedTuple):
@@ -254,11 +234,11 @@ class Step(NamedTuple):
     camera_t: Annotated[Array, F8, 3]
 
 
+#: What a step writes, in the order in which it stands in one array.
 OUTPUTS = (
     "qdd_min", "qdd_max", "phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate", "rest", "pixels",
     "points", "camera_R", "camera_t",
 )  # fmt: skip
-"""What a step writes, in the order in which it stands in one array."""
 
 
 @cache
@@ -332,8 +312,7 @@ class Size:
         return step, out
 
 
-_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()
-"""By their addresses."""
+_workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()  #: By their addresses.
 
 
 class Workspace:

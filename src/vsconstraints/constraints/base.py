@@ -25,8 +25,8 @@ from ..vision.scene import PointMotion, Scene, State
 from .by_formula import ByFormula, Form, curvature_by_differences, demand_own_curvature
 from .meshes import Mesh
 
+#: Methods that follow from a formula; a class that gives one of them may compute anything.
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
-"""Methods that follow from a formula; a class that gives one of them may compute anything."""
 
 
 class RowBlock(NamedTuple):

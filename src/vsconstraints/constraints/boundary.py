@@ -11,17 +11,11 @@ from ..compiled import load
 from ..formulas.polylines import prepared
 from ..rows import Array
 
-STEP = 1.0
-"""Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
-
-MAX_GRID_POINTS = 8000
-"""Grid points a side at most; the grid is coarser for curves that come from farther away."""
-
+STEP = 1.0  #: Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed.
+MAX_GRID_POINTS = 8000  #: Grid points a side at most; the grid is coarser for curves that come from farther away.
+#: Greatest distance between the vertices of a polyline, and of it from the curve between them [px].
 SPACING, ACCURACY = 0.25, 1e-3
-"""Greatest distance between the vertices of a polyline, and of it from the curve between them [px]."""
-
-AROUND = 1.25
-"""How far around the image a curve is looked for, relative to the image's half size."""
+AROUND = 1.25  #: How far around the image a curve is looked for, relative to the image's half size.
 
 OfPoints = Callable[[Array], Array]
 

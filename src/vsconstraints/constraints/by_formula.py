@@ -14,14 +14,12 @@ from ..rows import Array, IntArray
 from ..vision.motion import Motion
 
 Formula = Callable[..., Any]
-Frame = tuple[Array, Array]
-"""R (d, d), whose columns are the axes, and origin t (d,)."""
-
+Frame = tuple[Array, Array]  #: R (d, d), whose columns are the axes, and origin t (d,).
+#: R x, Rᵀ x and differences of a gradient, by the number of coordinates.
 IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
     2: (turned_in_image, turned_back_in_image, differences_in_image),
     3: (turned, turned_back, differences_in_space),
 }
-"""R x, Rᵀ x and differences of a gradient, by the number of coordinates."""
 
 
 class Form(NamedTuple):

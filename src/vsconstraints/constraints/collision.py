@@ -20,11 +20,8 @@ from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
 from .meshes import Mesh, mesh_of
 
-TOLERANCES = (1e-9, 1e-6, 1e-4)
-"""Of coal's iterations [m]; a looser one is tried where they fail with a tighter one."""
-
-STEP = 3e-5
-"""How far q moves along q̇ for the differences of a gradient [rad or m]."""
+TOLERANCES = (1e-9, 1e-6, 1e-4)  #: Of coal's iterations [m]; a looser one is tried where they fail with a tighter one.
+STEP = 3e-5  #: How far q moves along q̇ for the differences of a gradient [rad or m].
 
 Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
 

@@ -80,8 +80,8 @@ class Heart(Shape):
         self.parameters = self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
 
+#: Shapes by the name scenario files use.
 SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
-"""Shapes by the name scenario files use."""
 
 
 class Curve(ByFormula):

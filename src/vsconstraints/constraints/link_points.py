@@ -16,14 +16,10 @@ from ..rows import Array
 from .base import demand_positive
 from .meshes import surface
 
-MAX_POINTS = 60
-"""Points along a link: each is a row, and covering its surface takes the square of their number."""
-
-FIXED = 1e-9
-"""A point that no joint moves faster than this [m per rad or m] does not move."""
-
+MAX_POINTS = 60  #: Points along a link: each is a row, and covering its surface takes the square of their number.
+FIXED = 1e-9  #: A point that no joint moves faster than this [m per rad or m] does not move.
+#: By link: points (k, 3) in its frame, and how far its surface is from them [m].
 Points = dict[str, tuple[Array, float]]
-"""By link: points (k, 3) in its frame, and how far its surface is from them [m]."""
 
 
 class LinkPoints(NamedTuple):

@@ -14,11 +14,8 @@ from ..vision.scene import Scene
 from .base import Constraint, Trace, demand_positive
 from .by_formula import Form
 
-Part = Literal["pose", "position", "orientation"]
-"""Which rows of the tip's Jacobian count."""
-
-ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
-"""Which these are."""
+Part = Literal["pose", "position", "orientation"]  #: Which rows of the tip's Jacobian count.
+ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}  #: Which these are.
 
 
 class Manipulability(Constraint):

@@ -13,17 +13,10 @@ from ..errors import ConfigurationError
 from ..robots.geometry import Pose
 from ..rows import Array, IntArray
 
-SIDES = 32
-"""Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut."""
-
-BALL_POINTS = 300
-"""On a sphere: their convex hull is 1 % smaller."""
-
-ENDLESS = 1e3
-"""What reaches farther from its frame is unbounded [m]."""
-
-STEPS = 100
-"""From inside a region to its surface, each as long as the depth there."""
+SIDES = 32  #: Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut.
+BALL_POINTS = 300  #: On a sphere: their convex hull is 1 % smaller.
+ENDLESS = 1e3  #: What reaches farther from its frame is unbounded [m].
+STEPS = 100  #: From inside a region to its surface, each as long as the depth there.
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from ..vision.scene import Scene
 from .base import Constraint, Trace, demand_numbers, demand_positive
 from .by_formula import Form
 
+#: Components of a camera pose's error, in the frame of the goal's camera.
 POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
-"""Components of a camera pose's error, in the frame of the goal's camera."""
 
 
 @dataclass(eq=False, repr=False)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 FLOAT = np.dtype(np.float64)
 
+#: From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command.
 StateToCommand = Callable[..., tuple[Evaluation, Command]]
-"""From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command."""
 
 
 class ControlStep(Evaluator):

@@ -33,8 +33,7 @@ class GradientErrorModel(Protocol):
         """Let a compiled step make such rows."""
 
 
-JUST_BEFORE = 1e-6
-"""How long before the next goal [s] the current goal ends."""
+JUST_BEFORE = 1e-6  #: How long before the next goal [s] the current goal ends.
 
 ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
 TASK = ("J", "b", "error", "error_rate", "rest")

@@ -23,8 +23,7 @@ from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import Rest, TrackingGains, VisualTask
 
-SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}
-"""Share of the goal's interaction matrix."""
+SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's interaction matrix.
 
 
 class Packed:

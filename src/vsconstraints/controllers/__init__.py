@@ -33,8 +33,8 @@ LAWS: tuple[type[Controller], ...] = (
     SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
 )  # fmt: skip
 
+#: Controllers by the name files and the command line use.
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
-"""Controllers by the name files and the command line use."""
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:

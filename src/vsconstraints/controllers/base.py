@@ -26,16 +26,10 @@ class Controller(ABC):
     ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot. Nor
     does one so large that rounding alone of a row exceeds its switching gain. What is outside the box of the rows is
     brought into it joint by joint.
-
-    Attributes
-    ----------
-    name
-        In files and reports.
-    ranges
-        From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str]  #: In files and reports.
+    #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
 
     def command(self, rows: Rows, task: Task) -> Command:

@@ -14,14 +14,12 @@ from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, Workspac
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
+#: Looked up once: that takes a third of the time of making a small array.
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
-"""Looked up once: that takes a third of the time of making a small array."""
-
+#: What is handed to laws that write neither, and remember nothing.
 NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0))
-"""What is handed to laws that write neither, and remember nothing."""
-
+#: Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made.
 SCRATCH = 4096
-"""Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made."""
 
 
 class CompiledLaw:

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 from ..errors import InvalidInput, shown
 from .ranges import Part, positive
 
+#: What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed.
 USES: dict[str, str] = {
     "Lf": "L_fφ",
     "sigma": "σ",
@@ -26,7 +27,6 @@ USES: dict[str, str] = {
     "last_rate": "L_gφ q̈ of the last sample",
     "period": "T_s",
 }
-"""What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed."""
 
 
 @dataclass(frozen=True)
@@ -34,34 +34,21 @@ class Demand(Part, ABC):
     """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for nothing.
 
     A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
-
-    Attributes
-    ----------
-    name
-        In reports.
-    formula
-        c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
-        :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
-    uses
-        Which of :data:`USES` the formula uses.
-    remembers
-        Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
-    relative
-        Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
-    everywhere
-        Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
-        tracking command exceeds c.
-    owner
-        What messages call it; its name if empty.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str]  #: In reports.
+    #: c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
+    #: :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
     formula: ClassVar[Callable[..., Any]]
-    uses: ClassVar[tuple[str, ...]] = ()
+    uses: ClassVar[tuple[str, ...]] = ()  #: Which of :data:`USES` the formula uses.
+    #: Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
     remembers: ClassVar[tuple[float, ...]] = ()
+    #: Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
     relative: ClassVar[bool] = False
+    #: Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
+    #: tracking command exceeds c.
     everywhere: ClassVar[bool] = False
-    owner: ClassVar[str] = ""
+    owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
 
     def __post_init__(self) -> None:
         for each in fields(self):

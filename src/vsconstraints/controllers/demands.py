@@ -265,9 +265,9 @@ class Nothing(Demand):
         return np.inf * row.scale
 
 
+#: Demands that files can name, by their ``name``.
 DEMANDS: tuple[type[Demand], ...] = (
     Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
     Firas, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier,
     InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
 )  # fmt: skip
-"""Demands that files can name, by their ``name``."""

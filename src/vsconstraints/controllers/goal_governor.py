@@ -16,17 +16,11 @@ from .least_norm import RANK_TOLERANCE, least_norm
 from .ranges import Choices, Declared, Range, positive
 from .response import Response, response
 
-SETTLING = 0.1
-"""The attraction of the goal falls from where it is ``speed`` times this away [s]."""
-
+SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
+#: How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first.
 STEPS, GROWTH = 40, 3.5
-"""How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first."""
-
-TIME_CONSTANTS = 4.0
-"""Of the tracking law's slowest motion, which are predicted before it comes to rest."""
-
-NEAR = 1e-2
-"""From which distance of the reference to the goal, in units of the error, a remark says what holds it."""
+TIME_CONSTANTS = 4.0  #: Of the tracking law's slowest motion, which are predicted before it comes to rest.
+NEAR = 1e-2  #: From which distance of the reference to the goal, in units of the error, a remark says what holds it.
 
 
 class GoalGovernor(Controller):

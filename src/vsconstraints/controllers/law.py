@@ -26,27 +26,20 @@ class Law(Controller):
 
     The parameters of the demand and the options of the resolver are attributes of the law too: set there, they are
     checked, and the part is made anew. A subclass with a ``solve`` of its own is a controller like any other.
-
-    Attributes
-    ----------
-    period
-        The sampling period [s] of the last :meth:`reset` with one; None before.
-    memory, last_rates, remembered
-        (m, f) what the demand remembers of each row, (m,) L_gφ q̈ of the last call, or (0,) if the demand does not use
-        it, and the labels of these rows; () if there are none. :meth:`reset` clears them.
-    solvers
-        The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
-        needs any; :meth:`reset` clears both.
     """
 
     name = "law"
 
     demand: Demand
     resolver: Resolver
-    period: float | None
+    period: float | None  #: The sampling period [s] of the last :meth:`reset` with one; None before.
+    #: (m, f) what the demand remembers of each row, (m,) L_gφ q̈ of the last call, or (0,) if the demand does not use
+    #: it, and the labels of these rows; () if there are none. :meth:`reset` clears them.
     memory: Array
     last_rates: Array
     remembered: tuple[str, ...]
+    #: The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
+    #: needs any; :meth:`reset` clears both.
     solvers: SolverChain | None
 
     def __init__(self, demand: Demand, resolver: Resolver) -> None:

@@ -58,11 +58,11 @@ class SlidingMode(Law):
         super().__init__(Switch(), Priority(rank_tolerance))
 
 
+#: Demand and resolver by the name of the blend.
 BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = {
     "additive": (RampRepulsion, Additive),
     "priority": (BoundaryLayer, Priority),
 }
-"""Demand and resolver by the name of the blend."""
 
 
 class PotentialField(Law):
@@ -292,6 +292,7 @@ def _without_state(name: str) -> Named:
     return law.__new__(law)
 
 
+#: Laws that have a name of their own, beside those that are classes.
 NAMED: tuple[type[Named], ...] = (
     named("implicit-switch", demands.ImplicitSwitch, Hierarchy,
           "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
@@ -307,4 +308,3 @@ NAMED: tuple[type[Named], ...] = (
     named("cbf-filter", Barrier, Filter,
           "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier."),
 )  # fmt: skip
-"""Laws that have a name of their own, beside those that are classes."""

@@ -11,8 +11,7 @@ from ..qp.decomposition import svd
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from ..rows.tolerances import ZERO_GRADIENT
 
-RANK_TOLERANCE = 1e-6
-"""Singular values below this fraction of the largest one count as zero."""
+RANK_TOLERANCE = 1e-6  #: Singular values below this fraction of the largest one count as zero.
 
 
 class LeastNorm(NamedTuple):

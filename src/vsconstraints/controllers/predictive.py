@@ -28,11 +28,9 @@ from .ranges import Declared, Range, positive_number
 from .resolver import row_weights
 from .resolvers import Hierarchy
 
-MAX_BLOCKS, MAX_PERIODS = 100, 10_000
-"""Of a horizon, and of a block."""
-
+MAX_BLOCKS, MAX_PERIODS = 100, 10_000  #: Of a horizon, and of a block.
+#: What a model gives along a plan, in the order of the compiled law.
 PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
-"""What a model gives along a plan, in the order of the compiled law."""
 
 
 class Plan(NamedTuple):

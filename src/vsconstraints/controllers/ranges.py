@@ -107,8 +107,8 @@ class Choices:
         return " or ".join("none" if value is None else str(value).lower() for value in self.values)
 
 
+#: What classes declare; a pair of numbers is a logarithmic :class:`Range`.
 Declared = Range | Choices | tuple[float, float]
-"""What classes declare; a pair of numbers is a logarithmic :class:`Range`."""
 
 
 def option(

@@ -26,11 +26,9 @@ from .demand import Demand
 from .least_norm import RANK_TOLERANCE, rank_loss
 from .ranges import Part, option, rank_tolerance
 
-COMPILED = "compiled"
-"""What commands call the compiled solver."""
-
+COMPILED = "compiled"  #: What commands call the compiled solver.
+#: What a resolver may use of the task beside J and b, as printed.
 USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
-"""What a resolver may use of the task beside J and b, as printed."""
 
 
 @formula

@@ -54,14 +54,10 @@ class Projection(Additive):
             raise ConfigurationError(f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}")
 
 
-AUTO, DEFAULT = "auto", "daqp"
-"""The compiled descent; and who is asked where its answer fails the check."""
-
-MAX_WEIGHT = 1e10
-"""Largest weight of a row, and the inverse of the least: those without one have 1."""
-
+AUTO, DEFAULT = "auto", "daqp"  #: The compiled descent; and who is asked where its answer fails the check.
+MAX_WEIGHT = 1e10  #: Largest weight of a row, and the inverse of the least: those without one have 1.
+#: Codes of answers with demands unmet, and of those with levels 2 and 3 maybe so.
 RELAXED, SHORT = (codes.RELAXED_ROWS, codes.RELAXED_SHORT), (codes.SHORT, codes.RELAXED_SHORT)
-"""Codes of answers with demands unmet, and of those with levels 2 and 3 maybe so."""
 
 UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
 
@@ -177,8 +173,7 @@ class Hierarchy(Resolver):
         return tracking, np.zeros(c.size, dtype=np.bool_)
 
 
-METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}
-"""What the distance to the tracking command is measured in."""
+METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}  #: What the distance to the tracking command is measured in.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,8 +279,8 @@ class Saturation(Hierarchy):
         return np.append(super().options, float(self.scales))
 
 
+#: Resolvers that files can name, by their ``name``.
 RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
-"""Resolvers that files can name, by their ``name``."""
 
 
 def _weight(prefix: str, value: object) -> float:

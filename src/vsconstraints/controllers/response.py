@@ -17,8 +17,7 @@ from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
 
-NEWTON = 2
-"""Steps of Newton from where a response ends to where it comes to rest."""
+NEWTON = 2  #: Steps of Newton from where a response ends to where it comes to rest.
 
 
 class Response(NamedTuple):

@@ -14,8 +14,7 @@ __all__ = ["FORMULAS", "formula"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-FORMULAS: list[Callable[..., Any]] = []
-"""Every marked function, in the order of their definitions."""
+FORMULAS: list[Callable[..., Any]] = []  #: Every marked function, in the order of their definitions.
 
 
 def formula(function: F) -> F:

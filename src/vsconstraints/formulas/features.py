@@ -8,8 +8,7 @@ from . import formula
 from .rotation import rotation_vector
 from .vectors import Matrix, Vector, cross, minus, plus, transposed_product, turned, turned_back
 
-MINIMUM_DEPTH = 1e-3
-"""Depth [m] in front of the camera below which a marker cannot be projected."""
+MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker cannot be projected.
 
 
 @formula

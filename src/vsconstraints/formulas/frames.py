@@ -9,11 +9,8 @@ import numpy as np
 
 from . import formula
 
-IN_IMAGE, IN_SPACE = 1e-4, 1e-6
-"""How far differences look along a velocity [px, m]."""
-
-TINY = 1e-300
-"""Speed below which a motion counts as none, so that nothing is divided by zero."""
+IN_IMAGE, IN_SPACE = 1e-4, 1e-6  #: How far differences look along a velocity [px, m].
+TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is divided by zero.
 
 
 @formula

@@ -9,8 +9,8 @@ import numpy as np
 
 from . import formula
 
+#: Time constant of the comparison of speeds with positions [s]: late samples and filtered speeds leave little.
 MEMORY = 0.2
-"""Time constant of the comparison of speeds with positions [s]: late samples and filtered speeds leave little."""
 
 
 @formula

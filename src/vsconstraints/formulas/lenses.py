@@ -16,11 +16,9 @@ from .curves import superellipse
 
 Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
 
+#: Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted.
 ITERATIONS, TOLERANCE, ACCURACY = 50, 1e-14, 1e-12
-"""Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted."""
-
-INSIDE = 0.999
-"""Share of the reach within which it starts: there is a kink."""
+INSIDE = 0.999  #: Share of the reach within which it starts: there is a kink.
 
 
 @formula
@@ -121,8 +119,8 @@ class LensModel(NamedTuple):
     counts: tuple[int, ...]
 
 
+#: By the names that scenario files use; coefficients that are not given are 0.
 MODELS = {
     "brown-conrady": LensModel(brown_conrady, superellipse_by_brown_conrady, (4, 5, 8)),
     "fisheye": LensModel(fisheye, superellipse_by_fisheye, (4,)),
 }
-"""By the names that scenario files use; coefficients that are not given are 0."""

@@ -10,11 +10,8 @@ import numpy as np
 from ..rows import Array, IntArray
 from . import formula
 
-BLOCK = 8
-"""Vertices that are looked at together, blocks of them, and groups of those likewise."""
-
-SLACK = 1.0 + 1e-9
-"""For the rounding of bounds."""
+BLOCK = 8  #: Vertices that are looked at together, blocks of them, and groups of those likewise.
+SLACK = 1.0 + 1e-9  #: For the rounding of bounds.
 
 
 def prepared(lines: Sequence[Array]) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:

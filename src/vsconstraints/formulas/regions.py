@@ -11,8 +11,8 @@ import numpy as np
 
 from . import formula
 
+#: Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite.
 SMALL = 1e-9
-"""Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite."""
 
 Depth = tuple[Any, Any, Any, Any]
 

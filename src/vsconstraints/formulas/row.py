@@ -44,8 +44,8 @@ class Row(NamedTuple):
     memory: Any
 
 
+#: The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈ of tracking.
 BOUND, EQUAL, PUSH = range(3)
-"""The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈ of tracking."""
 
 
 @formula

@@ -54,8 +54,7 @@ def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
     return Kp / lag, (Kv + 0.5 * h * Kp) / lag
 
 
-ROUNDING = 1e-9
-"""By which the time of a goal may be missed [s]."""
+ROUNDING = 1e-9  #: By which the time of a goal may be missed [s].
 
 
 @formula

@@ -10,8 +10,7 @@ from typing import Any
 from . import formula
 
 Vector = tuple[Any, Any, Any]
-Matrix = Any
-"""A tuple of three rows, or an array (3, 3)."""
+Matrix = Any  #: A tuple of three rows, or an array (3, 3).
 
 
 @formula

@@ -28,33 +28,20 @@ COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
 DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report.toml").read_text(encoding="utf-8"))
 
+#: What the claims of each number are about.
 TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
-"""What the claims of each number are about."""
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """The result of checking every claim.
+    """The result of checking every claim."""
 
-    Attributes
-    ----------
-    report
-        Path of the report.
-    findings
-        By the claims' keys, in the report's order.
-    problems
-        What could not be run or drawn, by name, with the reason.
-    wall_time
-        [s].
-    formats
-        Of the figures.
-    """
-
-    report: Path
-    findings: Mapping[str, Finding]
+    report: Path  #: Path of the report.
+    findings: Mapping[str, Finding]  #: By the claims' keys, in the report's order.
+    #: What could not be run or drawn, by name, with the reason.
     problems: Mapping[str, str] = field(default_factory=dict)
-    wall_time: float = 0.0
-    formats: Formats = PNG
+    wall_time: float = 0.0  #: [s].
+    formats: Formats = PNG  #: Of the figures.
 
     @property
     def folder(self) -> Path:

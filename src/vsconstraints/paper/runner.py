@@ -22,11 +22,9 @@ from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
 from .verdicts import CLAIMS, Claim, Finding, all_claims
 
+#: Called with the current activity, the number of its tasks that are done, and their total.
 Progress = Callable[[str, int, int], None]
-"""Called with the current activity, the number of its tasks that are done, and their total."""
-
-Amount = Callable[[int, int], None]
-"""Called with the number of tasks done and their total."""
+Amount = Callable[[int, int], None]  #: Called with the number of tasks done and their total.
 
 
 def silent(activity: str, done: int, total: int) -> None:

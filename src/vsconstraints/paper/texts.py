@@ -15,6 +15,7 @@ def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
     return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
 
 
+#: Behind ``!`` in a text: amounts and numbers as reports print them, intervals, samples; per cent, milli, micro.
 CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     "a": amount,
     "n": number,
@@ -25,7 +26,6 @@ CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     "m": lambda value: 1e3 * value,
     "u": lambda value: 1e6 * value,
 }
-"""Behind ``!`` in a text: amounts and numbers as reports print them, intervals, samples; per cent, milli, micro."""
 
 
 class _Filled(Formatter):

@@ -16,28 +16,18 @@ Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
+#: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
+#: several rules contain; ``measures``, the wording of measures that several claims share.
 TEXTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
-"""What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
-several rules contain; ``measures``, the wording of measures that several claims share."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of measuring a claim.
+    """The result of measuring a claim."""
 
-    Attributes
-    ----------
-    verdict
-        Follows from the values by the claim's rule.
-    text
-        The measured numbers in a sentence, or why there are none.
-    values
-        The same numbers by name, unrounded.
-    """
-
-    verdict: Verdict
-    text: str
-    values: Mapping[str, float] = field(default_factory=dict)
+    verdict: Verdict  #: Follows from the values by the claim's rule.
+    text: str  #: The measured numbers in a sentence, or why there are none.
+    values: Mapping[str, float] = field(default_factory=dict)  #: The same numbers by name, unrounded.
 
 
 class NotMeasured(Exception):
@@ -46,34 +36,18 @@ class NotMeasured(Exception):
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence of the paper and how it is measured.
+    """One sentence of the paper and how it is measured."""
 
-    Attributes
-    ----------
-    number, letter
-        Which claim, and which of its sentences.
-    where
-        Section and figure of the paper.
-    sentence
-        What the paper says.
-    rule
-        When the verdict is ``holds``; and when ``holds partly``, if it can be.
-    figure
-        File name of the figure that shows it; empty if there is none.
-    needs
-        Simulations, and names of studies, whose results :attr:`measure` takes, in this order.
-    measure
-        From these to a finding.
-    """
-
+    #: Which claim, and which of its sentences.
     number: int
     letter: str
-    where: str
-    sentence: str
-    rule: str
-    figure: str
+    where: str  #: Section and figure of the paper.
+    sentence: str  #: What the paper says.
+    rule: str  #: When the verdict is ``holds``; and when ``holds partly``, if it can be.
+    figure: str  #: File name of the figure that shows it; empty if there is none.
+    #: Simulations, and names of studies, whose results :attr:`measure` takes, in this order.
     needs: tuple[RunSpec | str, ...]
-    measure: Callable[..., Finding]
+    measure: Callable[..., Finding]  #: From these to a finding.
 
     @property
     def key(self) -> str:
@@ -100,8 +74,7 @@ def _usable(need: RunSpec | str, available: Mapping[RunSpec | str, Any]) -> Any:
     return result
 
 
-CLAIMS: dict[str, Claim] = {}
-"""Every claim by its key."""
+CLAIMS: dict[str, Claim] = {}  #: Every claim by its key.
 
 
 def all_claims() -> list[Claim]:

@@ -17,8 +17,8 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
+#: The module of what is defined in a notebook or a script that runs; other processes have another one.
 IN_SESSION = "__main__"
-"""The module of what is defined in a notebook or a script that runs; other processes have another one."""
 
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:

@@ -17,6 +17,7 @@ class Extra(NamedTuple):
 
 _TABLES = ("pandas", "pyarrow")
 
+#: By their names in pyproject.toml.
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
@@ -28,7 +29,6 @@ EXTRAS = {
     "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }
-"""By their names in pyproject.toml."""
 
 
 def demand(name: str, what: str = "") -> None:

@@ -15,27 +15,27 @@ from typing import Any
 
 Files = dict[str, str]  #: absolute paths and hashes of what the files hold; the hash is empty where there is no file
 
+#: Folders of installed packages: their versions stand for their files, those of own parts apart.
 INSTALLED = ("site-packages", "dist-packages")
-"""Folders of installed packages: their versions stand for their files, those of own parts apart."""
 
 _PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
 _FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), "/proc", "/sys", "/dev")
 _ZIP = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"
+#: Folders whose files are nobody's own: the standard library, this package, the system's.
 LIBRARIES = (
     *(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS),
     *(entry for entry in sys.path if entry.endswith(_ZIP)),
 )
-"""Folders whose files are nobody's own: the standard library, this package, the system's."""
 
 COMPILED = (".nbi", ".nbc")  #: endings of numba's caches, which are made of code that is looked at itself
 
 _own_packages: set[str] = set()
+#: Packages of own parts, and files that they read while they were imported, which happens once in a process.
 read_by_imports: Files = {}
-"""Packages of own parts, and files that they read while they were imported, which happens once in a process."""
 
 _notes: list[tuple[Files, set[str]]] = []
+#: What is being noted, and whether the audit hook is there: one serves the whole process, and none can be removed.
 _hooked = False
-"""What is being noted, and whether the audit hook is there: one serves the whole process, and none can be removed."""
 
 
 def digest(path: str | Path) -> str:

@@ -105,6 +105,7 @@ class Settings(NamedTuple):
     equilibrated: bool = False
 
 
+#: Settings by name; solvers that are not among them keep their defaults.
 SETTINGS: dict[str, Settings] = {
     "quadprog": Settings({}, 1e-8, '"vsconstraints[quadprog]"', exact=True),
     "osqp": Settings(
@@ -119,7 +120,6 @@ SETTINGS: dict[str, Settings] = {
     "piqp": Settings({"eps_abs": 1e-10, "eps_rel": 0.0}),
     "scs": Settings({"eps_abs": 1e-9, "eps_rel": 0.0}),
 }
-"""Settings by name; solvers that are not among them keep their defaults."""
 
 
 class QpsolversSolver(QPSolver):
@@ -154,8 +154,8 @@ class QpsolversSolver(QPSolver):
         return Answer(*scaled.original(x, multipliers), count) if scaled else Answer(x, multipliers, count)
 
 
+#: Solvers that are called without any layer in between.
 NATIVE: dict[str, type[QPSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
-"""Solvers that are called without any layer in between."""
 
 
 def solver_names() -> tuple[str, ...]:

@@ -14,16 +14,12 @@ from ..errors import ConfigurationError
 from ..simulation import Setup, Trajectory
 from ..vision.images.detectors import DETECTORS, Pixels, Tags
 
-OWN, FOREIGN = (40, 180, 60), (230, 60, 40)
-"""Colours of tags that are found: those that are looked for, and others."""
-
-COLOURS, SMALLER = 32, 2
-"""Colours of a GIF, and by how much it is smaller than the images: noise does not compress."""
+OWN, FOREIGN = (40, 180, 60), (230, 60, 40)  #: Colours of tags that are found: those that are looked for, and others.
+COLOURS, SMALLER = 32, 2  #: Colours of a GIF, and by how much it is smaller than the images: noise does not compress.
 
 FILMS = (".gif", ".mp4")
 
-Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
-"""(H, W, 3) red, green and blue."""
+Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 
 class Frame(NamedTuple):

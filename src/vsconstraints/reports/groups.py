@@ -11,9 +11,8 @@ from ..controllers.demand import USES
 from .markdown import enumeration, plain
 from .numbers import number
 
-MAX_LAWS = 8
-"""How many controllers a figure shows beside tracking alone."""
-
+MAX_LAWS = 8  #: How many controllers a figure shows beside tracking alone.
+#: Title, and what laws use that belong there: a law belongs to the last kind of which it uses any.
 KINDS: tuple[tuple[str, set[str]], ...] = (
     (f"Laws without {USES['period']}, {USES['Lf']}, memory or model", set()),
     (f"Laws that use {USES['period']}", {USES["period"]}),
@@ -22,7 +21,6 @@ KINDS: tuple[tuple[str, set[str]], ...] = (
     ("Laws with a model", {"model"}),
     ("Own laws", {"own"}),
 )
-"""Title, and what laws use that belong there: a law belongs to the last kind of which it uses any."""
 
 
 class Group(NamedTuple):

@@ -15,22 +15,19 @@ from .page import details_of, parser
 if TYPE_CHECKING:
     from markdown_it.token import Token
 
-FOLDER = "tables"
-"""Beside the report."""
+FOLDER = "tables"  #: Beside the report.
 
 TEXT = r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} \ \textbackslash{} < \textless{}"
 TEXT += r" > \textgreater{} | \textbar{} – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}"
 MATHEMATICS = r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in → \to ‖ \| √ \surd ² ^2"
 MATHEMATICS += r" ³ ^3 ⁺ ^+ ₛ _s α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon η \eta κ \kappa λ \lambda"
 MATHEMATICS += r" µ \mu μ \mu π \pi ρ \rho Σ \Sigma σ \sigma τ \tau φ \phi ψ \psi ω \omega"
+#: What means something else in LaTeX, or is written otherwise.
 LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
     char: rf"\ensuremath{{{name}}}"
     for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
 }
-"""What means something else in LaTeX, or is written otherwise."""
-
-ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}
-"""Derivatives: combining characters behind their letter."""
+ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}  #: Derivatives: combining characters behind their letter.
 
 MARKS = {"strong_open": r"\textbf{", "em_open": r"\emph{", "strong_close": "}", "em_close": "}", "softbreak": " "}
 

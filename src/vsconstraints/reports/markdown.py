@@ -8,19 +8,13 @@ from itertools import pairwise
 
 from rich.cells import cell_len
 
-MAX_COLUMNS = 9
-"""A table with more columns is several, each of which begins with the first column."""
+MAX_COLUMNS = 9  #: A table with more columns is several, each of which begins with the first column.
 
 
 class Table(str):
-    """A table as Markdown text, empty without lines; its first ``text_columns`` are aligned left, the others right.
+    """A table as Markdown text, empty without lines; its first ``text_columns`` are aligned left, the others right."""
 
-    Attributes
-    ----------
-    header, lines
-        Texts of its cells.
-    """
-
+    #: Texts of its cells.
     header: Sequence[str]
     lines: Sequence[Sequence[str]]
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-DASH = "–"
-"""Stands where a value does not exist."""
+DASH = "–"  #: Stands where a value does not exist.
 
 Format = Callable[[float], str]
 
@@ -44,8 +43,8 @@ def count(value: float) -> str:
     return str(round(value)) if math.isfinite(value) else DASH
 
 
+#: How the styles of metrics print.
 FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
-"""How the styles of metrics print."""
 
 
 def of_length(tolerance: float) -> str:

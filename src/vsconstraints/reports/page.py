@@ -19,16 +19,13 @@ if TYPE_CHECKING:
 
 TEMPLATES = Path(__file__).parent / "templates"
 
+#: Where figures are: beside the page. An address of anything else in a network would tell who reads it.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
-"""Where figures are: beside the page. An address of anything else in a network would tell who reads it."""
-
-ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')
-"""A place that links lead to; with details the only HTML of a report."""
+ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
 
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
 
-MIN_SECTIONS = 4
-"""From so many sections on a page has a list of them."""
+MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
 
 
 def render(template: str, **context: Any) -> str:

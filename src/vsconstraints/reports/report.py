@@ -35,19 +35,18 @@ from .scenario import (
 )  # fmt: skip
 from .selection import hidden_lanes, shown_scenarios
 
+#: Over all scenarios; the template shows them by the names of their functions.
 TABLES = (
     summary.law_table, summary.outcome_table, summary.winner_table, summary.violation_table, summary.endings_table,
     summary.score_table, summary.tolerance_table, summary.options_table,
 )  # fmt: skip
-"""Over all scenarios; the template shows them by the names of their functions."""
-
+#: Tables of a scenario that fold; that of the outcome stands above.
 DETAILS: tuple[Callable[[Results, str], str], ...] = (
     *(partial(metric_table, group=group) for group in ("task", "chattering", "time")),
     challenge_table,
     usage_table,
     effort_table,
 )
-"""Tables of a scenario that fold; that of the outcome stands above."""
 
 
 def write_report(

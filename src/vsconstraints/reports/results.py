@@ -19,8 +19,7 @@ from .numbers import Format, median, number, over_trials
 Line = Mapping[str, Any]
 Better = Literal["less", "more"] | None
 
-DIVERGED = 1.0
-"""A run that does not converge and is outside by more than this share of L has diverged."""
+DIVERGED = 1.0  #: A run that does not converge and is outside by more than this share of L has diverged.
 
 
 class Results:

@@ -28,11 +28,9 @@ from .results import (
 )  # fmt: skip
 from .selection import lane_rows
 
+#: Units in which margins are printed instead of the stored ones.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
-"""Units in which margins are printed instead of the stored ones."""
-
-AT_THE_END = 0.5
-"""A row that acted within this time before the end counts as acting at the end [s]."""
+AT_THE_END = 0.5  #: A row that acted within this time before the end counts as acting at the end [s].
 
 
 def robot_name(scenario: Scenario) -> str:

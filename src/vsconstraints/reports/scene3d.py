@@ -29,19 +29,18 @@ LINK, JOINT, CAMERA, PLATE, OBSTACLE = "#C9CED6", "#4A5568", "#0072B2", "#F4F1E6
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
 GLASS = 0.4  # opacity of obstacles
 LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the base frame
+#: Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they are longer.
 REACH = 0.8
-"""Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they are longer."""
-
+#: Radii of the first and the last link [m], and of a sliding link relative to its revolute one.
 BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
-"""Radii of the first and the last link [m], and of a sliding link relative to its revolute one."""
 
 CAMERA_SIZE = 0.12  # depth of the pyramid that stands for the camera, for an arm of that reach [m]
+#: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners.
 PLATE_CELLS = 8
-"""A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners."""
 
 MIN_DEPTH = 0.05  # at which the camera's view is drawn at least [m], where markers are behind it
+#: Half the height that a view shows, relative to half the side of its cube; and what is added for thick links.
 IN_VIEW, MARGIN = 1.16, 1.12
-"""Half the height that a view shows, relative to half the side of its cube; and what is added for thick links."""
 
 ELEVATION, ELEVATION_FLAT = 20.0, 55.0  # from which a scene is seen, and one that lies in a horizontal plane [deg]
 

@@ -11,19 +11,14 @@ from ..comparisons.suite import BASELINE
 from .figures import FIGURES
 from .results import Results, clean
 
-MAX_FIGURES = 48
-"""A suite with more figures than this shows only those of ``MAX_SCENARIOS`` scenarios."""
+MAX_FIGURES = 48  #: A suite with more figures than this shows only those of ``MAX_SCENARIOS`` scenarios.
 
 MAX_SCENARIOS = 3
 
-MAX_PHI, MAX_LANES = 6, 12
-"""How many rows fit into a figure of φ, and of activity."""
-
-TRIAL_SHOWN = 0
-"""The trial that figures and replays show: the one that starts where the scenario says."""
-
+MAX_PHI, MAX_LANES = 6, 12  #: How many rows fit into a figure of φ, and of activity.
+TRIAL_SHOWN = 0  #: The trial that figures and replays show: the one that starts where the scenario says.
+#: By label, whether a row is challenged or violated by a competitor, and how long it acted in all [s].
 Weights = dict[str, tuple[bool, float]]
-"""By label, whether a row is challenged or violated by a competitor, and how long it acted in all [s]."""
 
 
 def shown_scenarios(results: Results) -> tuple[str, ...]:

@@ -31,11 +31,9 @@ from .results import (
 
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 
+#: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
-"""Columns of results.csv in the first table."""
-
-MAX_NAMES = 9
-"""A cell names no more scenarios than this."""
+MAX_NAMES = 9  #: A cell names no more scenarios than this.
 
 
 def law_table(results: Results) -> Table:

@@ -15,23 +15,13 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from .readable import amount, counted, enumerated, in_one_line
 
-Array = NDArray[np.floating[Any]]
-"""Floats; the docstring says of what shape."""
-
-BoolArray = NDArray[np.bool_]
-"""Booleans, likewise."""
-
-IntArray = NDArray[np.int64]
-"""Integers, likewise."""
-
+Array = NDArray[np.floating[Any]]  #: Floats; the docstring says of what shape.
+BoolArray = NDArray[np.bool_]  #: Booleans, likewise.
+IntArray = NDArray[np.int64]  #: Integers, likewise.
+#: What an array may be: in other kinds, such as a matrix, operators mean something else.
 ARRAYS = (np.ndarray, np.memmap)
-"""What an array may be: in other kinds, such as a matrix, operators mean something else."""
-
-UNKNOWN: Array = np.empty(0)
-"""What is not given."""
-
-NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)
-"""No joint has bounds."""
+UNKNOWN: Array = np.empty(0)  #: What is not given.
+NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)  #: No joint has bounds.
 
 Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
 """What a controller says of its command.
@@ -46,40 +36,23 @@ be computed; ``qdd`` is zero.
 
 @dataclass(slots=True)
 class Rows:
-    """Constraint rows at one instant: m rows for a robot with n joints.
+    """Constraint rows at one instant: m rows for a robot with n joints."""
 
-    Attributes
-    ----------
-    phi
-        (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤ 0.
-    Lg
-        (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
-    Lf
-        (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
-    switching_gain
-        (m,) u⁺ of each row (eq. 11), in units of φ per second.
-    labels
-        m names such as ``"fov[marker 2]"``.
-    scale
-        (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for
-        distances. Ones if not given.
-    sigma, sigma_dot, K
-        (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not
-        use them. Of a row on φ itself, such as a speed, σ = φ.
-    qdd_min, qdd_max
-        (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated. Braking may demand
-        a box without zero. No command leaves it: a law that does not keep it is brought back joint by joint.
-    """
-
-    phi: Array
-    Lg: Array
-    Lf: Array
-    switching_gain: Array
-    labels: tuple[str, ...]
+    phi: Array  #: (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤ 0.
+    Lg: Array  #: (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
+    Lf: Array  #: (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    switching_gain: Array  #: (m,) u⁺ of each row (eq. 11), in units of φ per second.
+    labels: tuple[str, ...]  #: m names such as ``"fov[marker 2]"``.
+    #: (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for distances.
+    #: Ones if not given.
     scale: Array = field(default_factory=lambda: UNKNOWN)
+    #: (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not use
+    #: them. Of a row on φ itself, such as a speed, σ = φ.
     sigma: Array = field(default_factory=lambda: UNKNOWN)
     sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
     K: Array = field(default_factory=lambda: UNKNOWN)
+    #: (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated. Braking may demand
+    #: a box without zero. No command leaves it: a law that does not keep it is brought back joint by joint.
     qdd_min: Array = field(default_factory=lambda: UNKNOWN)
     qdd_max: Array = field(default_factory=lambda: UNKNOWN)
 
@@ -129,43 +102,22 @@ class Task:
 
 @dataclass(slots=True)
 class Command:
-    """A controller's answer.
+    """A controller's answer."""
 
-    Attributes
-    ----------
-    qdd
-        (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
-    status
-        See :data:`Status`.
-    acted
-        (m,) which rows shaped the command.
-    labels
-        The m labels of the rows it was given.
-    reason
-        Why the status is not ``ok``; names the rows concerned. Empty otherwise.
-    slack
-        (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if the law has
-        no demand to measure.
-    solver, iterations
-        The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
-    fallback
-        Why another solver than the one asked for gave the answer. Empty otherwise.
-    remark
-        What else should be known, such as an option that concerns none of the rows. Empty otherwise.
-    saturated
-        (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is stated.
-    """
-
-    qdd: Array
-    status: Status
-    acted: BoolArray
-    labels: tuple[str, ...]
-    reason: str = ""
+    qdd: Array  #: (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
+    status: Status  #: See :data:`Status`.
+    acted: BoolArray  #: (m,) which rows shaped the command.
+    labels: tuple[str, ...]  #: The m labels of the rows it was given.
+    reason: str = ""  #: Why the status is not ``ok``; names the rows concerned. Empty otherwise.
+    #: (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if the law has no
+    #: demand to measure.
     slack: Array | None = None
+    #: The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
     solver: str = ""
     iterations: int = 0
-    fallback: str = ""
-    remark: str = ""
+    fallback: str = ""  #: Why another solver than the one asked for gave the answer. Empty otherwise.
+    remark: str = ""  #: What else should be known, such as an option that concerns none of the rows. Empty otherwise.
+    #: (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is stated.
     saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
 
     @in_one_line
@@ -188,18 +140,10 @@ class Command:
         return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
 
 
-GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")
-"""What rows say, m of each."""
-
-OPTIONAL = ("sigma", "sigma_dot", "K")
-"""What rows need not say, (m,) each."""
-
-BOX = ("qdd_min", "qdd_max")
-"""Bounds of q̈, (n,) each, likewise."""
-
-
-AT_END = 1e-9
-"""Distance from an end of a box, as a fraction of the acceleration, that is rounding."""
+GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")  #: What rows say, m of each.
+OPTIONAL = ("sigma", "sigma_dot", "K")  #: What rows need not say, (m,) each.
+BOX = ("qdd_min", "qdd_max")  #: Bounds of q̈, (n,) each, likewise.
+AT_END = 1e-9  #: Distance from an end of a box, as a fraction of the acceleration, that is rounding.
 
 
 def at_end(qdd: Any, least: Any, greatest: Any) -> Any:

@@ -7,11 +7,8 @@ import numpy as np
 from ..errors import InvalidInput, shown
 from . import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
 
-ROUNDING = 2.0**-53
-"""Largest relative error of one operation in floating point."""
-
-FARTHEST = 1e30
-"""How many times its scale φ may be: a law that pushes in proportion has no answer long before."""
+ROUNDING = 2.0**-53  #: Largest relative error of one operation in floating point.
+FARTHEST = 1e30  #: How many times its scale φ may be: a law that pushes in proportion has no answer long before.
 
 
 def beyond_rounding(rows: Rows, qdd: Array) -> str:

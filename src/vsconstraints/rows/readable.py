@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 
-ZERO_BELOW = 1e-9
-"""Of several numbers, smaller ones are shown as zero."""
+ZERO_BELOW = 1e-9  #: Of several numbers, smaller ones are shown as zero.
 
 
 def in_one_line(text: Callable[[Any], str]) -> Callable[[Any], str]:

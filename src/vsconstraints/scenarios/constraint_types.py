@@ -58,6 +58,7 @@ from .reading import (
     takes_any,
 )
 
+#: What makes a constraint of each type that scenario files know; others are named as ``module:Class``.
 CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
     "field-of-view": FieldOfView,
     "occlusion": Occlusion,
@@ -73,7 +74,6 @@ CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
     "self-collision": SelfCollision,
     "performance-funnel": PerformanceFunnel,
 }
-"""What makes a constraint of each type that scenario files know; others are named as ``module:Class``."""
 
 
 def make_constraint(
@@ -232,6 +232,7 @@ def _cylinder(radius: Positive, length: Positive) -> coal.CollisionGeometry:
     return coal.Cylinder(radius, length)
 
 
+#: Solids of collision constraints; lengths are along z, a half-space is below its z = 0.
 SOLIDS: dict[str, Callable[..., coal.CollisionGeometry]] = {
     "box": _box,
     "sphere": _sphere,
@@ -240,12 +241,10 @@ SOLIDS: dict[str, Callable[..., coal.CollisionGeometry]] = {
     "half-space": _half_space,
     "mesh": mesh,
 }
-"""Solids of collision constraints; lengths are along z, a half-space is below its z = 0."""
-
+#: Arguments by their annotation that are no values of files, and what makes them from a constraint's table.
 STEPS: dict[Any, Step] = {
     Curve | Shape: Step(_curve),
     Sequence[RobotPoint]: Step(_points, (link_points,), required=False),
     Sequence[Body]: Step(_bodies, (link_bodies,), required=False),
     Body: Step(_obstacle, (named,)),
 }
-"""Arguments by their annotation that are no values of files, and what makes them from a constraint's table."""

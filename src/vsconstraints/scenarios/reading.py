@@ -23,8 +23,8 @@ from ..vision.motion import Motion
 
 Table = dict[str, Any]  #: a table of a file, by its keys
 
+#: Arguments that are known besides those of a table: the robot, the camera, the folder of files.
 Context = Mapping[str, Any]
-"""Arguments that are known besides those of a table: the robot, the camera, the folder of files."""
 
 NOTHING: Context = types.MappingProxyType({})
 UNIONS = (Union, types.UnionType)
@@ -191,6 +191,7 @@ def _finite(value: Any) -> Any:
     return {key: _finite(inner) for key, inner in value.items()} if isinstance(value, dict) else value
 
 
+#: What one value, and several, of a type are called in messages.
 _NAMES = {
     int: ("an integer", "integers"),
     float: ("an integer or a number", "numbers"),
@@ -201,7 +202,6 @@ _NAMES = {
     Mapping: ("a table", "tables"),
     Literal: ("a string", "strings"),
 }
-"""What one value, and several, of a type are called in messages."""
 
 
 def _words(kind: Any, several: bool = False) -> str:

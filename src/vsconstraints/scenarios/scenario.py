@@ -24,8 +24,8 @@ from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
 SHIPPED = Path(__file__).parent  #: folder of the scenarios that come with the package
+#: Keys whose values are paths, relative to the scenario's folder.
 FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
-"""Keys whose values are paths, relative to the scenario's folder."""
 
 MAX_EXTENDED = 100  #: files that may extend one another
 

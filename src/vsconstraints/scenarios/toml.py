@@ -10,11 +10,10 @@ from typing import Any
 
 from ..errors import ConfigurationError, unknown_name
 
+#: Tables of which one says where a camera is.
 PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", "base_in_camera")
-"""Tables of which one says where a camera is."""
-
+#: Tables that need not be in a file, and are made when a key in them is overridden.
 OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sensor", "payload", "friction", *PLACES)
-"""Tables that need not be in a file, and are made when a key in them is overridden."""
 
 BY_TYPE = ("sensor",)  #: tables for which their ``type`` alone may stand
 MAX_DEPTH = 30  #: levels of tables and lists in each other that a file may have

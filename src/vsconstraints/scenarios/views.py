@@ -21,18 +21,14 @@ from .reading import Table, demand_known, demand_table, from_table, parameters
 from .toml import PLACES
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
+#: Four numbers, and four rows of them.
 Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
-"""Four numbers, and four rows of them."""
-
+#: Keys that a calibration file stands for; it says the size, too, which may be given to be checked.
 CALIBRATED = ("focal_px", "principal_point_px", "distortion")
-"""Keys that a calibration file stands for; it says the size, too, which may be given to be checked."""
-
+#: Shorter words for two of the keys that say where a camera is.
 SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
-"""Shorter words for two of the keys that say where a camera is."""
-
-
+#: Keys of a camera's table of which one says where it is: see :meth:`.mounted`.
 Places = make_dataclass("Places", [(key, Table | None, None) for key in PLACES])
-"""Keys of a camera's table of which one says where it is: see :meth:`.mounted`."""
 
 
 def pose_from(

@@ -21,34 +21,23 @@ from ..robots.geometry import Vector2
 from ..rows import Array
 from .distortion import Distortion
 
+#: Values of ``distortion_model``, and what they are called here.
 ROS_MODELS = {"plumb_bob": "brown-conrady", "rational_polynomial": "brown-conrady", "equidistant": "fisheye"}
-"""Values of ``distortion_model``, and what they are called here."""
-
+#: Values of ``fisheye_model``, likewise.
 FISHEYE = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
-"""Values of ``fisheye_model``, likewise."""
-
+#: What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo`` prints it.
 NAMES = {
     "width": ("image_width", "width"),
     "height": ("image_height", "height"),
     "K": ("camera_matrix", "K", "k"),
     "D": ("distortion_coefficients", "D", "d"),
 }
-"""What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo`` prints it."""
-
+#: How large a file may be, and how deep it may be nested: a calibration with all its views is far below.
 MAX_BYTES, MAX_DEPTH = 250_000, 10
-"""How large a file may be, and how deep it may be nested: a calibration with all its views is far below."""
-
-MAX_SIDE = 1e5
-"""Longest side of an image [px]."""
-
-EMPTY = ("", "~", "null")
-"""Texts that stand for nothing."""
-
-MAX_SHOWN = 30
-"""Characters of a value that a message shows."""
-
-Calibrated = Mapping[str, Any]
-"""The table of a file."""
+MAX_SIDE = 1e5  #: Longest side of an image [px].
+EMPTY = ("", "~", "null")  #: Texts that stand for nothing.
+MAX_SHOWN = 30  #: Characters of a value that a message shows.
+Calibrated = Mapping[str, Any]  #: The table of a file.
 
 
 class Calibration(NamedTuple):

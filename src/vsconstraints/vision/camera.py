@@ -19,11 +19,8 @@ from ..rows.readable import amounts, in_one_line
 from .calibration import read_calibration
 from .distortion import Distortion
 
-LARGEST_IMAGE = 1e4
-"""Sides of an image beyond which boundaries in it are not looked for [px]."""
-
-Count = Literal["edges", "centres"]
-"""What pixels are counted by."""
+LARGEST_IMAGE = 1e4  #: Sides of an image beyond which boundaries in it are not looked for [px].
+Count = Literal["edges", "centres"]  #: What pixels are counted by.
 
 
 @dataclass(frozen=True)

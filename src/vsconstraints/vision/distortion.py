@@ -14,23 +14,14 @@ from ..errors import InvalidInput, shown, unknown_name
 from ..formulas.lenses import ACCURACY, MODELS, extended
 from ..rows import Array, BoolArray
 
+#: By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as one to be inverted.
 MAX_STRETCH = 100.0
-"""By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as one to be inverted."""
-
-MAX_RADIUS = 100.0
-"""Radius in normalised coordinates up to which that is looked for: 89.4° from the axis."""
+MAX_RADIUS = 100.0  #: Radius in normalised coordinates up to which that is looked for: 89.4° from the axis.
 
 
 @dataclass(frozen=True)
 class Distortion:
     """A lens with distortion, as OpenCV has it.
-
-    Attributes
-    ----------
-    model
-        ``brown-conrady`` (ROS: plumb_bob, rational_polynomial) or ``fisheye`` (ROS: equidistant).
-    coefficients
-        (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) of the first; (k₁, k₂, k₃, k₄) of the second.
 
     Raises
     ------
@@ -38,7 +29,9 @@ class Distortion:
         if there is no such model, or it has another number of coefficients.
     """
 
+    #: ``brown-conrady`` (ROS: plumb_bob, rational_polynomial) or ``fisheye`` (ROS: equidistant).
     model: Literal["brown-conrady", "fisheye"]
+    #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) of the first; (k₁, k₂, k₃, k₄) of the second.
     coefficients: Sequence[float]
 
     def __post_init__(self) -> None:

@@ -160,5 +160,5 @@ class ImagePoints(Feature):
         return reference + (old.normalised - new.normalised).ravel()
 
 
+#: Features by the name scenario files use.
 FEATURES: dict[str, type[Feature]] = {feature.name: feature for feature in (CameraPose, ImagePoints)}
-"""Features by the name scenario files use."""

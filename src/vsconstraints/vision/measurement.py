@@ -40,30 +40,21 @@ class Plausible:
         return np.array([image, self.shape_share, self.pose_m, self.pose_rad, self.image_s, self.speed_rad_s])
 
 
+#: How far a measurement can be from the model, as a control step keeps it.
 INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]")
-"""How far a measurement can be from the model, as a control step keeps it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What takes the place of the model's prediction in one step.
+    """What takes the place of the model's prediction in one step."""
 
-    Attributes
-    ----------
-    pixels
-        (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is
-        taken to be as far from where the model has it as when it was last seen.
-    depth
-        (M,) Z of the markers [m], NaN or not given where the model's is to be taken.
-    taken
-        When the image was taken [s]; now if None. What was seen before has moved on with its present velocity.
-    camera
-        The camera's pose in the target's frame, for position-based tasks; the model's if None.
-    """
-
+    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is taken
+    #: to be as far from where the model has it as when it was last seen.
     pixels: Array | None = None
-    depth: Array | None = None
+    depth: Array | None = None  #: (M,) Z of the markers [m], NaN or not given where the model's is to be taken.
+    #: When the image was taken [s]; now if None. What was seen before has moved on with its present velocity.
     taken: float | None = None
+    #: The camera's pose in the target's frame, for position-based tasks; the model's if None.
     camera: Pose | None = None
 
     def checked(self, M: int, t: float) -> Self:

@@ -72,8 +72,8 @@ class Rest:
         return 0.25 * self.damping**2 if len(self.posture) else 0.0
 
 
+#: What joints do by default, of arms with more of them than the task needs, and of others.
 DAMPED, FREE = Rest(), Rest(damping=0.0)
-"""What joints do by default, of arms with more of them than the task needs, and of others."""
 
 
 class VisualTask:

@@ -18,16 +18,16 @@ from ..experiment import Entries, Experiment, chosen_entries, demand_names, entr
 from ..runs.files import plain
 from ..runs.machine import VERSION, code_hash, package_versions, used_versions
 
+#: Nested tables of plain values, as JSON has them; the same wherever the same campaign is run.
 Identity = dict[str, Any]
-"""Nested tables of plain values, as JSON has them; the same wherever the same campaign is run."""
 
 MAX_SHOWN = 3  # differences that a message shows
 MAX_SCENES = 10_000_000  # of a family in a campaign
 
 IN_WORDS = {"code": "the package's source", "version": "the package's version", "compiled": "whether runs are compiled"}
 
+#: Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a link to the first.
 SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
-"""Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a link to the first."""
 
 
 def of_code() -> Identity:

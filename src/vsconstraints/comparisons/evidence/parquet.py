@@ -22,13 +22,12 @@ import pyarrow.parquet as pq  # noqa: E402
 FACTS = b"vsconstraints"  # under which a file's footer holds facts, as JSON
 EXPANDED = 100_000  # bytes that a line may take when it is read: a reason has 2000 characters, rows some thousand
 
-UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
-"""Exceptions of pyarrow for a damaged file."""
+UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)  #: Exceptions of pyarrow for a damaged file.
 
 Kind = Literal["text", "flag", "whole", "number"]
 
+#: Of columns, by those of metrics.
 KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "time": "number"}
-"""Of columns, by those of metrics."""
 
 # Numbers keep all their digits, so that folders can be compared.
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
@@ -42,6 +41,7 @@ class Column(NamedTuple):
     category: bool = False
 
 
+#: What identifies a run.
 KEYS = (
     Column("family", "text", category=True),
     Column("condition", "text", category=True),
@@ -49,7 +49,6 @@ KEYS = (
     Column("scene", "whole"),
     Column("controller", "text", category=True),
 )
-"""What identifies a run."""
 
 
 def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
@@ -59,12 +58,10 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     return (*KEYS, *(Column(name, kinds[name], name in categories) for name in names if name not in RUN))
 
 
-RUNS = _columns(RESULT_COLUMNS, METRICS)
-"""One line for each run: its keys, then the columns of results.csv."""
-
+RUNS = _columns(RESULT_COLUMNS, METRICS)  #: One line for each run: its keys, then the columns of results.csv.
+#: One line for each row of a run that was challenged, active or violated: keys, then the columns of constraints.csv.
 ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
-"""One line for each row of a run that was challenged, active or violated: keys, then the columns of constraints.csv."""
-
+#: One line for each scene: ``rejected`` and ``values`` as JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
     Column("found", "flag"),
@@ -76,13 +73,9 @@ SCENES = (
     Column("least_time_s", "number"),
     Column("duration_s", "number"),
 )
-"""One line for each scene: ``rejected`` and ``values`` as JSON."""
-
-TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}
-"""By the folders of their shards."""
-
+TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: By the folders of their shards.
+#: Columns that depend on the machine and the time; all others are the same wherever a scene is run.
 TIMING = TIMING_COLUMNS
-"""Columns that depend on the machine and the time; all others are the same wherever a scene is run."""
 
 
 def schema(columns: Sequence[Column]) -> Any:

@@ -37,8 +37,8 @@ class IncompatibleWorker(NamedTuple):
     identity: Any
 
 
+#: A pool of a single process, and its session, by the threads of this Dask worker.
 _pools: dict[int, tuple[str, Pool[Any]]] = {}
-"""A pool of a single process, and its session, by the threads of this Dask worker."""
 
 _lock = threading.Lock()
 _finalizers: list[Finalize] = []

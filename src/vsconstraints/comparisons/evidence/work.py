@@ -31,8 +31,7 @@ from .parquet import TABLES
 # shards of some hundred kilobytes each. No result depends on it, nor on how many tasks a family is split into at least.
 RUNS_OF_TASK, MIN_TASKS = 600, 16
 
-Lines = dict[str, list[dict[str, Any]]]
-"""Lines by table, each with its values by column."""
+Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,13 @@ gain enters: what T_s u⁺ (43) explains is violated all the same.
 
 TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what cameras and arms resolve
 
+#: Where reports show how success grows with the depth that is tolerated.
 TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
-"""Where reports show how success grows with the depth that is tolerated."""
 
 SLIDING_GAP = 10  #: in a sliding mode φ crosses zero again and again: within this many samples, from either side
 AT_BOUNDARY = 3  #: samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
+#: While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on.
 STEPS = 2.0
-"""While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on."""
 
 
 @dataclass

@@ -14,6 +14,7 @@ from ...simulation import PATIENCE
 from ..record import RunRecord
 from .measured import NEGLIGIBLE, SLIDING_GAP, TOLERANT, Measured, Metric, first_active, mean_while, over
 
+#: Of a run, in the order in which a scenario's tables show them.
 METRICS = (
     Metric("status", lambda m: m.run.status, kind="text", definition="converged: every goal is reached before the next "
            "one begins, and the last one is reached and held. slow: not there when time is up, but at the pace of the "
@@ -115,8 +116,7 @@ METRICS = (
            value=lambda m: m.named(m.fraction - TOLERANT),
            definition=f"As violated, below −{TOLERANT:g} L: the tolerant standard."),
 )  # fmt: skip
-"""Of a run, in the order in which a scenario's tables show them."""
-
+#: Of each row of a run.
 ROW_METRICS = (
     Metric("constraint", lambda m: m.run.labels, kind="text"),
     Metric("kind", lambda m: m.record.kinds, kind="text"),
@@ -152,8 +152,7 @@ ROW_METRICS = (
            "there, or the scenario states no limits."),
     Metric("utilization", lambda m: mean_while(m.usage, m.outside_alone)),
 )  # fmt: skip
-"""Of each row of a run."""
-
+#: Words that definitions use.
 TERMS = {
     "clearance": "Signed distance of a row to its boundary in its natural unit (px, rad, rad/s, m); positive where "
     "allowed. Looked at in every sample and, wherever it could come to zero at the rate at which it changes, inside "
@@ -163,17 +162,15 @@ TERMS = {
     "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those "
     "with φ ≥ 0 act; where there is none, the one nearest to that. What a law says of itself does not count.",
 }
-"""Words that definitions use."""
 
 RUN = ("suite", "scenario", "controller", "trial")  #: columns of both files that say which run it is
 STORED = tuple(sorted((metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added))
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
+#: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")
-"""The columns of results.csv that differ from run to run on the same machine."""
-
+#: What the scores mean: the one source of reports and documentation.
 DEFINITIONS = TERMS | {metric.column: metric.definition for metric in (*METRICS, *ROW_METRICS) if metric.definition}
-"""What the scores mean: the one source of reports and documentation."""
 
 
 @dataclass(frozen=True)

@@ -20,17 +20,14 @@ from ...errors import ConfigurationError, StorageError
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
 
+#: Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends.
 SUMS = "checksums.sha256"
-"""Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends."""
-
-TRAJECTORIES = "trajectories"
-"""Folder of the runs' records, below that of the results."""
+TRAJECTORIES = "trajectories"  #: Folder of the runs' records, below that of the results.
 
 CHANGED, MISSING = "not what was stored (checksums differ)", "missing"
 UNKNOWN = f"not in {SUMS} (put there later, or by a command that was ended)"
 
-Sums = dict[str, str]
-"""SHA-256 of files, by their names as seen from the folder."""
+Sums = dict[str, str]  #: SHA-256 of files, by their names as seen from the folder.
 
 
 @contextmanager

@@ -14,14 +14,11 @@ from ...errors import ConfigurationError, unknown_name
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
-MANIFEST = "manifest.json"
-"""Says what was run; every kind of results has one."""
-
+MANIFEST = "manifest.json"  #: Says what was run; every kind of results has one.
+#: File that names the process that holds the folder. It stays, and says that what is there are results.
 LOCK = ".vsconstraints-lock"
-"""File that names the process that holds the folder. It stays, and says that what is there are results."""
-
+#: Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself.
 _locked: set[Path] = set()
-"""Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself."""
 
 
 @contextmanager
@@ -116,9 +113,9 @@ def _demand_nothing_else(path: Path, kind: Kind) -> None:
         )
 
 
+#: Runs whose trajectories are kept: none; those that failed or were aborted; of each kind of run the one with the
+#: deepest violation, of equal ones the first; those that come first; all.
 Keep = Literal["none", "failed", "worst", "first", "all"]
-"""Runs whose trajectories are kept: none; those that failed or were aborted; of each kind of run the one with the
-deepest violation, of equal ones the first; those that come first; all."""
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
 

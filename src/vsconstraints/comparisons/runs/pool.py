@@ -56,8 +56,8 @@ class Workers(Protocol):
         """Answers as they come, with their keys, a :class:`Failure` where there is none: see :meth:`Pool.run`."""
 
 
+#: From a function of a module to the workers that call it, for as long as the ``with`` block lasts.
 OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
-"""From a function of a module to the workers that call it, for as long as the ``with`` block lasts."""
 
 
 class Pool(Generic[Answer]):

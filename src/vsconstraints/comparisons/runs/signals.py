@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+#: What asks a command to stop: Ctrl-C, the system, and a terminal that is closed.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What asks a command to stop: Ctrl-C, the system, and a terminal that is closed."""
 
 # Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
 # ends services, send several; while the first one is obeyed tables are written.
@@ -30,8 +30,8 @@ class Stopped(BaseException):
         self.signal = number
 
 
+#: What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is KeyboardInterrupt.
 INTERRUPTS = (KeyboardInterrupt, Stopped)
-"""What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is KeyboardInterrupt."""
 
 
 def signal_of(interrupt: BaseException) -> int:

@@ -59,8 +59,8 @@ class ControllerSpec:
         return make_controller(self.law, self.options, self.folder)
 
 
+#: The controller that defines which rows a scenario challenges: every comparison and every study runs it.
 BASELINE = "tracking"
-"""The controller that defines which rows a scenario challenges: every comparison and every study runs it."""
 
 SLIDING_MODE = ControllerSpec("sliding-mode")
 

@@ -16,12 +16,11 @@ Better = Literal["less", "more"]  #: which values are better
 
 Verdict = Literal["better", "worse", "not distinguishable", "too few"]  #: what is said of a against b
 
+#: Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
+#: 2/2ⁿ, which is above 0.05 for n ≤ 5.
 MIN_SCENES = 6
-"""Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
-2/2ⁿ, which is above 0.05 for n ≤ 5."""
-
+#: Columns that say which scene a run is of, and what went otherwise than assumed in it.
 SCENE = ("family", "condition", "half", "scene")
-"""Columns that say which scene a run is of, and what went otherwise than assumed in it."""
 
 LAW = "controller"  #: the column that says which law
 
@@ -115,6 +114,7 @@ def violated(runs: Any, column: str = "violated") -> Any:
     return runs[column].astype(object).fillna("") != ""
 
 
+#: Outcomes of a run. A success converged and violated nothing: by the strict standard, or by the tolerant one.
 OUTCOMES: Mapping[str, Outcome] = {
     "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
     "convergence": Outcome(converged, "more"),
@@ -122,7 +122,6 @@ OUTCOMES: Mapping[str, Outcome] = {
     "tolerant success": Outcome(lambda runs: converged(runs) & ~violated(runs, "violated_tolerant"), "more"),
     "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
-"""Outcomes of a run. A success converged and violated nothing: by the strict standard, or by the tolerant one."""
 
 
 def judged_metrics() -> dict[str, Metric]:

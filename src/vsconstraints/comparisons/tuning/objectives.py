@@ -22,12 +22,12 @@ class Objective(NamedTuple):
     unit: float
 
 
+#: A tenth of the space, a decade of variation and a tenth of the settling time weigh the same.
 OBJECTIVES = (
     Objective("unused", "unused space", 1.0, 0.1),
     Objective("log_variation", "log₁₀ of acceleration variation", 4.0, 1.0),
     Objective("settling", "settling time by that of tracking", 2.0, 0.1),
 )
-"""A tenth of the space, a decade of variation and a tenth of the settling time weigh the same."""
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 

@@ -30,8 +30,8 @@ EXCESS = "excess"  #: attribute of a trial: by how much its constraint is exceed
 
 Setting = tuple[str, str]  #: a law's name, and its options as JSON
 
+#: Called with what is being done, how much of it is done, and how much there is.
 Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
 
 
 class Search:

@@ -13,14 +13,11 @@ from ..studies import StudyResult
 from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, finding, worded
 
-VANISHED = 0.01
-"""Share of the greatest error that may be left where the paper says zero."""
-
+VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
+#: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts as fully used.
 FULLY = 0.01
-"""Unused margin, as a fraction of the characteristic length, up to which the allowed space counts as fully used."""
-
+#: Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) = 0.05.
 SHARE_LEFT = 0.1
-"""Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) = 0.05."""
 
 
 def greatest_phi(run: Run, label: str) -> float:

@@ -13,19 +13,19 @@ from ..verdicts import Finding, claim, ends_of, finding, rounds_to, worded
 from .boundary import VANISHED, clear, fully_used, greatest_phi, phi_never_positive, smoothly
 
 CASE = RunSpec("case-study-6r")
+#: From a start at which the camera turns about another axis than the one that leads to the goal.
 TRACKING = RunSpec("case-study-6r", ControllerSpec(BASELINE), {"qd0": [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]})
-"""From a start at which the camera turns about another axis than the one that leads to the goal."""
 
 CASE_HALVED = RunSpec("case-study-6r", overrides={"sampling_time": 0.001})
 
 SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
 BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))
+#: What Fig. 11 draws a line for; a range or a speed is one line for both of its sides.
 EVENTS = (*BORDERS, RANGE, SPEED, SPHERE)
-"""What Fig. 11 draws a line for; a range or a speed is one line for both of its sides."""
 
 Q6_RANGE, QD2_LIMIT = 1.2, 0.4
+#: What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s].
 Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
-"""What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s]."""
 
 Interval = tuple[float, float]
 

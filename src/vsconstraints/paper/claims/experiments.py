@@ -46,19 +46,15 @@ FASTER = tuple(
     for experiment, Ts in FASTER_OF
 )
 
-EXPONENTIAL = 1.1
-"""Greatest speed towards the boundary relative to clearance / K, that of an exponential approach."""
+EXPONENTIAL = 1.1  #: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
 
 PBVS_ERROR, IBVS_ERROR = FIRST.erroneous, SECOND.erroneous
 
+#: Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone.
 CASES = ("plus", "minus", "plus-action")
-"""Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone."""
-
-SCENES = 100
-"""Fewest unselected scenes that a share is taken of."""
-
+SCENES = 100  #: Fewest unselected scenes that a share is taken of.
+#: Shares of the unselected scenes: with the former a sentence holds, with the latter partly.
 NEARLY_ALL, MOST = 0.95, 0.5
-"""Shares of the unselected scenes: with the former a sentence holds, with the latter partly."""
 
 UNSELECTED = "unselected-experiments"
 

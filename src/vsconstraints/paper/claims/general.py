@@ -23,14 +23,10 @@ WITHOUT_DRIFT = ControllerSpec("vsconstraints.paper.claims.general:WithoutDrift"
 BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
 
 TARGET, OCCLUDER, SPHERE = (RunSpec(name) for name in ("moving-target", "moving-occluder", "moving-sphere"))
+#: Where both scenarios with obstacles say that their motion is known: without it the rows take them for static.
 KNOWN = "constraints.0.motion.known"
-"""Where both scenarios with obstacles say that their motion is known: without it the rows take them for static."""
-
-ROUNDING = 1e-9
-"""Differences below this are none."""
-
-PRINTED_TIME = 20e-6
-"""Time of one iteration that the paper gives [s]."""
+ROUNDING = 1e-9  #: Differences below this are none.
+PRINTED_TIME = 20e-6  #: Time of one iteration that the paper gives [s].
 
 
 class WithoutDrift(Controller):

@@ -22,8 +22,8 @@ CONCAVE = RunSpec("example-2d-heart-concave")
 
 FIRST, SECOND = "fov[marker 1]", "fov[marker 2]"
 HEART, BOWL_ROW, OTHER_ROW = "occlusion[heart, marker 1]", "occlusion[bowl, marker 1]", "occlusion[bowl, marker 2]"
+#: The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned [px].
 NOTCH, TIP = (-102.0, 35.0), (-137.0, 0.0)
-"""The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned [px]."""
 
 
 def position(run: Run) -> Array:

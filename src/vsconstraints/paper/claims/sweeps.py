@@ -20,18 +20,14 @@ from .planar import SECOND
 
 SCENARIOS = ("example-2d-fov", "case-study-6r")
 SLIDING, FIELDS = "sliding-mode", ("potential-field", "potential-field-priority")
-SLIGHT = 1.0
-"""Violation that counts as slight [% of the characteristic length]."""
-
-FULLY_USED = 1.0
-"""Unused space up to which it counts as fully used [%]."""
-
+SLIGHT = 1.0  #: Violation that counts as slight [% of the characteristic length].
+FULLY_USED = 1.0  #: Unused space up to which it counts as fully used [%].
+#: The claims are about commands that are carried out, whatever they ask of actuators.
 UNLIMITED: dict[str, dict[str, Any]] = {
     "ur5-fov": {"limits": {}},
     "panda-fov": {"limits": {}, "constraints.0.switching_gain": 20.0},
 }
-"""The claims are about commands that are carried out, whatever they ask of actuators."""
-
+#: The paper's scenes, and others with the same law and no disturbance.
 SCENES = tuple(
     RunSpec(name, overrides=UNLIMITED.get(name, {}))
     for name in (
@@ -40,14 +36,12 @@ SCENES = tuple(
         *("experiment-2-ibvs", "ur5-fov", "panda-fov", "eye-to-hand-pbvs", "free-camera"),
     )
 )
-"""The paper's scenes, and others with the same law and no disturbance."""
-
+#: Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that.
 NOT_DIFFERENTIABLE = "example-2d-heart-concave"
-"""Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that."""
 
 IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sampling_time": 0.001, "duration": 1.0}
+#: The first example, its camera turning so fast at the start that φ of the second feature is above zero.
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
-"""The first example, its camera turning so fast at the start that φ of the second feature is above zero."""
 
 
 def least_unused(pareto: StudyResult, scenario: str, *laws: str) -> dict[str, float]:

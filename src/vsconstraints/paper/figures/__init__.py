@@ -12,6 +12,7 @@ from . import case_study, experiments, planar
 
 CAPTIONS: dict[str, str] = tomllib.loads(Path(__file__).with_name("captions.toml").read_text(encoding="utf-8"))
 
+#: By the paper's number the function that draws the figure, and the runs that it shows.
 DRAWN: dict[int, tuple[Any, ...]] = {
     2: (planar.draw_hyperellipses,),
     3: (planar.draw_planar_system, FOV),
@@ -31,10 +32,8 @@ DRAWN: dict[int, tuple[Any, ...]] = {
     18: (experiments.draw_tracks, IBVS),
     19: (experiments.draw_comparison, IBVS, IBVS_ERROR),
 }
-"""By the paper's number the function that draws the figure, and the runs that it shows."""
-
+#: Our counterparts by the paper's number. Figs. 1 and 13 show frames and a laboratory, and have none.
 FIGURES: dict[int, Figure] = {
     number: Figure(f"fig-{number:02d}", f"Fig. {number}", CAPTIONS[str(number)], draw, tuple(needs), formulas=True)
     for number, (draw, *needs) in DRAWN.items()
 }
-"""Our counterparts by the paper's number. Figs. 1 and 13 show frames and a laboratory, and have none."""

@@ -27,14 +27,14 @@ from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from . import lines as paper
 
-SYMBOLS = ("o", "^", "s", "*")
-"""The paper's symbols of the four markers: circle, triangle, square, star."""
+SYMBOLS = ("o", "^", "s", "*")  #: The paper's symbols of the four markers: circle, triangle, square, star.
 
 SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}
 SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)}
 
 ORANGE = "#F0A202"
 
+#: Where the names of the frames of Fig. 9 stand, in each frame [m].
 LABEL_AT = {
     "F": (0.0, -0.14, 0.02),
     "O": (-0.03, -0.03, 0.0),
@@ -42,10 +42,8 @@ LABEL_AT = {
     "C*¹": (-0.03, -0.03, -0.03),
     "C*²": (0.02, 0.11, -0.02),
 }
-"""Where the names of the frames of Fig. 9 stand, in each frame [m]."""
-
+#: What Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg].
 CUBE = Viewpoint(np.array([0.27, 0.1, 0.33]), 0.43, 22.0, -58.0)
-"""What Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg]."""
 
 
 def frame_times(run: Run) -> list[float]:

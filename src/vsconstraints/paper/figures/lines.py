@@ -10,18 +10,17 @@ from ...reports.plots import INK, Sheet, inside_legend, signal, symbol, time_axi
 from ...reports.plots.image import Plane
 from ...rows import Array
 
+#: One for each of up to six joints, and for each of four markers.
 COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")
-"""One for each of up to six joints, and for each of four markers."""
 
 BLUE, MAGENTA, GREEN = COLOURS[:3]
 RED, CYAN = "#D42A2A", "#00A0C6"
 BAND = "#DCE6FA"
+#: The paper's light green of starting positions.
 START = "#86DC6A"
-"""The paper's light green of starting positions."""
 
 DASHES = ("-", "--", ":")
-PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")
-"""Of an error of the camera's pose."""
+PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Of an error of the camera's pose.
 
 LEFT = 0.85
 

@@ -29,8 +29,7 @@ dashed: desired camera frame C*"""
 VIEW = 3.7
 MARKERS = ((paper.BLUE, "o", "first feature"), (paper.MAGENTA, "*", "second feature"))
 FASTER: dict[str, Any] = {"color": "#F2A900", "linestyle": (0, (3, 2))}
-PLANAR = (0, 1, 5)
-"""Parts of the pose's error that are not zero."""
+PLANAR = (0, 1, 5)  #: Parts of the pose's error that are not zero.
 
 
 def draw_hyperellipses() -> Sheet:

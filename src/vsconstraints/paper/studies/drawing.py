@@ -26,11 +26,11 @@ def hierarchical_qp(alpha: float = 20.0) -> ControllerSpec:
 
 ACTIVE_QP = ControllerSpec("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
 
+#: Every law that studies compare with its usual options, by name.
 LAWS: dict[str, ControllerSpec] = {
     law.name: law
     for law in (SLIDING_MODE, potential_field("additive"), potential_field("priority"), hierarchical_qp(), ACTIVE_QP)
 }
-"""Every law that studies compare with its usual options, by name."""
 
 LOOKS: dict[str, Look] = looks(["tracking", *LAWS])
 SCENARIO_TITLES: dict[str, str] = {
@@ -111,8 +111,7 @@ def joined(
         ax.plot(*zip(*pairs, strict=True), **line)
 
 
-Outcomes = Mapping[str, tuple[str, str, str]]
-"""Colour, marker and label of each outcome of a run."""
+Outcomes = Mapping[str, tuple[str, str, str]]  #: Colour, marker and label of each outcome of a run.
 
 
 def by_outcome(ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, outcomes: Outcomes) -> None:

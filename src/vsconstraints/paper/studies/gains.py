@@ -16,11 +16,9 @@ from . import study
 from .study import Numbers, Points, StudyResult, Sweep
 from .summary import RunSummary
 
-OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
-"""Of a run, the worst first."""
-
+OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
+#: What can be required of a switching gain, and the outcome that is enough for it.
 ENOUGH = {"allowed": "beyond band", "in_band": "band, not sliding", "sliding": "sliding"}
-"""What can be required of a switching gain, and the outcome that is enough for it."""
 
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"

@@ -12,8 +12,7 @@ from . import study
 from .study import Numbers, Points, StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance
 
-PAPER = 0.3
-"""c_e of the paper's experiments."""
+PAPER = 0.3  #: c_e of the paper's experiments.
 
 
 class GradientErrors(Sweep):

@@ -17,9 +17,9 @@ from . import study
 from .study import Numbers, Points, StudyResult, Sweep
 from .summary import RunSummary
 
+#: Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about what it moves by in a
+#: sampling period.
 KEPT = 0.005
-"""Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about what it moves by in a
-sampling period."""
 
 
 class NonStatic(Sweep):

@@ -17,14 +17,10 @@ from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
 
 BLENDS = ("priority", "additive")
 
+#: Greatest number of samples in a row with φ ≥ 0 if a boundary is kept: in a sliding mode it is one, or two.
 MAX_POSITIVE_SAMPLES = 2
-"""Greatest number of samples in a row with φ ≥ 0 if a boundary is kept: in a sliding mode it is one, or two."""
-
-MAX_EXCESS = 2.0
-"""Greatest φ of a speed, whose φ is its clearance, in T_s u⁺: (43) allows one, tracking adds to it."""
-
-MIN_UNUSED = 1e-3
-"""Allowed space left unused below which points are drawn at the edge [%]."""
+MAX_EXCESS = 2.0  #: Greatest φ of a speed, whose φ is its clearance, in T_s u⁺: (43) allows one, tracking adds to it.
+MIN_UNUSED = 1e-3  #: Allowed space left unused below which points are drawn at the edge [%].
 
 
 class ShrinkingRegion(Sweep):

@@ -26,15 +26,13 @@ from .study import Study, StudyResult
 from .summary import RunSummary, summarise
 from .unselected_experiments import UnselectedExperiments
 
-Progress = Callable[[int, int], None]
-"""Called with the number of runs done and their total."""
+Progress = Callable[[int, int], None]  #: Called with the number of runs done and their total.
 
 _SHIPPED = (ShrinkingRegion, SwitchingGain, SamplingTime, GradientErrors, Pareto, NonStatic, UnselectedExperiments)
+#: Studies by the name files and the command line use.
 STUDIES: dict[str, Study] = {study.name: study() for study in _SHIPPED}
-"""Studies by the name files and the command line use."""
-
+#: Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only where named.
 CAMPAIGNS = ("real-world",)
-"""Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only where named."""
 
 
 def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:

@@ -18,17 +18,12 @@ from ...reports.plots import Figure, Sheet
 from ..texts import filled
 from .summary import RunSummary
 
+#: Texts and varied values of the shipped studies, by name.
 TABLES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
-"""Texts and varied values of the shipped studies, by name."""
-
-Case = Hashable
-"""Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply."""
-
-Points = list[dict[str, Any]]
-"""Lines of a study's data, by column."""
-
+Case = Hashable  #: Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply.
+Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
+#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured.
 Numbers = dict[tuple[str | float, ...], float]
-"""Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured."""
 
 
 @dataclass(frozen=True)
@@ -43,26 +38,15 @@ class StudyResult:
 
 
 class Study(ABC):
-    """A question, the runs that answer it, and one figure; listed in :data:`vsconstraints.paper.studies.STUDIES`.
+    """A question, the runs that answer it, and one figure; listed in :data:`vsconstraints.paper.studies.STUDIES`."""
 
-    Attributes
-    ----------
-    name, title, question
-        As files, headings and readers know it.
-    claims
-        Which of the paper's claims it answers, as the reproduction numbers them.
-    figure_caption
-        What the figure shows.
-    drift_noted
-        Whether summaries include what moved φ, which takes about as long as the runs do.
-    """
-
+    #: As files, headings and readers know it.
     name: ClassVar[str]
     title: str
     question: str
-    claims: tuple[int, ...]
-    figure_caption: str
-    drift_noted: bool = False
+    claims: tuple[int, ...]  #: Which of the paper's claims it answers, as the reproduction numbers them.
+    figure_caption: str  #: What the figure shows.
+    drift_noted: bool = False  #: Whether summaries include what moved φ, which takes about as long as the runs do.
 
     @abstractmethod
     def runs(self, *, small: bool = False) -> Mapping[Any, RunSpec]:

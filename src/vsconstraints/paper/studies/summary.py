@@ -20,8 +20,8 @@ from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
 from ...rows import Array
 
+#: Trajectories are kept at these intervals [s], and at greater ones where there would be more than 1000 samples.
 GRID = 0.02
-"""Trajectories are kept at these intervals [s], and at greater ones where there would be more than 1000 samples."""
 
 MAX_SAMPLES = 1000
 
@@ -89,8 +89,7 @@ class RunSummary:
         return float(self.result.get(column, np.nan))
 
 
-NOT_RUN = RunSummary("failed", "not run")
-"""In place of a run that is missing."""
+NOT_RUN = RunSummary("failed", "not run")  #: In place of a run that is missing.
 
 
 def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:

@@ -33,25 +33,19 @@ EXACT = "exact"
 SHIPPED = "shipped"
 
 _ERROR = {"gradient_error": 0.3}
+#: ``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone.
 CASES: dict[str, dict[str, Any]] = {
     EXACT: {},
     "plus": _ERROR,
     "minus": {**_ERROR, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]},
     "plus-action": {**_ERROR, "gradient_error_in_phi": False},
 }
-"""``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone."""
-
+#: Greatest distance between the two tracks of a marker, at the same time, as a share of the image's width.
 VERY_SIMILAR = 0.05
-"""Greatest distance between the two tracks of a marker, at the same time, as a share of the image's width."""
-
+#: Greatest difference of a joint's speed, as a share of the greatest speed without errors, that counts as little.
 LITTLE = 0.1
-"""Greatest difference of a joint's speed, as a share of the greatest speed without errors, that counts as little."""
-
-APPLIED = 0.01
-"""Tracks that differ by less than this show no effect of an error [px]."""
-
-WIDTH, HEIGHT = 640.0, 480.0
-"""Of the experiments' image [px]."""
+APPLIED = 0.01  #: Tracks that differ by less than this show no effect of an error [px].
+WIDTH, HEIGHT = 640.0, 480.0  #: Of the experiments' image [px].
 
 
 class Experiment(NamedTuple):

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 Value = TypeVar("Value")
 
-SCENE = ["family", "scene"]
-"""Columns that identify a scene: controllers are compared on the same ones."""
+SCENE = ["family", "scene"]  #: Columns that identify a scene: controllers are compared on the same ones.
 
 
 class Dataset:

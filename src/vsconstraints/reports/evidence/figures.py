@@ -18,8 +18,8 @@ from ..plots.style import LOOKS
 
 GREY, COLUMNS = "#666666", 3
 
+#: Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis.
 MAX_RATIO, TICK_GAP = 100.0, 0.12
-"""Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis."""
 
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 
@@ -66,8 +66,8 @@ PROFILES = Figure(
     draw_profiles,
 )
 
+#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
 NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.0
-"""Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in]."""
 
 
 class Diagram(NamedTuple):

@@ -17,11 +17,9 @@ from ..page import render
 from .dataset import Dataset
 from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, names_text, percentage, ranking
 
+#: What may not be available: as controllers state it, and in words.
 INFORMATION: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
-"""What may not be available: as controllers state it, and in words."""
-
-MIN_REACHED = 0.9
-"""Where tracking alone reaches the goal less often than this, it is reported."""
+MIN_REACHED = 0.9  #: Where tracking alone reaches the goal less often than this, it is reported.
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from ..markdown import bold, enumeration, first_names, plain
 from ..numbers import DASH, number
 from .dataset import Dataset
 
+#: What conditions are called at the beginning of a sentence.
 CONDITIONS = {
     "nominal": "Without disturbances",
     "disturbed": "With disturbances",
@@ -23,10 +24,7 @@ CONDITIONS = {
     "images": "By images",
     "images-and-dynamics": "By images and on arms with mass",
 }
-"""What conditions are called at the beginning of a sentence."""
-
-MAX_NAMES = 4
-"""A sentence names no more controllers than this."""
+MAX_NAMES = 4  #: A sentence names no more controllers than this.
 
 
 def condition_text(condition: str, inside: bool = False) -> str:
@@ -224,8 +222,7 @@ class PairVerdict(NamedTuple):
         }
 
 
-PairVerdicts = dict[tuple[str, str], PairVerdict]
-"""Every controller against every other one."""
+PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Every controller against every other one.
 
 
 def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVerdicts:

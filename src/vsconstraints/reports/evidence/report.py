@@ -27,6 +27,7 @@ from .robustness import conclusion_tables, conclusions, power_table, powers, rob
 
 CLAIMS = "claims.json"
 
+#: Metrics whose definitions the report repeats.
 DEFINED = (
     "status",
     "violated",
@@ -36,19 +37,12 @@ DEFINED = (
     "acceleration_variation",
     "share_to_hold",
 )
-"""Metrics whose definitions the report repeats."""
-
+#: Metrics of the profiles, all positive, and their names; ranks are by the first.
 PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
-"""Metrics of the profiles, all positive, and their names; ranks are by the first."""
-
-ACROSS = ("turned", "tuned", "nowhere")
-"""Kinds of findings on several conditions, each a line of its own."""
-
+ACROSS = ("turned", "tuned", "nowhere")  #: Kinds of findings on several conditions, each a line of its own.
+#: Kinds of findings not in the line of a condition: those across conditions, and those that a table shows.
 HIDDEN = (*ACROSS, "holds", "tolerant", "violations")
-"""Kinds of findings not in the line of a condition: those across conditions, and those that a table shows."""
-
-OnWritten = Callable[[int, int], None]
-"""Called with how many parts of a report are there, and how many there will be."""
+OnWritten = Callable[[int, int], None]  #: Called with how many parts of a report are there, and how many there will be.
 
 
 class Claims(NamedTuple):

@@ -15,11 +15,9 @@ from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import MAX_NAMES, PairVerdict, PairVerdicts, condition_text, pairwise_verdicts, percentage, scenes_text
 
+#: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
-"""Same significant ordering in the other condition; opposite significant ordering; no significant difference."""
-
-POWER = 0.8
-"""With which a reversal of the reported size would have been detected."""
+POWER = 0.8  #: With which a reversal of the reported size would have been detected.
 
 
 class Measure(NamedTuple):
@@ -45,14 +43,14 @@ class Measure(NamedTuple):
         return f"× {number(pair.difference)}" if self.ratio else f"{percentage(pair.difference, 1)} %"
 
 
+#: What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
+#: by success and violation, a hundredth of the space, a quarter of the variation.
 MEASURES = (
     Measure("success", "success", "Success", 0.1, more=True),
     Measure("violation", "violation", "Violation", 0.1),
     Measure("utilization", "space", "Utilization, where both succeed", 0.01, more=True),
     Measure("acceleration_variation", "chattering", "Acceleration variation, where both succeed", 1.25, ratio=True),
 )
-"""What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
-by success and violation, a hundredth of the space, a quarter of the variation."""
 
 
 class Conclusion(NamedTuple):

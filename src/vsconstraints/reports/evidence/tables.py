@@ -27,24 +27,19 @@ from .ranking import Ranking, Share, best_by, condition_text, gap, names_text, p
 if TYPE_CHECKING:
     import pandas as pd
 
+#: Columns of the headline table, families in a table, and reasons in a cell.
 MAX_COLUMNS, MAX_FAMILIES, MAX_REASONS = 7, 6, 3
-"""Columns of the headline table, families in a table, and reasons in a cell."""
-
-MIN_SHARE = 0.02
-"""Failures of fewer of a controller's failed runs than this are not named."""
-
+MIN_SHARE = 0.02  #: Failures of fewer of a controller's failed runs than this are not named.
+#: What distinguishes controllers that succeed equally often, and the metric that measures it.
 AIMS = {
     "lowest command variation": "acceleration_variation",
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
-"""What distinguishes controllers that succeed equally often, and the metric that measures it."""
-
+#: How runs end that do not converge; those of a column together.
 FAILED_STATUSES = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted"))
-"""How runs end that do not converge; those of a column together."""
-
+#: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-"""Of statuses, the worst last."""
 
 EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
 

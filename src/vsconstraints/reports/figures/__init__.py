@@ -8,11 +8,11 @@ from .view import View
 
 __all__ = ["DISTURBANCE", "FIGURES", "OVERVIEW", "View"]
 
+#: Drawn from :class:`~vsconstraints.reports.results.Results`.
 OVERVIEW = Figure("trade-off", "utilization against acceleration variation",
     "Each small marker is one run that converged: how much of the allowed space it used while tracking alone is "
     "outside, and how much its command chattered. The lower right corner is best. Each controller's "
     "run that is nearest to its medians is large. Hollow: a row was violated.", draw_trade_off)  # fmt: skip
-"""Drawn from :class:`~vsconstraints.reports.results.Results`."""
 
 TRACKS = Figure("tracks", "the markers' tracks", "Tracks of the markers in the image.", draw_tracks,
     reading="**Tracks**: what is far outside the image is cut off. The square is shown enlarged beside its panel: "
@@ -33,12 +33,11 @@ ACCELERATION = Figure("acceleration", "the commanded acceleration", "Commanded j
     reading="**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² "
     "and logarithmic beyond, with the same axis for all controllers.")  # fmt: skip
 
+#: Of each scenario, in the order in which a report shows them; drawn from a :class:`View`.
 FIGURES = (TRACKS, PHI, ERRORS, ACCELERATION)
-"""Of each scenario, in the order in which a report shows them; drawn from a :class:`View`."""
-
+#: Of each scenario whose arm has a mass; drawn from a :class:`View`.
 DISTURBANCE = Figure("disturbance", "what an arm with mass made of the commands",
     "What the arm's mass, controller, friction and gears made of the commands: d_c = q̈ − C(q̈_c) of eq. (6), its "
     "range in short windows, linear up to ±0.01 rad/s² and logarithmic beyond. C is the first-order lag that "
     "leaves the least; its time constant and the root mean square of d_c are those of the joint where they are "
     "greatest.", draw_disturbance)  # fmt: skip
-"""Of each scenario whose arm has a mass; drawn from a :class:`View`."""

@@ -19,8 +19,8 @@ from ..plots.style import FAINT, INK
 from .view import View
 
 BINS, MEAN_BINS = 300, 100
+#: Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in].
 PANEL, LANE, LANE_GAP = 1.0, 0.075, 0.09
-"""Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in]."""
 
 MAX_PHI = 1e3  # φ is drawn up to this many times its sampling band
 ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
@@ -94,8 +94,8 @@ def _lanes(ax: Any, view: View, height: float) -> None:
 # --- errors ---
 
 
+#: An error's label, its tolerance, whether that decides that the goal is reached, and its values (N,) in a run.
 Quantity = tuple[str, float, bool, Callable[[RunRecord], Array]]
-"""An error's label, its tolerance, whether that decides that the goal is reached, and its values (N,) in a run."""
 
 
 def draw_errors(view: View) -> Sheet:

@@ -17,9 +17,9 @@ from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK
 from .view import View
 
+#: Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
+#: image's larger side.
 SHARE, MAX_DEPTH = 0.025, 0.05
-"""Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
-image's larger side."""
 
 GRID = 33  # points in each direction at which it is asked whether a boundary passes
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27

@@ -23,11 +23,9 @@ from ...plugins.provenance import noted_import
 from ...scenarios import Scenario
 from ...simulation import Setup
 
+#: An instance, a class that needs no options, the name of a registered one, or ``module:Class``.
 AnyLaw = Controller | type[Controller] | str
-"""An instance, a class that needs no options, the name of a registered one, or ``module:Class``."""
-
-Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
-"""One, several, or several by names of one's own."""
+Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]  #: One, several, or several by names of one's own.
 
 
 @dataclass(frozen=True)
@@ -173,8 +171,8 @@ def _packed(law: Controller) -> tuple[bytes, str]:
 
 # --- scenarios ---
 
+#: A scenario, a setup made in Python, the name of a shipped scenario, or the path of a file.
 AnyScenario = Scenario | Setup | str | Path
-"""A scenario, a setup made in Python, the name of a shipped scenario, or the path of a file."""
 
 
 @dataclass(frozen=True)

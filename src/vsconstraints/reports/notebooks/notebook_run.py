@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SHOWN = ("outcome", "task", "chattering")  # groups of metrics that a run shows of itself
+#: Of a small picture, as wide as a notebook's column with some 50 kB; and height of a page within another one [px].
 PICTURE_DPI, PAGE_HEIGHT = 75, 640
-"""Of a small picture, as wide as a notebook's column with some 50 kB; and height of a page within another one [px]."""
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "ha
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 LABELLED = 0.93  # how far from the centre a time may stand, relative to the half of what is shown
+#: How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image.
 MOMENTS, INSTANTS = 5, 200
-"""How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image."""
 
 GRID_STEP = 2.0  # of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact
 
@@ -176,8 +176,8 @@ def tracks(ax: Any, pixels: Array, **look: Any) -> None:
         ax.plot(*pixels[:, i].T, **look)
 
 
+#: Of markers with their numbers, and the colour of what is violated or beyond.
 START, OUTSIDE = symbol("o", "white", size=10.5), "#B00020"
-"""Of markers with their numbers, and the colour of what is violated or beyond."""
 
 
 def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from ...rows import Array
 from .style import INK
 
+#: How bounds and references are drawn.
 REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
-"""How bounds and references are drawn."""
 
 
 def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:

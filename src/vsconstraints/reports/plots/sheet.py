@@ -17,18 +17,17 @@ from ...comparisons.runs.files import replaced
 from ...errors import unknown_name
 from .style import FORMULAS, STYLE_SHEET
 
-Formats = tuple[str, ...]
-"""Of a figure's files, by their suffixes; pages show the first."""
+Formats = tuple[str, ...]  #: Of a figure's files, by their suffixes; pages show the first.
 
 PNG: Formats = ("png",)
+#: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes.
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes."""
 
 FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI, SCREEN_DPI = 150, 100
+#: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in].
 EDGE, FOOT = 0.03, 0.45
-"""Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in]."""
 
 
 def formats_of(names: Sequence[str]) -> Formats:

@@ -12,13 +12,13 @@ from zlib import crc32
 
 INK, FAINT = "#222222", "#444444"
 STYLE_SHEET = Path(__file__).with_name("figures.mplstyle")
+#: Settings of figures whose texts hold formulas, none of which comes from a user.
 FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
-"""Settings of figures whose texts hold formulas, none of which comes from a user."""
 
 _TABLE = tomllib.loads(Path(__file__).with_name("looks.toml").read_text(encoding="utf-8"))
 COLOURS: dict[str, str] = _TABLE["colours"]
+#: Preferred by laws of other names: none of the default comparison has them.
 FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "vermillion")]
-"""Preferred by laws of other names: none of the default comparison has them."""
 
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")

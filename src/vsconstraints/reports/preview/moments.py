@@ -21,13 +21,12 @@ from ...vision.scene import MINIMUM_DEPTH, Scene
 
 ROUNDING = 1e-9  # of σ relative to the row's scale, that counts as none
 NEAR = 0.9  # usage 1 − clearance/L from which a row counts as near: 1 is on its boundary
+#: Configurations from which one at a goal is sought, besides those that are near; and turns of the camera about its
+#: optical axis, from which the pose behind an image is sought.
 TRIES, TURNS = 20, 4
-"""Configurations from which one at a goal is sought, besides those that are near; and turns of the camera about its
-optical axis, from which the pose behind an image is sought."""
-
+#: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given as an image, seen
+#: from the pose that explains it best, relative to its width.
 SAME, MAX_MISS = 1e-6, 0.1
-"""Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given as an image, seen
-from the pose that explains it best, relative to its width."""
 
 
 @dataclass(frozen=True)

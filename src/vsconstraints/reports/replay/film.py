@@ -20,12 +20,12 @@ from ..scene3d import draw_setup
 from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
 from .space import common_viewpoint
 
+#: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
-"""Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s]."""
 
 DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
+#: Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it.
 MAX_LABELS, LETTERS = 3, 12.0
-"""Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it."""
 
 
 GOAL = symbol("*", INK, "white", 8.0)

@@ -29,11 +29,11 @@ HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 States = npt.NDArray[np.uint8]
 Thing = tuple[str, int] | None
 MAX_RUNS = 4  # more than so many beside each other cannot be distinguished
+#: What names a run.
 HOW = (
     "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
 )
-"""What names a run."""
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,8 @@ from ..scene3d import (
 )
 from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
 
+#: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place.
 OBSTACLE, OTHERS = "#8FA3BF", 0.45
-"""Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place."""
 
 INSET = 1.5e-3
 """By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m].
@@ -42,13 +42,13 @@ INSET = 1.5e-3
 Two surfaces in one place would flicker into each other; so where arms agree, the first one is seen.
 """
 
+#: Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more.
 MAX_TRIANGLES, MERGED = 36_000, 1e-3
-"""Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more."""
 
 INSTANTS = 9  # of each run, in which everything is in view
+#: Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
+#: around what is in view, relative to half the side of its cube.
 ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
-"""Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
-around what is in view, relative to half the side of its cube."""
 
 UNCHANGED = 1e-6  # what moves less from frame to frame is not sent again
 

@@ -23,9 +23,9 @@ from ..reading import Table, from_table
 from .drawing import Placed
 from .placements import PLACEMENTS, Ends, Place, inverse_kinematics, tip_of
 
+#: Least σ, or φ of speeds, relative to its range, from which on tracking alone violates a row: ten times what scores
+#: neglect, so that what is challenged here is challenged there.
 CLEAR = 1e-3
-"""Least σ, or φ of speeds, relative to its range, from which on tracking alone violates a row: ten times what scores
-neglect, so that what is challenged here is challenged there."""
 
 
 class Reason(StrEnum):

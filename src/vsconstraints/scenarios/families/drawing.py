@@ -52,6 +52,7 @@ def _integers(least: Array, greatest: Array) -> Any:
 
 RANGE, SPREAD = "least, greatest", "mean, standard deviation"
 
+#: Distributions of two numbers, by the key of their tables.
 RULES: Mapping[str, Rule] = {
     "uniform": Rule(RANGE, "least ≤ greatest", lambda a, b: a <= b, Random.uniform),
     "log-uniform": Rule(RANGE, "0 < least ≤ greatest", lambda a, b: (a > 0.0) & (a <= b), _log_uniform),
@@ -59,10 +60,8 @@ RULES: Mapping[str, Rule] = {
     "gaussian": Rule(SPREAD, "a standard deviation ≥ 0", lambda a, b: b >= 0.0, Random.normal),
     "integer": Rule(RANGE, "integers, least ≤ greatest", _integers, _integer),
 }
-"""Distributions of two numbers, by the key of their tables."""
-
+#: The keys of the tables that state a distribution; a choice is of a list of any values, each as likely.
 DISTRIBUTIONS = (*RULES, "choice")
-"""The keys of the tables that state a distribution; a choice is of a list of any values, each as likely."""
 
 
 @dataclass(frozen=True)

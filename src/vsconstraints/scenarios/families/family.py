@@ -30,17 +30,17 @@ from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, Summary, reasons
 
 SHIPPED = Path(__file__).parent  #: folder of the families that come with the package
+#: The condition that every family has, and the one whose limits tell what any law could do.
 NOMINAL, LIMITED = "nominal", "limited"
-"""The condition that every family has, and the one whose limits tell what any law could do."""
 
 HALVES = ("training", "held-out")  #: scenes that settings may be sought on, and those that are for judging only
+#: Keys of a family's file that are no scenario's, or are said by it for all its scenes.
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
-"""Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
 
 TOGETHER = "conditions"  #: key of a condition that names others, whose draws it has all together
 ATTEMPTS = 200  #: attempts at one scene, if a family says nothing else
+#: Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be.
 REFUSALS = 10
-"""Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be."""
 
 
 @cache

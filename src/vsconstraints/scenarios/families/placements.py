@@ -137,13 +137,13 @@ def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> 
     return values
 
 
+#: Values that follow from the rest of the scene, None where none is possible, by the key of their tables.
 PLACEMENTS: Mapping[str, Callable[..., list[float] | None]] = {
     "look-at": look_at,
     "tip-path": tip_path,
     "marker-path": marker_path,
     "joint-path": joint_path,
 }
-"""Values that follow from the rest of the scene, None where none is possible, by the key of their tables."""
 
 
 def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:

@@ -13,17 +13,12 @@ from ...qp.decomposition import svd
 from ...robots.geometry import Pose
 from ...rows import Array, IntArray
 
+#: Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white needed around it.
 CELLS, BORDER = 8, 1
-"""Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white needed around it."""
-
-FLAT = 1e-4
-"""How far markers may be from their plane [m]."""
-
-DIAGONAL = 0.8
-"""Diagonal of a tag by the least distance of a marker from the middle, if no side is given."""
-
+FLAT = 1e-4  #: How far markers may be from their plane [m].
+DIAGONAL = 0.8  #: Diagonal of a tag by the least distance of a marker from the middle, if no side is given.
+#: Corners of a tag as it is printed, in units of its side: x to the right, y down.
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-"""Corners of a tag as it is printed, in units of its side: x to the right, y down."""
 
 
 class Board(NamedTuple):

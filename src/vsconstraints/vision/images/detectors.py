@@ -12,14 +12,10 @@ import numpy as np
 from ...plugins.extras import demand
 from ...rows import Array, IntArray
 
-MAX_WRONG_BITS = 1
-"""Bits of a tag that may be wrong; more are taken for something else."""
-
+MAX_WRONG_BITS = 1  #: Bits of a tag that may be wrong; more are taken for something else.
+#: Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it.
 MIN_PIXELS = 20_480
-"""Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it."""
-
-Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]
-"""(H, W) grey levels."""
+Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]  #: (H, W) grey levels.
 
 
 class Tags(NamedTuple):
@@ -91,5 +87,5 @@ def aruco() -> Detector:
     return Detector(find, "centres")
 
 
+#: By the names that scenario files use.
 DETECTORS: dict[str, Callable[[], Detector]] = {"apriltag": apriltag, "aruco": aruco}
-"""By the names that scenario files use."""

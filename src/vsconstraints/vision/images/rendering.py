@@ -19,23 +19,15 @@ from .board import BORDER, CELLS, Board, bordered
 from .detectors import Pixels
 from .settings import ImageSettings
 
-FINER = 2
-"""Points along each side of a pixel at which a tag is looked up."""
-
+FINER = 2  #: Points along each side of a pixel at which a tag is looked up.
+#: Grey levels of the print, of what is around it, and of what is in front of it.
 BLACK, WHITE, AROUND, OBSTACLE = 30.0, 220.0, 120.0, 80.0
-"""Grey levels of the print, of what is around it, and of what is in front of it."""
-
+#: Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per pixel of motion.
 MAX_TEXELS, MAX_EXPOSURES = 64, 16
-"""Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per pixel of motion."""
-
-KNOT = 8
-"""Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic splines."""
-
-ROUNDED = 8
-"""Decimals of the pose that is rendered: what differs in the last bits alone gives the same image."""
-
+KNOT = 8  #: Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic splines.
+ROUNDED = 8  #: Decimals of the pose that is rendered: what differs in the last bits alone gives the same image.
+#: The camera's pose in the target's frame, by the time from the middle of the exposure of an image's middle [s].
 Where = Callable[[float], Pose]
-"""The camera's pose in the target's frame, by the time from the middle of the exposure of an image's middle [s]."""
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
 OpaqueName = Literal["links", "bodies", "regions"]
 
-LAST_ID = 586
-"""The family tag36h11 has 587 tags."""
+LAST_ID = 586  #: The family tag36h11 has 587 tags.
 
 
 @dataclass(frozen=True)
@@ -82,5 +81,5 @@ class ImageSettings:
         return tuple(range(markers)) if self.tags is None else tuple(self.tags)
 
 
+#: Types of sensors that scenario files know; without one, markers are measured as ``disturbances`` say.
 SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}
-"""Types of sensors that scenario files know; without one, markers are measured as ``disturbances`` say."""

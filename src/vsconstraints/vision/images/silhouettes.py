@@ -9,18 +9,13 @@ import numpy as np
 from ...rows import Array, BoolArray
 from ..camera import Camera
 
+#: How far what is drawn is from the plane through the camera, and before the board: what lies on it covers nothing [m].
 NEAR, BEFORE = 0.01, 1e-3
-"""How far what is drawn is from the plane through the camera, and before the board: what lies on it covers nothing [m].
-"""
-
+#: Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is drawn any more.
 PART, WIDEST = 0.02, 10.0
-"""Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is drawn any more."""
-
+#: Around the reach of a lens, by which it is scaled.
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
-"""Around the reach of a lens, by which it is scaled."""
-
-SHIFT = 4
-"""Binary digits of a pixel that corners are rounded to."""
+SHIFT = 4  #: Binary digits of a pixel that corners are rounded to.
 
 
 def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:

@@ -13,11 +13,10 @@ from ..camera import Camera
 from .board import Board
 from .detectors import Detector, Pixels
 
+#: Root mean square of the corners' distances from where a pose has them, above which they are of no such board [px].
 MAX_RESIDUAL = 5.0
-"""Root mean square of the corners' distances from where a pose has them, above which they are of no such board [px]."""
-
+#: Two poses explain a plane that is seen nearly along its normal: one by up to this factor worse counts as well.
 AS_GOOD = 2.0
-"""Two poses explain a plane that is seen nearly along its normal: one by up to this factor worse counts as well."""
 
 
 class TagPose(NamedTuple):
