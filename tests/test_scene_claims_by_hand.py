@@ -159,18 +159,16 @@ def test_10e_of_a_row_that_never_leaves() -> None:
 AXES = {"row a": (2.0, 0.0, 0.0), "row b": (0.0, 3.0, 0.0), "row c": (0.0, 3.0, 3e-7), "row d": (1e-7, 1e-7, 1e-7)}
 
 
-def active(*spans: tuple[int, str], until: int = 61, **changed: Any) -> Told:
-    """Rows by their letters, active in these samples; the gradients of the rows are those above."""
+def active(*spans: tuple[int, str], until: int = 61, gradients: Any = tuple(AXES.values()), **changed: Any) -> Told:
+    """Rows by their letters, active in these samples; the gradients of the rows are those above if not given."""
     t = T[:until]
     phi = {name: at({k: 0.0 for k, letters in spans if name[-1] in letters}, -1.0, t) for name in AXES}
     run: Any = Told(phi, t=t, q=np.zeros((until, 3)), qd=np.zeros((until, 3)), **changed)
-    gradients = np.array(list(AXES.values()))
-    run.setup = SimpleNamespace(
-        scene=SimpleNamespace(evaluate=lambda t, q, qd: round(t / 0.01)),
-        constraints=SimpleNamespace(
-            rows=lambda k: (SimpleNamespace(Lg=gradients, phi=run.trajectory.phi[k]), None),
-        ),
-    )
+
+    def evaluate(t: float, q: Any, qd: Any) -> Any:
+        return SimpleNamespace(rows=SimpleNamespace(Lg=np.array(gradients), phi=run.trajectory.phi[round(t / 0.01)]))
+
+    run.setup = SimpleNamespace(world=lambda: SimpleNamespace(evaluate=evaluate))
     return run  # type: ignore[no-any-return]
 
 
@@ -202,10 +200,7 @@ def test_10f(last: str, changed: dict[str, Any], expected: str) -> None:
 
 def test_10f_of_four_rows_that_span_all() -> None:
     """More rows than joints, of which no combination is small."""
-    lost = active((10, "abd"), (60, "abdc"), status="aborted", reason="row a")
-    lost.setup.constraints.rows = lambda k: (  # type: ignore[attr-defined]
-        SimpleNamespace(Lg=np.vstack((np.eye(3)[[0, 1]], [[1.0, 1.0, 1.0]], np.eye(3)[2])), phi=lost.trajectory.phi[k]),
-        None,
-    )
+    gradients = np.vstack((np.eye(3)[[0, 1]], [[1.0, 1.0, 1.0]], np.eye(3)[2]))
+    lost = active((10, "abd"), (60, "abdc"), gradients=gradients, status="aborted", reason="row a")
     assert verdict("10f", lost, WELL, WELL, WELL) == YES
     assert found("10f", WELL, WELL, WELL, WELL).text == "no run loses the rank of its active rows"

@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
 
-from conftest import SLOW
+from slow import SLOW
 
 
 def package(folder, **files):

@@ -247,6 +247,10 @@ class Setup:
         remarks = implausible(self.scene, self.task, self.Ts)
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
         rows, sigma, first = start.rows, start.sigma, 0
+        beyond = ~np.isfinite(np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))).all(axis=1)
+        if beyond.any():
+            labels = ", ".join(rows.labels[i] for i in np.flatnonzero(beyond))
+            raise FloatingPointError(f"numbers beyond the range of floating point in {labels}")
         for constraint, count, _ in self.constraints.blocks():
             own = slice(first, first := first + count)
             refusal = constraint.refusal(sigma[own], rows.labels[own])
