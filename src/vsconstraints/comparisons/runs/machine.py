@@ -104,12 +104,13 @@ def loaded_versions() -> dict[str, str]:
 @cache
 def _owners() -> dict[str, tuple[str, str]]:
     """Name and version of the distribution that every installed module belongs to, by its file."""
-    return {
-        os.path.join(str(distribution.locate_file("")), file): (distribution.name, distribution.version)
-        for distribution in distributions()
-        for file in (line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines())
-        if file.endswith(tuple(all_suffixes()))
-    }
+    owners, modules = {}, tuple(all_suffixes())
+    for distribution in distributions():
+        # once for each distribution: done for each of its files they took 17 s
+        folder, owner = str(distribution.locate_file("")), (distribution.name, distribution.version)
+        files = (line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines())
+        owners.update({os.path.join(folder, file): owner for file in files if file.endswith(modules)})
+    return owners
 
 
 @cache
