@@ -159,14 +159,15 @@ def test_10e_of_a_row_that_never_leaves() -> None:
 AXES = {"row a": (2.0, 0.0, 0.0), "row b": (0.0, 3.0, 0.0), "row c": (0.0, 3.0, 3e-7), "row d": (1e-7, 1e-7, 1e-7)}
 
 
-def active(*spans: tuple[int, str], until: int = 61, gradients: Any = tuple(AXES.values()), **changed: Any) -> Told:
+def active(*spans: tuple[int, str], until: int = 61, gradients: Any = None, **changed: Any) -> Told:
     """Rows by their letters, active in these samples; the gradients of the rows are those above if not given."""
     t = T[:until]
     phi = {name: at({k: 0.0 for k, letters in spans if name[-1] in letters}, -1.0, t) for name in AXES}
     run: Any = Told(phi, t=t, q=np.zeros((until, 3)), qd=np.zeros((until, 3)), **changed)
+    slopes = np.array([*AXES.values()] if gradients is None else gradients)
 
     def evaluate(t: float, q: Any, qd: Any) -> Any:
-        return SimpleNamespace(rows=SimpleNamespace(Lg=np.array(gradients), phi=run.trajectory.phi[round(t / 0.01)]))
+        return SimpleNamespace(rows=SimpleNamespace(Lg=slopes, phi=run.trajectory.phi[round(t / 0.01)]))
 
     run.setup = SimpleNamespace(world=lambda: SimpleNamespace(evaluate=evaluate))
     return run  # type: ignore[no-any-return]
