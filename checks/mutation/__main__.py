@@ -1,8 +1,10 @@
 """``python -m checks.mutation [--sample N]``: puts small mistakes into the code, one at a time, and runs quick tests.
 
 Mistakes that no test notices are listed. Exit code 1 if fewer than 95 % of a group's are noticed (of a sample: if that
-many are not probable any more), or if one that has a name (``named.toml``) is not. Of the laws the NumPy form is
-changed and tested: it is their definition.
+many are not probable any more), or if a named one is not. Compiled functions run as Python here.
+
+Named are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test that notices it. ``--named``
+runs these alone, each against its test; ``--renew N`` chooses N of them anew, evenly from all files.
 """
 
 from __future__ import annotations
@@ -13,41 +15,70 @@ import os
 os.environ.update(VSCONSTRAINTS_COMPILE="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg")
 
 import argparse
+import csv
+import random
+import re
+import subprocess
 import sys
 import tempfile
 import time
 import tomllib
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from .mutants import Mutant, edited, mutants_of, sampled
 from .run import ROOT, Runner, Verdict
-from .targets import COMPILED, GROUPS, LEAST, TESTS, files_of, suffices
+from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
 
 HERE = Path(__file__).parent
+NOTICED = HERE / "noticed.tsv"
+SPARE = 1.3
+"""Of mutants that are named anew, so many times more are judged: some are noticed by no test, or by slow ones alone."""
+
+Key = tuple[str, str, str]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Judge mutants and print what was found."""
     parser = argparse.ArgumentParser(prog="python -m checks.mutation", description="Do tests notice wrong code?")
-    parser.add_argument("--sample", type=int, metavar="N", help="only so many of all mutants; all named ones as ever")
-    parser.add_argument("--seed", type=int, default=1, help="of the sample (default: 1)")
+    parser.add_argument("--sample", type=int, metavar="N", help="only so many; all named ones too unless --named")
+    parser.add_argument("--seed", default="1", help="of the sample (default: 1)")
     parser.add_argument("--only", metavar="TEXT", default="", help="only files with this in their path")
+    parser.add_argument("--changed", metavar="REV", help="only lines that were changed since this commit")
+    parser.add_argument("--named", action="store_true", help="only named mutants, each against its test")
+    parser.add_argument("--renew", type=int, metavar="N", help="name so many mutants anew")
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="mutants at a time")
     parser.add_argument("--verbose", action="store_true", help="print every mutant with the test that noticed it")
     chosen = parser.parse_args(arguments)
     started = time.monotonic()
-    files = [file for group in GROUPS for file in files_of(ROOT, group) if chosen.only in file]
-    named = [edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]]
+    scored = files_of(ROOT, [name for names in GROUPS.values() for name in names])
+    wanted = files_named(ROOT) if chosen.named or chosen.renew or chosen.changed else scored
+    files = [file for file in wanted if chosen.only in file]
     equivalent = {(table["file"], table["old"], table["new"]) for table in _tables("equivalent.toml")}
-    every = [mutant for file in files for mutant in mutants_of(ROOT, file, COMPILED)]
+    every = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     stale = {key for key in equivalent if key[0] in files} - {mutant.key for mutant in every}
     worth = [mutant for mutant in every if mutant.key not in equivalent]
-    mutants = sampled(worth, chosen.sample or len(worth), chosen.seed)
+    reasoned = [edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]]
+    tests, known = _noticed(), {mutant.key: mutant for mutant in worth}
+    named = list(
+        {mutant.key: mutant for mutant in [*(known[key] for key in tests if key in known), *reasoned]}.values()
+    )
+    if chosen.named:
+        gone = [key for key in tests if key not in known.keys() | {mutant.key for mutant in reasoned}]
+        for key in gone if not chosen.only else ():
+            print("noticed.tsv lists what is no mutant any more; --renew chooses another one:", *key, sep="\n    ")
+        mutants, named = [], sampled(named, chosen.sample or len(named), chosen.seed)
+    elif chosen.renew:
+        mutants = _evenly(worth, round(SPARE * chosen.renew), chosen.seed)
+    else:
+        lines = _changed(chosen.changed) if chosen.changed else None
+        worth = [mutant for mutant in worth if lines is None or mutant.line in lines[mutant.file]]
+        mutants = sampled(worth, chosen.sample or len(worth), chosen.seed)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         watched = list(dict.fromkeys([*files, *(mutant.file for mutant in named)]))
-        runner = Runner(Path(folder), TESTS, watched, chosen.jobs)
+        runner = Runner(Path(folder), TESTS, watched, chosen.jobs, known=tests if chosen.named else None)
         print(f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         verdicts = []
         for verdict in runner.judge([*named, *mutants]):
@@ -56,18 +87,72 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
         os.chdir(ROOT)
     print(f"\n{len(verdicts)} mutants, {len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s")
-    ordinary = [verdict for verdict in verdicts if not verdict.mutant.why]
-    missed = [verdict for verdict in verdicts if verdict.mutant.why and not verdict.noticed]
+    if chosen.renew:
+        return _write(verdicts, reasoned, chosen.renew)
+    keys = {mutant.key for mutant in named}
+    missed = [verdict for verdict in verdicts if verdict.mutant.key in keys and not verdict.noticed]
     print(f"named: {len(named) - len(missed)} of {len(named)} noticed")
     for key in sorted(stale):
         print("equivalent.toml lists what is no mutant:", *key, sep="\n    ")
-    good = _scores(ordinary, every, equivalent, whole=chosen.sample is None)
+    ordinary = [verdict for verdict in verdicts if verdict.mutant.key not in keys]
+    good = chosen.named or _scores(ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed))
     return 0 if good and not missed and not stale else 1
 
 
 def _tables(name: str) -> list[dict[str, str]]:
     tables: list[dict[str, str]] = tomllib.loads((HERE / name).read_text(encoding="utf-8")).get("mutant", [])
     return tables
+
+
+def _noticed() -> dict[Key, str]:
+    """The test that notices each named mutant."""
+    with NOTICED.open(encoding="utf-8", newline="") as file:
+        return {(line["file"], line["old"], line["new"]): line["test"] for line in csv.DictReader(file, delimiter="\t")}
+
+
+def _write(verdicts: Sequence[Verdict], reasoned: Sequence[Mutant], count: int) -> int:
+    """Write those that a test noticed, those with reasons first; 0 if they are enough."""
+    first = {mutant.key for mutant in reasoned}
+    noticed = {verdict.mutant.key: verdict.by for verdict in verdicts if verdict.state == "killed" and verdict.by}
+    keys = sorted(sorted(noticed, key=lambda key: key not in first)[:count])
+    with NOTICED.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
+        writer.writerow(["file", "old", "new", "test"])
+        writer.writerows([*key, noticed[key]] for key in keys)
+    print(
+        f"{NOTICED.name}: {len(keys)} mutants, {sum('/compiled/' in key[0] for key in keys)} of them in compiled code"
+    )
+    return 0 if len(keys) == count and first <= set(keys) else 1
+
+
+def _evenly(mutants: Sequence[Mutant], count: int, seed: str) -> list[Mutant]:
+    """So many, by turns from all files, and a third of them from compiled code."""
+    by_file: dict[str, list[Mutant]] = defaultdict(list)
+    for mutant in random.Random(seed).sample(mutants, len(mutants)):
+        by_file[mutant.file].append(mutant)
+
+    def some(compiled: bool, wanted: int) -> list[Mutant]:
+        turns: Iterable[tuple[Mutant | None, ...]] = zip_longest(
+            *(own for file, own in by_file.items() if ("/compiled/" in file) is compiled)
+        )
+        return [mutant for turn in turns for mutant in turn if mutant][:wanted]
+
+    compiled = some(True, round(0.4 * count))
+    return compiled + some(False, count - len(compiled))
+
+
+def _changed(revision: str) -> dict[str, set[int]]:
+    """Lines that differ from a commit, by file."""
+    words = ["git", "diff", "-U0", "--no-renames", revision, "--", "src"]
+    lines: dict[str, set[int]] = defaultdict(set)
+    file = ""
+    for line in subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines():
+        if line.startswith("+++ "):
+            file = line[6:]
+        elif at := re.match(r"@@ -\S+ \+(\d+)(?:,(\d+))? @@", line):
+            first, count = int(at[1]), int(at[2] or 1)
+            lines[file] |= set(range(first, first + count))
+    return lines
 
 
 def _scores(verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[str, str, str]], whole: bool) -> bool:
@@ -83,8 +168,8 @@ def _scores(verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[
         return share
 
     shares = []
-    for group in GROUPS:
-        files = files_of(ROOT, group)
+    for group, names in GROUPS.items():
+        files = files_of(ROOT, names)
         for file in files:
             if judged[file]:
                 line(f"  {file}", [file])

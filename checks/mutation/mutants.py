@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,10 +72,10 @@ class Mutant:
         )
 
 
-def mutants_of(root: Path, file: str, without: Sequence[str] = ()) -> list[Mutant]:
-    """Every mutant of a file, in the order of its lines; functions with the names in ``without`` are left alone."""
+def mutants_of(root: Path, file: str) -> list[Mutant]:
+    """Every mutant of a file, in the order of its lines."""
     source = (root / file).read_text(encoding="utf-8")
-    made = _Mutations(source, without)
+    made = _Mutations(source)
     changes = sorted(set(made.changes(ast.parse(source), 0)))
     return [_spliced(file, source, *change) for change in changes]
 
@@ -97,7 +97,7 @@ def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
     return _spliced(file, source, start, start + len(old.encode()), new, min(inside, default=(0, 0))[1], why)
 
 
-def sampled(mutants: list[Mutant], count: int, seed: int) -> list[Mutant]:
+def sampled(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
     """So many of them, the same for the same seed, in their order."""
     if count >= len(mutants):
         return mutants
@@ -126,8 +126,7 @@ Change = tuple[int, int, str, int]
 class _Mutations:
     """Walks a file and says what may be changed. Texts, annotations and what decorators say are left alone."""
 
-    def __init__(self, source: str, without: Sequence[str]) -> None:
-        self.without = without
+    def __init__(self, source: str) -> None:
         self.text = source.encode()
         self.starts = [0]
         for line in self.text.splitlines(keepends=True):
@@ -140,7 +139,7 @@ class _Mutations:
 
     def changes(self, node: ast.AST, function: int) -> Iterator[Change]:
         """Of this node and all below it."""
-        if isinstance(node, ast.JoinedStr) or getattr(node, "name", None) in self.without or _only_said(node):
+        if isinstance(node, ast.JoinedStr) or _only_said(node):
             return
         if isinstance(node, ast.FunctionDef):
             for default in (*node.args.defaults, *(d for d in node.args.kw_defaults if d is not None)):

@@ -11,13 +11,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from .child import Reached, fork, judge, watch
 from .mutants import Mutant
+from .targets import QUICK
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -74,10 +75,18 @@ class Runner:
         How many mutants at a time.
     root
         The tree; it holds ``src`` and ``tests``.
+    known
+        The one test of each mutant that is asked, by the mutant's key; otherwise all that reach it are.
     """
 
     def __init__(
-        self, folder: Path, tests: Sequence[str], files: Sequence[str], jobs: int = 1, root: Path = ROOT
+        self,
+        folder: Path,
+        tests: Sequence[str],
+        files: Sequence[str],
+        jobs: int = 1,
+        root: Path = ROOT,
+        known: Mapping[tuple[str, str, str], str] | None = None,
     ) -> None:
         self.folder, self.jobs = folder.resolve(), jobs
         for name in COPIED:
@@ -92,7 +101,11 @@ class Runner:
         for name in THIRD_PARTY:
             importlib.import_module(name)
         gc.freeze()
-        self.reached = self._watch(tests, [self.folder / file for file in files])
+        self.known = known
+        if known is None:
+            self.reached = self._watch(tests, [self.folder / file for file in files])
+        else:
+            self.reached = {test: Reached(QUICK) for test in known.values()}
 
     def _keep_runs(self, root: Path) -> None:
         """Simulate what the tests of claims judge, once and compiled."""
@@ -124,6 +137,8 @@ class Runner:
 
         Outside of functions: of the tests that enter any function of the file, and of all where there is none.
         """
+        if self.known is not None:
+            return [self.known[mutant.key]] if mutant.key in self.known else []
         file = str(self.folder / mutant.file)
         place = {(file, mutant.function)}
         if not mutant.function:
