@@ -266,13 +266,12 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
     """What a campaign holds, and its problems; raises ConfigurationError if it cannot be loaded."""
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
-    from ..comparisons.evidence.folder import MARK, Facts, shard_file, shard_names, stored_files
-    from ..comparisons.evidence.stored import missing_scenes
+    from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
 
     evidence = Evidence.load(folder, trust=True)  # nothing of it is built
     problems = _changed_files(folder, stored_files(folder))
     configuration, shard = evidence.manifest["configuration"], Shard(*evidence.manifest.get("shard", (1, 1)))
-    facts = [Facts.of(shard_file(folder, MARK, name)) for name in shard_names(folder)]
+    facts = [each.facts for each in shards(folder)]
     if lost := missing_scenes(configuration, facts, shard.scenes(configuration["scenes"])):
         problems.append(f"scenes {lost} are not there")
     return f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of {len(evidence.families)} families", problems

@@ -19,7 +19,7 @@ from .experiment import demand_stored_names
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
-from .runs.folder import MANIFEST, Keep, Kinds, demand_inside, kept_lines, manifest_of, read_manifest
+from .runs.folder import MANIFEST, Keep, demand_inside, kept_lines, manifest_of, read_manifest
 from .runs.machine import most_samples
 from .runs.spec import RunSpec
 from .suite import Suite
@@ -31,8 +31,6 @@ Number, Texts = float | None, Sequence[str]
 
 ARM_LOG = Path("arm", "log.npz")  #: What a run on an arm leaves in its folder beside what all runs do.
 ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: How the reason of a run on an arm begins.
-
-KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -111,10 +109,8 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
-    files = {
-        run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
-        for line in (*kept_lines(lines, keep, KINDS), *driven)
-    }
+    kept = kept_lines(lines, keep, ("scenario", "controller"), ("scenario", "trial"))
+    files = {run_file(folder, line["scenario"], line["controller"], int(line["trial"])) for line in (*kept, *driven)}
     stored = set((folder / TRAJECTORIES).glob("*.npz"))
     try:
         for path in stored - files:
