@@ -206,24 +206,22 @@ class Campaign(Experiment):
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
+        names = ("title", "question", "scenes", "half", "seed")
+        families = {
+            family.name: {
+                "folder": _portable(family.folder),
+                "conditions": list(self.conditions_of(family)),
+                "tables": plain(family.tables),
+            }
+            for family in self.families
+        }
         return {
             "campaign": self.name,
-            "title": self.title,
-            "question": self.question,
-            "scenes": self.scenes,
-            "half": self.half,
-            "seed": self.seed,
+            **{name: getattr(self, name) for name in names},
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
             "controllers": self.resolved_controllers(),
-            "families": {
-                family.name: {
-                    "folder": _portable(family.folder),
-                    "conditions": list(self.conditions_of(family)),
-                    "tables": plain(family.tables),
-                }
-                for family in self.families
-            },
+            "families": families,
         }
 
 
