@@ -277,8 +277,7 @@ def test_other_code_is_refused_and_fresh_replaces(
     small, out = whole
     one = replace(small, scenes=1)
     collect(one, tmp_path / "a", HERE)
-    for module in ("comparisons.evidence.campaign", "comparisons.runs.machine"):
-        monkeypatch.setattr(f"vsconstraints.{module}.code_hash", lambda: "of another day")
+    monkeypatch.setattr("vsconstraints.comparisons.runs.machine.code_hash", lambda: "of another day")
     with pytest.raises(ConfigurationError, match="the package's source differs"):
         collect(one, tmp_path / "a", HERE)
     assert collect(one, tmp_path / "a", replace(HERE, fresh=True)).progress.runs == 6

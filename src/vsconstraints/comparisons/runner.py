@@ -65,23 +65,15 @@ def compare(
     """Run every scenario with every controller and store results below ``folder``.
 
     Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
-    kept. The unconstrained baseline is always run, since it defines which rows a scenario challenges. A run that fails
-    in any way, even by ending its process or by never ending, becomes a row with its reason. Raises ConfigurationError
-    if the folder cannot be made, is held by another process, or holds something else that would be lost, and
-    StorageError if the tables cannot be written; what could be stored stays.
+    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is always run, since it
+    defines which rows a scenario challenges. A run that fails in any way, even by ending its process or by never
+    ending, becomes a row with its reason.
 
-    Parameters
-    ----------
-    suite, folder
-        What is compared, and the folder; created if it does not exist.
-    workers
-        Maximum number of processes; see :func:`.process_count`. 0 for this one, which also runs what no other can.
-    limit
-        How long a run may take [s]; by its number of samples if None (:func:`.run_limit`).
-    fresh
-        Whether to run again what is stored, and to replace another comparison.
-    command, on_finished
-        What the user typed, for the manifest; called with every finished run.
+    ``workers`` is the maximum number of processes (:func:`.process_count`), 0 for this one, which also runs what no
+    other can; ``limit`` how long a run may take [s], by its number of samples if None (:func:`.run_limit`);
+    ``command`` what the user typed, for the manifest. ``on_finished`` is called with every finished run. Raises
+    ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
+    lost, and StorageError if the tables cannot be written; what could be stored stays.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()

@@ -18,6 +18,7 @@ from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE
 from .campaign import Campaign
 from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts
+from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, scored, tasks_of
 
 OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a manifest keeps them
@@ -157,7 +158,7 @@ def collect(
                         task, name = tasks[i], tasks[i].family.name
                         facts = Facts(name, task.scenes, identities[name], here, part.runs.num_rows, part.seconds)
                         with storing("evidence", folder):
-                            write_parts(folder, task.name, part.tables, facts)
+                            write_parts(folder, task.name, dict(zip(TABLES, part, strict=False)), facts)
                         progress.add(task, part)
                         on_progress(progress)
             with storing("evidence", folder):

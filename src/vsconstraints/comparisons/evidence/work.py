@@ -9,7 +9,7 @@ from contextlib import chdir
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
@@ -121,8 +121,7 @@ def tasks_of(
     return [task for tasks in in_turn for task in tasks if task is not None]
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
 
     runs: Any
@@ -133,18 +132,14 @@ class Part:
     @classmethod
     def of(cls, lines: Lines, seconds: float) -> Part:
         """From lines by table."""
-        return cls(**{name: parquet.table(columns, lines[name]) for name, columns in TABLES.items()}, seconds=seconds)
+        runs, rows, scenes = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
+        return cls(runs, rows, scenes, seconds)
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
         """All of them as one, in their order."""
-        tables = {name: parquet.joined([part.tables[name] for part in parts]) for name in TABLES}
-        return cls(**tables, seconds=sum(part.seconds for part in parts))
-
-    @property
-    def tables(self) -> dict[str, Any]:
-        """Its tables by name."""
-        return {name: getattr(self, name) for name in TABLES}
+        runs, rows, scenes, seconds = zip(*parts, strict=True)
+        return cls(parquet.joined(runs), parquet.joined(rows), parquet.joined(scenes), sum(seconds))
 
 
 def scored(task: Batch) -> Part:
