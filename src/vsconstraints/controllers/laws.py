@@ -278,7 +278,7 @@ def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
     """The options of a demand and a resolver, with their defaults; those that every part has come last."""
     every = [field for part in parts for field in fields(part)]
-    return {field.name: field.default for field in sorted(every, key=lambda field: field.kw_only)}
+    return {field.name: field.default for field in sorted(every, key=lambda field: field.kw_only is True)}
 
 
 def split_options(
