@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -41,15 +41,31 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def run_all(
         function: Callable[..., Any],
-        *batches: Mapping[Any, tuple[Any, ...]],
+        calls: Mapping[Any, tuple[Any, ...]],
         on_answer: Callable[[Any, Any], None] = lambda key, answer: None,
         **_: object,
     ) -> dict[Any, Any]:
         answers = {}
-        for key, arguments in (call for batch in batches for call in batch.items()):
+        for key, arguments in calls.items():
             answers[key] = function(*arguments)
             on_answer(key, answers[key])
         return answers
 
-    for module in ("comparisons", "paper"):
-        monkeypatch.setattr(f"vsconstraints.{module}.runner.run_all", run_all)
+    class Here:
+        """A pool that is this process."""
+
+        def __init__(self, function: Callable[..., Any], processes: int) -> None:
+            self.function = function
+
+        def __enter__(self) -> Here:
+            return self
+
+        def __exit__(self, *error: object) -> None:
+            pass
+
+        def run(self, calls: Mapping[Any, tuple[Any, ...]], limits: object) -> Iterator[tuple[Any, Any]]:
+            for key, arguments in calls.items():
+                yield key, self.function(*arguments)
+
+    monkeypatch.setattr("vsconstraints.comparisons.runner.Pool", Here)
+    monkeypatch.setattr("vsconstraints.paper.runner.run_all", run_all)

@@ -118,7 +118,7 @@ def test_a_campaign_gives_the_same_on_a_cluster(scheduler: LocalCluster, tmp_pat
     with cluster(scheduler.scheduler_address, campaign.identities) as workers:
         collect(campaign, tmp_path, Plan(keep="first", workers=workers))
     found = Evidence.load(tmp_path)
-    here = Part.joined([scored(task) for task in tasks_of(campaign).values()])
+    here = Part.joined([scored(task) for task in tasks_of(campaign)])
     for name in ("runs", "rows", "scenes"):
         one, other = getattr(found, name), getattr(here, name).to_pandas()
         assert len(one) == len(other) > 0

@@ -15,12 +15,12 @@ from vsconstraints.cli import results
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.folder import Kinds, demand_keep, kept_lines
+from vsconstraints.comparisons.runs.folder import demand_keep, kept_lines
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports.summary import law_table
 
-KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
+KINDS = ("scenario", "controller"), ("scenario", "trial")
 
 runs = st.fixed_dictionaries(
     {
@@ -36,7 +36,7 @@ tables = st.lists(runs, unique_by=lambda run: (run["scenario"], run["controller"
 
 @given(tables)
 def test_the_worst_is_the_first_of_the_deepest(lines: list[dict[str, Any]]) -> None:
-    kept = kept_lines(lines, "worst", KINDS)
+    kept = kept_lines(lines, "worst", *KINDS)
     for scenario in "st":
         for controller in "ab":
             own = [line for line in lines if (line["scenario"], line["controller"]) == (scenario, controller)]
@@ -47,12 +47,12 @@ def test_the_worst_is_the_first_of_the_deepest(lines: list[dict[str, Any]]) -> N
 
 @given(tables)
 def test_the_other_ways_to_keep(lines: list[dict[str, Any]]) -> None:
-    assert kept_lines(lines, "all", KINDS) == lines
-    assert kept_lines(lines, "none", KINDS) == []
-    assert kept_lines(lines, "failed", KINDS) == [line for line in lines if line["status"] in {"failed", "aborted"}]
+    assert kept_lines(lines, "all", *KINDS) == lines
+    assert kept_lines(lines, "none", *KINDS) == []
+    assert kept_lines(lines, "failed", *KINDS) == [line for line in lines if line["status"] in {"failed", "aborted"}]
     for line in lines:
         earlier = any(one["scenario"] == line["scenario"] and one["trial"] < line["trial"] for one in lines)
-        assert (line in kept_lines(lines, "first", KINDS)) != earlier
+        assert (line in kept_lines(lines, "first", *KINDS)) != earlier
 
 
 def test_a_way_to_keep_that_there_is_not() -> None:

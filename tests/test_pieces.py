@@ -8,7 +8,7 @@ from typing import Any
 
 from campaigns import campaign
 from vsconstraints.comparisons.evidence.runner import GRACE, results
-from vsconstraints.comparisons.evidence.work import Batch, failed, task_of
+from vsconstraints.comparisons.evidence.work import Batch, Part, failed, task_of
 from vsconstraints.comparisons.runs.pool import Failure
 
 
@@ -36,19 +36,17 @@ def test_pieces_of_all_tasks_stand_in_one_queue(tmp_path: Path) -> None:
     tasks = [task_of(small, family, scenes, 7.0) for scenes in ((0, 1), (2, 3, 4))]
     workers = Mortal(3, "sliding-mode")
     found = list(results(tasks, workers))
-    # the task that is whole first, and scenes of each in their order
-    assert [i for i, _ in found] == [0, 1]
-    assert [part.scenes["scene"].to_pylist() for _, part in found] == [[0, 1], [2, 3, 4]]
-    _, (scenes, no_limits, again), (runs, limits, runs_again) = workers.asked
-    assert [scene.scenes for scene in scenes] == [(0,), (1,), (2,), (3,), (4,)]
+    # scenes of each task are in their order, although the last call is answered first
+    assert {i: part.scenes["scene"].to_pylist() for i, part in found} == {0: [0, 1], 1: [2, 3, 4]}
+    (_, no_limits, again), (runs, limits, runs_again) = workers.asked
     assert (not no_limits, again, runs_again) == (True, False, True)
-    # of the scene that nobody survived every run, in every condition, and what is said of the scene
-    assert len(runs) == len(tasks[0].conditions) * len(tasks[0].controllers) + 1
+    # of each scene every run, in every condition, and what is said of the scene
+    assert len(runs) == 5 * (len(tasks[0].conditions) * len(tasks[0].controllers) + 1)
     assert limits is not None
     assert set(limits.values()) == {7.0}
     assert {run.limit for run in runs} == {7.0 + GRACE}
-    reasons = found[1][1].runs.to_pandas().set_index("controller")["reason"]
-    assert len(reasons) == len(runs) - 1
-    assert {law: set(reasons[[law]]) for law in set(reasons.index)} == {
-        entry.name: {"it died" if entry.name == "sliding-mode" else "as asked"} for entry in tasks[0].controllers
-    }
+    lines = Part.joined([part for _, part in found]).runs.to_pandas()
+    assert len(lines) == len(runs) - 5
+    died = (lines["scene"] == 3) & (lines["controller"] == "sliding-mode")
+    assert died.sum() == len(tasks[0].conditions)
+    assert (lines["reason"] == died.map({True: "it died", False: "as asked"})).all()

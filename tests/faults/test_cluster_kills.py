@@ -82,7 +82,7 @@ def campaign() -> Campaign:
 
 @pytest.fixture(scope="module")
 def in_one_process(campaign: Campaign) -> dict[str, Any]:
-    here = Part.joined([scored(task) for task in tasks_of(campaign).values()])
+    here = Part.joined([scored(task) for task in tasks_of(campaign)])
     return {name: getattr(here, name).to_pandas() for name in ("runs", "rows", "scenes")}
 
 

@@ -85,7 +85,7 @@ class _Run:
     def __init__(self, job: Job, envelope: Envelope) -> None:
         setup = job.setup
         self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
-        self.control, self.Ts = setup.control(), setup.Ts
+        self.control, self.Ts = setup.control(job.controller.factors), setup.Ts
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
         self.control.plausible = job.supervision
         self.taken, self.silent = "", False  #: Why the watchdog has taken over; whether the arm has not answered.

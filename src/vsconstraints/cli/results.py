@@ -246,11 +246,13 @@ def _verify_comparison(folder: Path) -> tuple[str, list[str]]:
     """What a comparison holds, and its problems; raises ConfigurationError if it cannot be loaded."""
     from ..comparisons import StoredComparison
     from ..comparisons.record import run_file
+    from ..comparisons.runs.files import check_sums
     from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
     results = Results(StoredComparison.load(folder, trust=True))  # nothing of it is built
-    problems = _changed_files(folder, stored_files(folder))
+    problems, remark = check_sums(folder, stored_files(folder))
+    problems += [remark] if not problems and remark else []
     if results.finished < results.planned:
         problems.append(f"{results.finished} of {results.planned} runs have a line in results.csv")
     for name in results.scenarios:
@@ -266,26 +268,17 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
     """What a campaign holds, and its problems; raises ConfigurationError if it cannot be loaded."""
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
-    from ..comparisons.evidence.folder import MARK, Facts, shard_file, shard_names, stored_files
-    from ..comparisons.evidence.stored import missing_scenes
+    from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
+    from ..comparisons.runs.files import check_sums
 
     evidence = Evidence.load(folder, trust=True)  # nothing of it is built
-    problems = _changed_files(folder, stored_files(folder))
+    problems, remark = check_sums(folder, stored_files(folder))
+    problems += [remark] if not problems and remark else []
     configuration, shard = evidence.manifest["configuration"], Shard(*evidence.manifest.get("shard", (1, 1)))
-    facts = [Facts.of(shard_file(folder, MARK, name)) for name in shard_names(folder)]
+    facts = [each.facts for each in shards(folder)]
     if lost := missing_scenes(configuration, facts, shard.scenes(configuration["scenes"])):
         problems.append(f"scenes {lost} are not there")
     return f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of {len(evidence.families)} families", problems
-
-
-def _changed_files(folder: Path, paths: list[Path]) -> list[str]:
-    """Files that differ from their checksums, trajectories included, which readers can do without."""
-    from ..comparisons.runs.files import compared, problems, recorded
-
-    sums = recorded(folder)
-    if sums is None:
-        return ["it carries no checksums, so changed files cannot be detected"]
-    return problems(compared(folder, paths, sums))
 
 
 def comparison_report(folder: Path, wanted: ReportOptions) -> Path:

@@ -13,13 +13,13 @@ from typing import Any
 from ..compiled import prepare
 from ..errors import described
 from ..plugins.provenance import Files, digests, imported, noted
-from .metrics import Score, score
+from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
-from .runs.machine import loaded_versions, provenance, run_limit, used_versions
-from .runs.pool import Failure, run_all
+from .runs.machine import loaded_versions, process_count, provenance, run_limit, used_versions
+from .runs.pool import Failure, Pool
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
@@ -65,23 +65,15 @@ def compare(
     """Run every scenario with every controller and store results below ``folder``.
 
     Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
-    kept. The unconstrained baseline is always run, since it defines which rows a scenario challenges. A run that fails
-    in any way, even by ending its process or by never ending, becomes a row with its reason. Raises ConfigurationError
-    if the folder cannot be made, is held by another process, or holds something else that would be lost, and
-    StorageError if the tables cannot be written; what could be stored stays.
+    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is always run, since it
+    defines which rows a scenario challenges. A run that fails in any way, even by ending its process or by never
+    ending, becomes a row with its reason.
 
-    Parameters
-    ----------
-    suite, folder
-        What is compared, and the folder; created if it does not exist.
-    workers
-        Maximum number of processes; see :func:`.process_count`. 0 for this one, which also runs what no other can.
-    limit
-        How long a run may take [s]; by its number of samples if None (:func:`.run_limit`).
-    fresh
-        Whether to run again what is stored, and to replace another comparison.
-    command, on_finished
-        What the user typed, for the manifest; called with every finished run.
+    ``workers`` is the maximum number of processes (:func:`.process_count`), 0 for this one, which also runs what no
+    other can; ``limit`` how long a run may take [s], by its number of samples if None (:func:`.run_limit`);
+    ``command`` what the user typed, for the manifest. ``on_finished`` is called with every finished run. Raises
+    ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
+    lost, and StorageError if the tables cannot be written; what could be stored stays.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
@@ -116,8 +108,8 @@ def compare(
             scores[key], stored = answer
             stored_before += stored
             with suppress(OSError):  # a full disk: the tables are written once more at the end
-                for path, columns, lines in _tables(folder, suite, {key: scores[key]}):
-                    append_lines(path, columns, lines, first)
+                for name, lines in _lines(suite, {key: scores[key]}).items():
+                    append_lines(folder / name, TABLES[name], lines, first)
                 if not stored:
                     add_sums(folder, [run_file(folder, *key)])
             on_finished(runs[key], *answer)
@@ -134,9 +126,9 @@ def compare(
         manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(scores), stored_before=stored_before)
         manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]}, loaded=loaded_versions())
         with storing("results", folder):
-            for path, columns, lines in _tables(folder, suite, scores):
-                if scores or not path.exists():
-                    write_table(path, columns, lines)
+            for name, lines in _lines(suite, scores).items():
+                if scores or not (folder / name).exists():
+                    write_table(folder / name, TABLES[name], lines)
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))
         return Finished(folder, scores, stored_before, wall_time, interrupted)
@@ -150,21 +142,18 @@ def _baselines_first(
     done: Callable[[Key, tuple[Score, bool] | Failure], None],
 ) -> None:
     """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
-    baselines = {key: run for key, run in runs.items() if run.controller.name == BASELINE}
-    by_scene = {(run.name, run.trial): run for run in baselines.values()}
-    calls = {key: (run, *storage, by_scene[run.name, run.trial]) for key, run in runs.items()}
+    baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
+    calls = {key: (run, *storage, baselines[run.name, run.trial]) for key, run in runs.items()}
     limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    here = [key for key, run in runs.items() if workers == 0 or run.here]
-    for key in here:
-        if key in baselines:
-            done(key, run_stored(*calls[key]))
-    elsewhere = [key for key in runs if key not in set(here)]
-    first, others = ({key: calls[key] for key in elsewhere if (key in baselines) is among} for among in (True, False))
-    if elsewhere:
-        run_all(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
-    for key in here:
-        if key not in baselines:
-            done(key, run_stored(*calls[key]))
+    here = {key for key, run in runs.items() if workers == 0 or run.here}
+    with Pool(run_stored, process_count(workers)) as pool:
+        for of_baseline in (True, False):
+            batch = [key for key in runs if (key[1] == BASELINE) == of_baseline]
+            for key in batch:
+                if key in here:
+                    done(key, run_stored(*calls[key]))
+            for key, answer in pool.run({key: calls[key] for key in batch if key not in here}, limits):
+                done(key, answer)
 
 
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
@@ -210,12 +199,8 @@ def _simulated(spec: RunSpec) -> RunRecord:
     return replace(record, files={**read, **files, **(imported() if spec.has_own_parts else {})})
 
 
-def _tables(
-    folder: Path, suite: Suite, scores: Mapping[Key, Score]
-) -> list[tuple[Path, Sequence[str], list[dict[str, Any]]]]:
-    """Files, columns and lines of the :data:`TABLES`."""
-    names = ("suite", "scenario", "controller", "trial")
-    runs = [(dict(zip(names, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
+def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:
+    """Lines of the :data:`TABLES`."""
+    runs = [(dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
     results = [{**own, **score.result} for own, score in runs]
-    rows = [{**own, **row} for own, score in runs for row in score.constraints]
-    return [(folder / name, TABLES[name], lines) for name, lines in zip(TABLES, (results, rows), strict=True)]
+    return dict(zip(TABLES, (results, [{**own, **row} for own, each in runs for row in each.constraints]), strict=True))

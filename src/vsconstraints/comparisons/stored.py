@@ -19,7 +19,7 @@ from .experiment import demand_stored_names
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
-from .runs.folder import MANIFEST, Keep, Kinds, demand_inside, kept_lines, manifest_of, read_manifest
+from .runs.folder import MANIFEST, Keep, demand_inside, kept_lines, manifest_of, read_manifest
 from .runs.machine import most_samples
 from .runs.spec import RunSpec
 from .suite import Suite
@@ -31,8 +31,6 @@ Number, Texts = float | None, Sequence[str]
 
 ARM_LOG = Path("arm", "log.npz")  #: What a run on an arm leaves in its folder beside what all runs do.
 ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: How the reason of a run on an arm begins.
-
-KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -47,7 +45,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     Runs that are repeated because code, machine or a file has changed are not lost.
     """
     earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
-    planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
+    planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
         if (scenario, controller, trial) not in planned:
@@ -78,18 +76,17 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
 
 
 def _settings(configuration: object) -> dict[tuple[str, str], Any]:
-    """What results depend on: the seed, and scenarios and controllers by their names."""
-    if not isinstance(configuration, dict):
-        return {}
-    settings = {("controller", name): entry for name, entry in _dict(configuration.get("controllers")).items()}
-    for name, entry in _dict(configuration.get("scenarios")).items():
-        tables = _dict(_dict(entry).get("tables"))
-        settings["scenario", name] = {key: tables[key] for key in tables if key not in ("title", "description")}
-    return {**settings, ("seed", ""): configuration.get("seed")}
+    """What results depend on: the seed, and scenarios and controllers by their names, of whatever a manifest holds."""
 
+    def table(data: object, key: str) -> dict[str, Any]:
+        inner = data.get(key) if isinstance(data, dict) else None
+        return inner if isinstance(inner, dict) else {}
 
-def _dict(data: object) -> dict[str, Any]:
-    return data if isinstance(data, dict) else {}
+    settings = {("controller", name): entry for name, entry in table(configuration, "controllers").items()}
+    for name, entry in table(configuration, "scenarios").items():
+        own = table(entry, "tables")
+        settings["scenario", name] = {key: own[key] for key in own if key not in ("title", "description")}
+    return {**settings, ("seed", ""): configuration.get("seed")} if isinstance(configuration, dict) else {}
 
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
@@ -111,10 +108,8 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
-    files = {
-        run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
-        for line in (*kept_lines(lines, keep, KINDS), *driven)
-    }
+    kept = kept_lines(lines, keep, ("scenario", "controller"), ("scenario", "trial"))
+    files = {run_file(folder, line["scenario"], line["controller"], int(line["trial"])) for line in (*kept, *driven)}
     stored = set((folder / TRAJECTORIES).glob("*.npz"))
     try:
         for path in stored - files:
@@ -180,13 +175,10 @@ def _demand_planned(lines: Iterable[Mapping[str, Any]], configuration: Mapping[s
     """Raise ConfigurationError if a line is there twice, or of a run that is not in the manifest."""
     seen = set()
     for line in lines:
-        scenario, controller, trial = run = line["scenario"], line["controller"], line["trial"]
-        key = *run, line.get("constraint")
-        planned = (
-            scenario in configuration["scenarios"]
-            and controller in configuration["controllers"]
-            and trial < configuration.get("trials", 1)
-        )
+        scenario, controller, trial = line["scenario"], line["controller"], line["trial"]
+        key = scenario, controller, trial, line.get("constraint")
+        known = scenario in configuration["scenarios"] and controller in configuration["controllers"]
+        planned = known and trial < configuration.get("trials", 1)
         if key in seen or not planned:
             named = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
             why = " twice" if planned else f", which {MANIFEST} beside it does not have"

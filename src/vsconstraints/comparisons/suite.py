@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Sequence
 from contextlib import chdir
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -23,6 +23,7 @@ __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
+NO_CHANGES: Table = {}
 MAX_VARIANTS = 10_000  # that one entry of a suite may stand for
 MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
 
@@ -58,14 +59,17 @@ class Suite(Experiment):
             raise ConfigurationError(
                 f"{source} is a folder of results, not a suite: vsconstraints report {source} makes its report again"
             )
-        file: _File = from_table(_File, read_toml(source), source.name)
-        scenarios = tuple(
-            scenario
-            for i, entry in enumerate(file.scenarios)
-            for scenario in _scenarios_of(entry, f"{source.name}.scenarios[{i}]", source.parent)
-        )
-        entries = entries_of(file.controllers, f"{source.name}.controllers", source.parent)
-        return cls(source.stem, file.title or source.stem, scenarios, entries, file.trials, file.seed).checked()
+
+        def suite(
+            scenarios: Sequence[Any], controllers: Table, title: str = "", trials: int = 1, seed: int = 0
+        ) -> Suite:
+            where, folder = source.name, source.parent
+            named = (_scenarios_of(entry, f"{where}.scenarios[{i}]", folder) for i, entry in enumerate(scenarios))
+            made = tuple(scenario for entry in named for scenario in entry)
+            laws = entries_of(controllers, f"{where}.controllers", folder)
+            return cls(source.stem, title or source.stem, made, laws, trials, seed)
+
+        return from_table(suite, read_toml(source), source.name).checked()
 
     def select(
         self,
@@ -167,28 +171,6 @@ class Suite(Experiment):
         }
 
 
-@dataclass(frozen=True)
-class _File:
-    """Keys of a suite's file."""
-
-    scenarios: Sequence[Any]
-    controllers: Table
-    title: str = ""
-    trials: int = 1
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class _Variants:
-    """Keys of an entry that stands for variants of a scenario."""
-
-    scenario: str
-    name: str
-    title: str = ""
-    set: Table = field(default_factory=dict)
-    each: Table = field(default_factory=dict)
-
-
 def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
     """The scenarios of an entry of a suite; raises ConfigurationError that names ``where`` (see :meth:`Suite.load`)."""
     if isinstance(value, str):
@@ -197,19 +179,29 @@ def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
         raise ConfigurationError(
             f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
         )
-    variants: _Variants = from_table(_Variants, value, where)
-    base = Scenario.load(variants.scenario, folder)
-    for key, candidates in variants.each.items():
+    return from_table(_variants, value, where, {"where": where, "folder": folder})
+
+
+def _variants(
+    where: str,
+    folder: Path,
+    scenario: str,
+    name: str,
+    title: str = "",
+    set: Table = NO_CHANGES,
+    each: Table = NO_CHANGES,
+) -> list[Scenario]:
+    base = Scenario.load(scenario, folder)
+    for key, candidates in each.items():
         if not isinstance(candidates, list) or not candidates:
             raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
-    if (count := prod(map(len, variants.each.values()))) > MAX_VARIANTS:
+    if (count := prod(map(len, each.values()))) > MAX_VARIANTS:
         raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}")
     scenarios = []
-    for values in product(*variants.each.values()):
+    for values in product(*each.values()):
         texts = [str(value) for value in values]
-        variant = replace(base, name="-".join([variants.name, *texts]))
-        title = ", ".join([variants.title or variants.name, *texts])
-        changes = {"title": title, **variants.set, **dict(zip(variants.each, values, strict=True))}
+        variant = replace(base, name="-".join([name, *texts]))
+        changes = {"title": ", ".join([title or name, *texts]), **set, **dict(zip(each, values, strict=True))}
         for key, changed in changes.items():
             variant = variant.with_override(key, changed, folder)
         scenarios.append(variant)

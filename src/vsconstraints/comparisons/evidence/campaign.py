@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...compiled import available
 from ...errors import ConfigurationError, shown, unknown_name
 from ...plugins.provenance import digest
 from ...scenarios import Scenario
@@ -16,7 +15,7 @@ from ...scenarios.reading import Table, demand_known, demand_table, from_table
 from ...scenarios.toml import read_toml
 from ..experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
 from ..runs.files import plain
-from ..runs.machine import VERSION, code_hash, package_versions, used_versions
+from ..runs.machine import code_identity, used_versions
 
 #: Nested tables of plain values, as JSON has them; the same wherever the same campaign is run.
 Identity = dict[str, Any]
@@ -28,16 +27,6 @@ IN_WORDS = {"code": "the package's source", "version": "the package's version", 
 
 #: Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a link to the first.
 SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
-
-
-def of_code() -> Identity:
-    """Source, versions of Python and of the packages that all results can depend on, and whether runs are compiled."""
-    return {
-        "version": VERSION,
-        "code": code_hash()[:16],
-        "compiled": available(),
-        "packages": package_versions(),
-    }
 
 
 def of_controllers(entries: Entries) -> Identity:
@@ -191,7 +180,7 @@ class Campaign(Experiment):
     def identity(self, family: Family) -> Identity:
         """All that the results of one family's scenes depend on."""
         return {
-            **of_code(),
+            **code_identity(),
             "seed": self.seed,
             "half": self.half,
             "conditions": list(self.conditions_of(family)),
@@ -206,24 +195,22 @@ class Campaign(Experiment):
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
+        names = ("title", "question", "scenes", "half", "seed")
+        families = {
+            family.name: {
+                "folder": _portable(family.folder),
+                "conditions": list(self.conditions_of(family)),
+                "tables": plain(family.tables),
+            }
+            for family in self.families
+        }
         return {
             "campaign": self.name,
-            "title": self.title,
-            "question": self.question,
-            "scenes": self.scenes,
-            "half": self.half,
-            "seed": self.seed,
+            **{name: getattr(self, name) for name in names},
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
             "controllers": self.resolved_controllers(),
-            "families": {
-                family.name: {
-                    "folder": _portable(family.folder),
-                    "conditions": list(self.conditions_of(family)),
-                    "tables": plain(family.tables),
-                }
-                for family in self.families
-            },
+            "families": families,
         }
 
 

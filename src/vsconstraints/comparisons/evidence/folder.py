@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from ...scenarios.families import Drawn
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
-from ..runs.folder import MANIFEST, Keep, Kinds, kept_lines
+from ..runs.folder import MANIFEST, Keep, kept_lines
 from ..runs.pool import Failure, OpenWorkers
 from ..runs.signals import deadline
 from . import parquet
@@ -23,7 +23,7 @@ from .parquet import RUNS, TABLES
 from .work import Batch, Bench, set_up, task_of
 
 MARK = "runs"  # the table that is written last: a shard is there when this part of it is
-KINDS = Kinds(("family", "condition", "controller"), "scene", "family")
+MAX_NAMED = 5  # ranges of scenes that a message names
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,21 @@ class Facts:
         return facts
 
 
-def shard_names(folder: Path) -> list[str]:
-    """Names of the shards in a folder, by family and scene."""
-    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+class StoredShard(NamedTuple):
+    """A shard of a folder, with its footer."""
+
+    folder: Path
+    name: str
+    facts: Facts
+
+    @property
+    def path(self) -> Path:
+        """Of the part that is written last."""
+        return shard_file(self.folder, MARK, self.name)
+
+    def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
+        """The lines of one of its tables, of the named columns or all."""
+        return parquet.read([shard_file(self.folder, name, self.name)], TABLES[name], columns)
 
 
 def shard_file(folder: Path, table: str, name: str) -> Path:
@@ -58,10 +70,20 @@ def shard_file(folder: Path, table: str, name: str) -> Path:
     return folder / table / f"{name}.parquet"
 
 
+def shard_names(folder: Path) -> list[str]:
+    """Names of the shards in a folder, by family and scene."""
+    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+
+
+def shards(folder: Path) -> list[StoredShard]:
+    """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be read."""
+    return [StoredShard(folder, name, Facts.of(shard_file(folder, MARK, name))) for name in shard_names(folder)]
+
+
 def stored_files(folder: Path) -> list[Path]:
     """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
-    shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
-    return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
+    parts = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
+    return [folder / MANIFEST, *parts, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
@@ -72,36 +94,20 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
     add_sums(folder, (shard_file(folder, table, name) for table in TABLES))
 
 
-@dataclass
-class There:
-    """What a folder holds: numbers of the scenes by family, how many runs, and their process time [s]."""
-
-    scenes: dict[str, set[int]] = field(default_factory=dict)
-    runs: int = 0
-    seconds: float = 0.0
-
-
-def what_is_there(folder: Path, campaign: Campaign) -> There:
-    """What is done of a campaign; what was left unfinished is removed.
+def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
+    """What is done of a campaign, by shard; what was left unfinished, or was changed, is removed.
 
     Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were made otherwise.
     """
     _remove_unfinished(folder)
     identities = campaign.identities()
-    there = There()
+    there = [shard.facts for shard in shards(folder)]
     problems: list[str] = []
-    for name in shard_names(folder):
-        facts = Facts.of(shard_file(folder, MARK, name))
-        if facts.family not in identities:
-            problems = [f"family {facts.family} is only there"]
-        elif facts.identity != identities[facts.family]:
-            problems = list(differences(facts.identity, identities[facts.family]))
-        if problems:
-            break
-        there.scenes.setdefault(facts.family, set()).update(facts.scenes)
-        there.runs += facts.runs
-        there.seconds += facts.seconds
-    last = max((max(numbers) for numbers in there.scenes.values()), default=-1)
+    for facts in there:
+        family = facts.family
+        only = [] if family in identities else [f"family {family} is only there"]
+        problems = problems or only or list(differences(facts.identity, identities[family]))
+    last = max((max(facts.scenes) for facts in there), default=-1)
     if not problems and last >= campaign.scenes:
         problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
     if problems:
@@ -113,7 +119,6 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Remove shards without a mark, or that are not as they were stored, and files that were not written whole."""
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
@@ -135,6 +140,19 @@ def clear(folder: Path) -> None:
     (folder / SUMS).unlink(missing_ok=True)
 
 
+def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wanted: range) -> str:
+    """Families with those of the wanted scenes that no shard has, in words; empty if none is missing."""
+    missing = {name: set(wanted) for name in configuration["families"]}
+    for facts in there:
+        missing[facts.family].difference_update(facts.scenes)
+    lost = []
+    for name, numbers in missing.items():
+        firsts = sorted(number for number in numbers if number - 1 not in numbers)
+        lasts = sorted(number for number in numbers if number + 1 not in numbers)
+        lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
+    return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
+
+
 class RunKey(NamedTuple):
     """What identifies a run."""
 
@@ -150,17 +168,14 @@ def trajectory_file(folder: Path, key: RunKey) -> Path:
 
 
 def chosen(folder: Path, keep: Keep) -> list[RunKey]:
-    """The runs whose trajectories are kept, of those in a folder: the same in whatever order they were made.
-
-    A run that left no sample has no trajectory.
-    """
+    """The runs whose trajectories are kept, of those in a folder that left a sample: whatever order they came in."""
     if keep == "none":
         return []
     files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
     names = (*RunKey._fields, "status", "violation_depth", "duration_s")
     lines = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
-    lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True)
-    kept = kept_lines(lines.to_dict("records"), keep, KINDS)
+    lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True).to_dict("records")
+    kept = kept_lines(lines, keep, ("family", "condition", "controller"), ("family", "scene"))
     return [RunKey(*(line[name] for name in RunKey._fields)) for line in kept]
 
 
@@ -181,15 +196,13 @@ def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float
             missing.setdefault((key.family, key.scene), []).append(key)
     families = {family.name: family for family in campaign.families}
     calls = {at: (task_of(campaign, families[at[0]], [at[1]], limit), keys) for at, keys in missing.items()}
-    kept = len(wanted) - sum(map(len, missing.values()))
     if calls:
         with workers(rerun) as open_workers:
             for _, answer in open_workers.run(calls):
                 # what cannot be repeated is left out: its scores are there
                 for key, record in {} if isinstance(answer, Failure) else answer.items():
                     record.save(trajectory_file(folder, key))
-                    kept += 1
-    return kept
+    return sum(path.exists() for path in wanted)
 
 
 def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:

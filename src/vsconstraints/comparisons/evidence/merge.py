@@ -6,17 +6,16 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...errors import ConfigurationError
 from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import VERSION
-from . import parquet
 from .campaign import differences, in_words
-from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_files, trajectory_file, write_parts
+from .folder import MARK, StoredShard, chosen, clear, missing_scenes, shards, stored_files, trajectory_file, write_parts
 from .parquet import TABLES, TIMING
-from .stored import Evidence, missing_scenes
+from .stored import Evidence
 
 # Entries of a manifest that may differ from folder to folder, and of an identity that different families share.
 OWN = (
@@ -24,6 +23,8 @@ OWN = (
     *("finished", "stored_before", "trajectories", "machine"),
 )
 COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
+
+Manifests = Mapping[Path, Mapping[str, Any]]  # by folder
 
 
 @dataclass(frozen=True)
@@ -34,19 +35,6 @@ class Merged:
     runs: int
     trajectories: int
     remarks: tuple[str, ...] = ()
-
-
-class _Source(NamedTuple):
-    """A shard of one of the folders."""
-
-    folder: Path
-    name: str
-    facts: Facts
-
-    def table(self, name: str, scenes: Sequence[int]) -> Any:
-        """The lines of these scenes."""
-        table, wanted = parquet.read([shard_file(self.folder, name, self.name)], TABLES[name]), set(scenes)
-        return table.filter([number in wanted for number in table["scene"].to_pylist()])
 
 
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
@@ -62,12 +50,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     manifests = {folder: evidence.manifest for folder, evidence in read.items()}
     for folder, manifest in manifests.items():
         demand_unchanged(folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True)
-    sources = [
-        _Source(folder, name, Facts.of(shard_file(folder, MARK, name)))
-        for folder in manifests
-        for name in shard_names(folder)
-    ]
     # in the order of scenes, so that what is written does not depend on that of the folders
+    sources = [shard for folder in read for shard in shards(folder)]
     sources.sort(key=lambda source: (source.facts.family, source.facts.scenes))
     _demand_alike(sources, manifests)
     _demand_all(sources, manifests)
@@ -81,7 +65,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         with storing("evidence", out):
             counts = dict.fromkeys(TABLES, 0)
             for source, scenes in once:
-                tables = {name: source.table(name, scenes) for name in TABLES}
+                tables = {name: _lines(source, name, scenes) for name in TABLES}
                 counts = {name: counts[name] + table.num_rows for name, table in tables.items()}
                 name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
                 facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
@@ -94,38 +78,43 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     return merged
 
 
-def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
-    """Raise ConfigurationError if code, settings or packages differ; machines may."""
-    first: dict[str, _Source] = {}
+def _lines(source: StoredShard, name: str, scenes: Sequence[int]) -> Any:
+    table, wanted = source.table(name), set(scenes)
+    return table.filter([number in wanted for number in table["scene"].to_pylist()])
+
+
+def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
+    """Raise ConfigurationError if code, settings or packages differ; machines, and folders of families, may."""
+
+    def common(source: StoredShard) -> dict[str, Any]:
+        return {name: source.facts.identity.get(name) for name in COMMON}
+
+    def settings(folder: Path) -> dict[str, Any]:
+        configuration = manifests[folder]["configuration"]
+        families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
+        return {**configuration, "families": families}
+
+    def demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, here: Path) -> None:
+        if one != other:
+            texts = [f"{text} ({there} and {here})" for text in differences(one, other)]
+            raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
+
+    first: dict[str, StoredShard] = {}
     for source in sources:
         other = first.setdefault(source.facts.family, source)
-        _demand_same(other.facts.identity, source.facts.identity, other.folder, source.folder)
+        demand_same(other.facts.identity, source.facts.identity, other.folder, source.folder)
     for source in first.values():
-        one, two = ({name: each.facts.identity.get(name) for name in COMMON} for each in (sources[0], source))
-        _demand_same(one, two, sources[0].folder, source.folder)
-    (start, manifest), *others = manifests.items()
-    for folder, other_manifest in others:
-        _demand_same(_settings(manifest), _settings(other_manifest), start, folder)
+        demand_same(common(sources[0]), common(source), sources[0].folder, source.folder)
+    start, *others = manifests
+    for folder in others:
+        demand_same(settings(start), settings(folder), start, folder)
 
 
-def _settings(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration without the folders of families, which differ from machine to machine."""
-    configuration = manifest["configuration"]
-    families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
-    return {**configuration, "families": families}
-
-
-def _demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, here: Path) -> None:
-    if one != other:
-        texts = [f"{text} ({there} and {here})" for text in differences(one, other)]
-        raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
-
-
-def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
+def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
     """Raise ConfigurationError that names shards and scenes that are missing."""
     configuration = next(iter(manifests.values()))["configuration"]
-    shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
-    missing = [f"shard {i}/{n}" for n in {n for _, n in shards} for i in range(1, n + 1) if (i, n) not in shards]
+    there = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
+    missing = [f"shard {i}/{n}" for n in {n for _, n in there} for i in range(1, n + 1) if (i, n) not in there]
     lost = missing_scenes(configuration, [source.facts for source in sources], range(configuration["scenes"]))
     if lost:
         which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing" if missing else ""
@@ -133,41 +122,38 @@ def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str
         raise ConfigurationError(f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}")
 
 
-def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:
+def _each_once(sources: Sequence[StoredShard]) -> list[tuple[StoredShard, list[int]]]:
     """Shards with those of their scenes that no shard before has; raises ConfigurationError where results differ."""
-    owner: dict[tuple[str, int], _Source] = {}
+    owners: dict[tuple[str, int], StoredShard] = {}
     once = []
     for source in sources:
-        family, own, shared = source.facts.family, [], dict[str, tuple[_Source, list[int]]]()
+        scenes: dict[str, list[int]] = {}  # of this shard, by the path of the shard that had them first
         for number in source.facts.scenes:
-            other = owner.setdefault((family, number), source)
-            if other is source:
-                own.append(number)
-            else:
-                shared.setdefault(f"{other.folder} {other.name}", (other, []))[1].append(number)
-        for other, scenes in shared.values():
-            _demand_same_results(other, source, scenes)
-        if own:
+            owner = owners.setdefault((source.facts.family, number), source)
+            scenes.setdefault(str(owner.path), []).append(number)
+        if own := scenes.pop(str(source.path), []):
             once.append((source, own))
+        for shared in scenes.values():
+            _demand_same_results(owners[source.facts.family, shared[0]], source, shared)
     return once
 
 
-def _demand_same_results(one: _Source, other: _Source, scenes: list[int]) -> None:
-    def alike(name: str, scenes: list[int]) -> bool:
+def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]) -> None:
+    def differ(name: str, scenes: list[int]) -> bool:
         columns = [column.name for column in TABLES[name] if column.name not in TIMING]
-        first, second = (source.table(name, scenes).select(columns) for source in (one, other))
-        return bool(first.equals(second))
+        first, second = (_lines(source, name, scenes).select(columns) for source in (one, other))
+        return not first.equals(second)
 
     for name in TABLES:
-        if not alike(name, scenes):
-            at = next(number for number in scenes if not alike(name, [number]))
+        if differ(name, scenes):
+            at = next(number for number in scenes if differ(name, [number]))
             raise ConfigurationError(
                 f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}: "
                 "one of them was changed, or the law is not the same from run to run"
             )
 
 
-def _copy_trajectories(folders: Mapping[Path, Mapping[str, Any]], out: Path) -> int:
+def _copy_trajectories(folders: Manifests, out: Path) -> int:
     """Of the trajectories that the folders hold, those that are kept of the whole; how many."""
     count = 0
     for keep in sorted({manifest.get("keep", "none") for manifest in folders.values()} - {"none"}):

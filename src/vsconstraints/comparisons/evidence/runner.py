@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -129,7 +129,8 @@ def collect(
         if plan.fresh:
             clear(folder)
         there = what_is_there(folder, campaign)
-        tasks = list(tasks_of(campaign, plan.shard, plan.limit, there.scenes).values())
+        scenes_there = {(facts.family, scene) for facts in there for scene in facts.scenes}
+        tasks = tasks_of(campaign, plan.shard, plan.limit, scenes_there)
         for family in {task.family.name: task.family for task in tasks}.values():
             family.demand_scenes(campaign.half, campaign.seed)
         prepare()
@@ -145,7 +146,7 @@ def collect(
         with storing("evidence", folder):
             seal(folder, stored_files(folder)[1:])
             write_json(folder / MANIFEST, manifest)
-        stored = sum(map(len, there.scenes.values()))
+        stored = len(scenes_there)
         progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
         on_progress(progress)
         identities, here = campaign.identities(), machine()
@@ -157,7 +158,7 @@ def collect(
                         task, name = tasks[i], tasks[i].family.name
                         facts = Facts(name, task.scenes, identities[name], here, part.runs.num_rows, part.seconds)
                         with storing("evidence", folder):
-                            write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
+                            write_parts(folder, task.name, dict(zip(TABLES, part, strict=False)), facts)
                         progress.add(task, part)
                         on_progress(progress)
             with storing("evidence", folder):
@@ -168,8 +169,8 @@ def collect(
         if progress.runs:
             manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
         manifest.update(
-            process_time_s=there.seconds + progress.seconds,
-            runs=there.runs + progress.runs,
+            process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
+            runs=sum(facts.runs for facts in there) + progress.runs,
             scenes=progress.scenes,
             finished=progress.done,
             stored_before=stored,
@@ -182,36 +183,22 @@ def collect(
         return finished
 
 
-def results(
-    tasks: Sequence[Batch],
-    workers: Workers,
-    splits: Sequence[Callable[[Batch], list[Batch]]] = (Batch.each, Batch.singles),
-) -> Iterator[tuple[int, Part]]:
+def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
     """The result of every task, with its number, as soon as it is there.
 
-    Tasks that no worker survives are made again by pieces when all others are done: scene by scene and, of scenes that
-    no worker survives, run by run; such a run fails with the reason. Pieces of all tasks stand in one queue, so that no
-    process waits for the last piece of a task.
+    Tasks that no worker survives are made again run by run when all others are done: what no worker survives then fails
+    with the reason. Pieces of all tasks stand in one queue, so that no process waits for the last piece of a task.
     """
-    last, broken = not splits, []
-    # only last pieces are repeated, with nothing beside them: before, pieces find the cause sooner
-    limits = {i: task.limit for i, task in enumerate(tasks) if last and task.limit is not None}
-    patient = {i: replace(tasks[i], limit=limit + GRACE) for i, limit in limits.items()}
-    calls = {i: (patient.get(i, task),) for i, task in enumerate(tasks)}
-    for i, answer in workers.run(calls, limits, again=last):
-        if not isinstance(answer, Failure):
-            yield i, answer
-        elif last:
-            yield i, failed(tasks[i], answer.reason)
+    pieces: dict[tuple[int, int], Batch] = {}
+    for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):
+        if isinstance(answer, Failure):
+            pieces |= {(i, j): piece for j, piece in enumerate(tasks[i].pieces())}
         else:
-            broken.append(i)
-    if broken:
-        owners, pieces = zip(*((i, piece) for i in sorted(broken) for piece in splits[0](tasks[i])), strict=True)
-        parts: dict[int, dict[int, Part]] = {i: {} for i in broken}
-        left = Counter(owners)
-        for j, part in results(pieces, workers, splits[1:]):
-            i = owners[j]
-            parts[i][j] = part
-            left[i] -= 1
-            if not left[i]:
-                yield i, Part.joined([part for _, part in sorted(parts.pop(i).items())])
+            yield i, answer
+    limits = {key: piece.limit for key, piece in pieces.items() if piece.limit is not None}
+    patient = {key: replace(pieces[key], limit=limit + GRACE) for key, limit in limits.items()}
+    count, parts = Counter(i for i, _ in pieces), defaultdict[int, dict[int, Part]](dict)
+    for (i, j), answer in workers.run({key: (patient.get(key, piece),) for key, piece in pieces.items()}, limits):
+        parts[i][j] = failed(pieces[i, j], answer.reason) if isinstance(answer, Failure) else answer
+        if len(parts[i]) == count[i]:
+            yield i, Part.joined([part for _, part in sorted(parts.pop(i).items())])

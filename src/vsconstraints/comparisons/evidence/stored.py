@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -22,11 +22,10 @@ from ..runs.machine import most_samples
 from ..stored import Number, Texts, entries, read_folder
 from . import parquet
 from .campaign import MAX_SCENES
-from .folder import MARK, Facts, RunKey, shard_file, shard_names, stored_files, trajectory_file
+from .folder import MARK, Facts, RunKey, StoredShard, shard_file, shard_names, shards, stored_files, trajectory_file
 from .parquet import KEYS, TABLES
 
 MAX_ROWS = 1000  # rows that a run may have in a shard
-MAX_NAMED = 5  # ranges of scenes that a message names
 
 
 @dataclass(frozen=True)
@@ -152,19 +151,6 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
         checked(demand_table(entry, at).get("type", name), str, at, "type")
 
 
-def missing_scenes(configuration: Mapping[str, Any], shards: Iterable[Facts], wanted: range) -> str:
-    """Families with those of the wanted scenes that no shard has, in words; empty if none is missing."""
-    missing = {name: set(wanted) for name in configuration["families"]}
-    for facts in shards:
-        missing[facts.family].difference_update(facts.scenes)
-    lost = []
-    for name, numbers in missing.items():
-        firsts = sorted(number for number in numbers if number - 1 not in numbers)
-        lasts = sorted(number for number in numbers if number + 1 not in numbers)
-        lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
-    return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
-
-
 def _demand_planned(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Raise ConfigurationError unless all lines of all shards are what the manifest asks for.
 
@@ -172,17 +158,16 @@ def _demand_planned(folder: Path, manifest: Mapping[str, Any]) -> None:
     its scenes: some are missing, there twice, or of other laws.
     """
     owner: dict[tuple[str, int], str] = {}
-    for name in shard_names(folder):
-        facts, *others = (Facts.of(shard_file(folder, table, name)) for table in (MARK, *TABLES))
-        path = shard_file(folder, MARK, name)
-        if any(other != facts for other in others):
+    for shard in shards(folder):
+        facts, path = shard.facts, shard.path
+        if any(Facts.of(shard_file(folder, table, shard.name)) != facts for table in TABLES):
             raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
-        problem = _foreign(facts, manifest) or next(_wrong_lines(folder, name, facts, manifest["configuration"]), "")
+        problem = _foreign(facts, manifest) or next(_wrong_lines(shard, manifest["configuration"]), "")
         if problem:
             raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
         for scene in facts.scenes:
-            other = owner.setdefault((facts.family, scene), name)
-            if other != name:
+            other = owner.setdefault((facts.family, scene), shard.name)
+            if other != shard.name:
                 raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
 
 
@@ -212,28 +197,25 @@ def _inside(table: Any) -> Mapping[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def _wrong_lines(folder: Path, name: str, facts: Facts, configuration: Mapping[str, Any]) -> Iterator[str]:
+def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterator[str]:
     """Problems of the lines of a shard whose footer is valid."""
 
     def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
-        read = parquet.read([shard_file(folder, table, name)], TABLES[table], names)
+        read = shard.table(table, names)
         return list(zip(*(read[name].to_pylist() for name in names), strict=True))
 
-    counts = {table: parquet.line_count(shard_file(folder, table, name)) for table in TABLES}
-    most, half = configuration.get("scenes_in", {}), configuration["half"]
+    facts, half, most = shard.facts, configuration["half"], configuration.get("scenes_in", {})
+    counts = {table: parquet.line_count(shard_file(shard.folder, table, shard.name)) for table in TABLES}
+    conditions = configuration["families"][facts.family]["conditions"]
     planned = {
         (facts.family, condition, half, scene, law)
-        for scene, condition, law in product(
-            facts.scenes, configuration["families"][facts.family]["conditions"], configuration["controllers"]
-        )
+        for scene, condition, law in product(facts.scenes, conditions, configuration["controllers"])
         if scene < most.get(condition, configuration["scenes"])
     }
     if counts["scenes"] != len(facts.scenes):
         yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-        return
     if counts[MARK] != facts.runs or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
         yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {len(planned)} runs"
-        return
     scenes = lines("scenes", "family", "half", "scene", "found")
     if Counter(line[:3] for line in scenes) != Counter((facts.family, half, scene) for scene in facts.scenes):
         yield "its scenes are not those of its footer"

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
-from itertools import groupby, zip_longest
+from itertools import groupby, product, zip_longest
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
 from ...scenarios.families import Drawn, Family
-from ...scenarios.reading import NOTHING
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
 from ..metrics import Score, score
@@ -80,18 +79,16 @@ class Batch:
         """Of its shard: family, first and last scene."""
         return f"part-{self.family.name}-{self.scenes[0]:07d}-{self.scenes[-1]:07d}"
 
-    def each(self) -> list[Batch]:
-        """One task for each scene."""
-        return [replace(self, scenes=(number,)) for number in self.scenes]
-
-    def singles(self) -> list[Batch]:
-        """One task for each run, the last one for the lines of the scenes without any."""
-        runs = [
-            replace(self, conditions=(condition,), single=entry.name)
-            for condition in self.conditions
-            for entry in self.controllers
+    def pieces(self) -> list[Batch]:
+        """One task for each run, and one for the lines of each scene without any."""
+        own = [replace(self, scenes=(number,)) for number in self.scenes]
+        return [
+            *(replace(task, conditions=()) for task in own),
+            *(
+                replace(task, conditions=(condition,), single=entry.name)
+                for task, condition, entry in product(own, self.conditions, self.controllers)
+            ),
         ]
-        return [*runs, replace(self, conditions=())]
 
 
 ALL = Shard()
@@ -105,9 +102,9 @@ def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: fl
 
 
 def tasks_of(
-    campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Mapping[str, set[int]] = NOTHING
-) -> dict[str, Batch]:
-    """A campaign's tasks by their names, but for scenes that are ``there``, whose numbers stand by family.
+    campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Collection[tuple[str, int]] = ()
+) -> list[Batch]:
+    """A campaign's tasks, but for scenes that are ``there``: families and numbers.
 
     Families come in turn, so that one of slow scenes is not left for the end.
     """
@@ -116,17 +113,15 @@ def tasks_of(
     def of_family(family: Family) -> list[Batch]:
         runs = len(campaign.conditions_of(family)) * len(campaign.controllers)
         size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
-        done = there.get(family.name, set())
-        missing = (number for number in scenes if number not in done)
+        missing = (number for number in scenes if (family.name, number) not in there)
         alike = groupby(missing, key=lambda number: (number // size, campaign.conditions_of(family, number)))
         return [task_of(campaign, family, list(batch), limit) for _, batch in alike]
 
     in_turn = zip_longest(*map(of_family, campaign.families))
-    return {task.name: task for tasks in in_turn for task in tasks if task is not None}
+    return [task for tasks in in_turn for task in tasks if task is not None]
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
 
     runs: Any
@@ -137,13 +132,14 @@ class Part:
     @classmethod
     def of(cls, lines: Lines, seconds: float) -> Part:
         """From lines by table."""
-        return cls(**{name: parquet.table(columns, lines[name]) for name, columns in TABLES.items()}, seconds=seconds)
+        runs, rows, scenes = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
+        return cls(runs, rows, scenes, seconds)
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
         """All of them as one, in their order."""
-        tables = {name: parquet.joined([getattr(part, name) for part in parts]) for name in TABLES}
-        return cls(**tables, seconds=sum(part.seconds for part in parts))
+        runs, rows, scenes, seconds = zip(*parts, strict=True)
+        return cls(parquet.joined(runs), parquet.joined(rows), parquet.joined(scenes), sum(seconds))
 
 
 def scored(task: Batch) -> Part:
@@ -181,8 +177,7 @@ def failed(task: Batch, reason: str) -> Part:
     if task.single is None:
         lines["scenes"].append(_scene_line(task, number, reason))
     else:
-        key = number, task.conditions[0], task.single
-        _add(lines, task, key, score(RunRecord.failed(reason, ""), None))
+        _add(lines, task, (number, task.conditions[0], task.single), score(RunRecord.failed(reason, ""), None))
     return Part.of(lines, 0.0)
 
 

@@ -24,9 +24,6 @@ MAX_NAMED = 3  # files that a message names
 SUMS = "checksums.sha256"
 TRAJECTORIES = "trajectories"  #: Folder of the runs' records, below that of the results.
 
-CHANGED, MISSING = "not what was stored (checksums differ)", "missing"
-UNKNOWN = f"not in {SUMS} (put there later, or by a command that was ended)"
-
 Sums = dict[str, str]  #: SHA-256 of files, by their names as seen from the folder.
 
 
@@ -169,41 +166,39 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
                 (folder / name).unlink()
 
 
-def compared(folder: Path, paths: Iterable[Path], sums: Mapping[str, str]) -> dict[str, list[str]]:
-    """Names of files by what is wrong with them: of all that there should be, against what is recorded."""
+def check_sums(
+    folder: Path, paths: Iterable[Path], finished: bool = True, all_there: bool = True
+) -> tuple[list[str], str]:
+    """Sentences on what is wrong with a folder's files, and a remark for the reader; empty where nothing is.
+
+    ``paths`` are the files that results consist of. Before the command that makes them has ``finished``, those that it
+    still writes are not recorded. Trajectories may be missing, which reports name, unless ``all_there``.
+    """
+    if (sums := recorded(folder)) is None:
+        return [], f"{folder} carries no checksums: it cannot be told whether a file in it was changed"
     there = digests(folder, paths)
-    return {
-        CHANGED: [name for name, digest in there.items() if sums.get(name, digest) != digest],
-        MISSING: [name for name in sums if name not in there and not (folder / name).is_file()],
-        UNKNOWN: [name for name in there if name not in sums],
+    missing = [name for name in sums if name not in there and not (folder / name).is_file()]
+    unknown = [name for name in there if name not in sums]
+    wrong = {
+        "not what was stored (checksums differ)": [
+            name for name in there if sums.get(name, there[name]) != there[name]
+        ],
+        "missing": [name for name in missing if all_there or not name.startswith(f"{TRAJECTORIES}/")],
+        f"not in {SUMS} (put there later, or by a command that was ended)": unknown if finished else [],
     }
-
-
-def problems(differences: Mapping[str, Sequence[str]]) -> list[str]:
-    """A sentence for each kind of :func:`compared` files, with the first few."""
-    return [f"{what}: {_named(names)}" for what, names in differences.items() if names]
+    remark = f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
+    return [f"{what}: {_named(names)}" for what, names in wrong.items() if names], remark
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
-    """A remark on a folder's checksums for the reader; empty if every file is as it was stored.
-
-    ``paths`` are the files that results consist of. Before the command that makes them has ``finished``, those that it
-    still writes are not recorded. Trajectories may be missing, which reports name, unless ``all_there``. Raises
-    ConfigurationError if a file was changed, put there later, or is missing.
-    """
-    sums = recorded(folder)
-    if sums is None:
-        return f"{folder} carries no checksums: it cannot be told whether a file in it was changed"
-    different = compared(folder, paths, sums)
-    unknown = different.pop(UNKNOWN)
-    if not all_there:
-        different[MISSING] = [name for name in different[MISSING] if not name.startswith(f"{TRAJECTORIES}/")]
-    if refused := problems({**different, UNKNOWN: unknown if finished else []}):
+    """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there later, or lost."""
+    problems, remark = check_sums(folder, paths, finished, all_there)
+    if problems:
         raise ConfigurationError(
-            f"{folder} is not whole: {'; '.join(refused)}. Put back what was stored, or give the command again that "
+            f"{folder} is not whole: {'; '.join(problems)}. Put back what was stored, or give the command again that "
             "made it"
         )
-    return f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
+    return remark
 
 
 def _named(names: Sequence[str]) -> str:

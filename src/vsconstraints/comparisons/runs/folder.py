@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args
+from typing import Any, Literal, TypeVar, cast, get_args
 
 from ...errors import ConfigurationError, unknown_name
 
@@ -120,14 +120,6 @@ Keep = Literal["none", "failed", "worst", "first", "all"]
 Line = TypeVar("Line", bound=Mapping[str, Any])
 
 
-class Kinds(NamedTuple):
-    """Columns of a table of runs: what makes runs of one kind, what is counted, and within what it is counted."""
-
-    kind: tuple[str, ...]
-    counted: str
-    within: str
-
-
 def demand_keep(keep: str) -> Keep:
     """The way to keep of this name; raises ConfigurationError if there is none."""
     if keep not in get_args(Keep):
@@ -135,21 +127,25 @@ def demand_keep(keep: str) -> Keep:
     return cast("Keep", keep)
 
 
-def kept_lines(lines: Sequence[Line], keep: Keep, kinds: Kinds) -> list[Line]:
-    """Lines of the runs whose trajectories are kept, of those with ``status``, ``violation_depth`` and ``kinds``."""
+def kept_lines(lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tuple[str, str]) -> list[Line]:
+    """Lines of the runs whose trajectories are kept, of those with ``status`` and ``violation_depth``.
+
+    ``kind`` are the columns that runs of one kind have in common; ``first`` are the column within which the lowest
+    number counts as first, and that of the numbers.
+    """
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]
     if keep == "worst":
-        deepest: dict[tuple[Any, ...], Line] = {}
-        for line in lines:
-            kind = tuple(line[name] for name in kinds.kind)
-            if line["violation_depth"] > (deepest[kind]["violation_depth"] if kind in deepest else 0.0):
-                deepest[kind] = line
-        chosen = set(map(id, deepest.values()))
+        worst: dict[tuple[Any, ...], Line] = {}
+        violating = [line for line in lines if line["violation_depth"] > 0.0]  # not where it is NaN
+        for line in sorted(violating, key=lambda line: line["violation_depth"], reverse=True):
+            worst.setdefault(tuple(line[name] for name in kind), line)
+        chosen = set(map(id, worst.values()))
         return [line for line in lines if id(line) in chosen]
     if keep == "first":
-        first: dict[Any, Any] = {}
+        group, number = first
+        lowest: dict[Any, Any] = {}
         for line in lines:
-            first[line[kinds.within]] = min(first.get(line[kinds.within], line[kinds.counted]), line[kinds.counted])
-        return [line for line in lines if line[kinds.counted] == first[line[kinds.within]]]
+            lowest[line[group]] = min(lowest.get(line[group], line[number]), line[number])
+        return [line for line in lines if line[number] == lowest[line[group]]]
     return list(lines) if keep == "all" else []

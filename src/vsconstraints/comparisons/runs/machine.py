@@ -18,6 +18,7 @@ from importlib.metadata import PackageNotFoundError, distributions, requires, ve
 from pathlib import Path
 from typing import Any
 
+from ...compiled import available
 from ...plugins.extras import EXTRAS
 
 VERSION = version("vsconstraints")
@@ -125,6 +126,11 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "not installed"
+
+
+def code_identity() -> dict[str, Any]:
+    """Source, versions of Python and of the packages that all results can depend on, and whether runs are compiled."""
+    return {"version": VERSION, "code": code_hash()[:16], "compiled": available(), "packages": package_versions()}
 
 
 def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:

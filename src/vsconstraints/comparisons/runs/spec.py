@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...compiled import available
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError
 from ...plugins.classes import module_files
 from ...scenarios import Scenario
-from .machine import VERSION, code_hash, package_versions, run_limit, used_versions
+from .machine import code_identity, run_limit, used_versions
 
 
 @dataclass(frozen=True)
@@ -145,10 +144,8 @@ class RunSpec:
             self.controller.options,
             self.trial,
             self.seed,
-            VERSION,
-            code_hash(),
-            {**package_versions(), **used_versions({**self.tables, "law": self.controller.options})},
-            available(),
+            code_identity(),
+            used_versions({**self.tables, "law": self.controller.options}),
         )
         return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
 

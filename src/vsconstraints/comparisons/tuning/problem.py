@@ -13,10 +13,10 @@ from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
 from ..evidence import Campaign
-from ..evidence.campaign import of_code, of_controllers, of_family
+from ..evidence.campaign import of_controllers, of_family
 from ..evidence.work import Bench
 from ..metrics import score
-from ..runs.machine import module_versions, process_count, run_limit
+from ..runs.machine import code_identity, module_versions, process_count, run_limit
 from ..runs.pool import Failure, Pool, run_all
 from ..runs.spec import BASELINE, ControllerSpec
 from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
@@ -118,7 +118,7 @@ class Problem:
         """What evaluations depend on, as data; not how many there are, since more can be asked for."""
         campaign = self.campaign
         return {
-            **of_code(),
+            **code_identity(),
             "tuner": {"name": "TPE", **module_versions(("optuna", "moocore"))},
             "objectives": [objective._asdict() for objective in OBJECTIVES],
             "seed": campaign.seed,
