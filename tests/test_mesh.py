@@ -15,7 +15,8 @@ from vsconstraints.reports.plots import INK
 from vsconstraints.reports.replay import ReplayRun
 from vsconstraints.reports.replay.runs import things_of
 from vsconstraints.reports.replay.space import scene_of
-from vsconstraints.reports.scene3d import Scene3D, Viewpoint, ball, obstacle_meshes, setup_frames, viewpoint_of
+from vsconstraints.reports.scene3d import Scene3D, Viewpoint, ball
+from vsconstraints.reports.setup_scene import obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.occluders import Occluders

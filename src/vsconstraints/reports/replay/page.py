@@ -19,7 +19,7 @@ from ...comparisons.runs.machine import VERSION
 from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane
-from ..scene3d import draw_setup
+from ..setup_scene import draw_setup
 from .runs import Frames, ReplayRun, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
 

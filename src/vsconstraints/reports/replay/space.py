@@ -13,23 +13,15 @@ import pinocchio as pin
 from ...constraints.meshes import Mesh
 from ...rows import Array
 from ..plots.style import paler, rgb
-from ..scene3d import (
-    REACH,
-    Part,
-    Placement,
-    Scene3D,
-    Viewpoint,
+from ..scene3d import REACH, Part, Placement, Scene3D, Viewpoint, ball, joint_poses, tube, visuals
+from ..setup_scene import (
     add_robot,
     add_surroundings,
-    ball,
-    joint_poses,
     obstacle_meshes,
     points_in_view,
     setup_frames,
-    tube,
     view_axes,
     viewpoint_of,
-    visuals,
 )
 from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
 
