@@ -15,8 +15,15 @@ from vsconstraints.cli import app
 from vsconstraints.control import ControlStep
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.preview import FIGURE, Preview, lines
-from vsconstraints.reports.scene3d import IN_VIEW, bars_of
-from vsconstraints.reports.setup_scene import obstacle_meshes, points_in_view, setup_frames, view_corners, viewpoint_of
+from vsconstraints.reports.scene3d import bars_of
+from vsconstraints.reports.setup_scene import (
+    IN_VIEW,
+    obstacle_meshes,
+    points_in_view,
+    setup_frames,
+    view_corners,
+    viewpoint_of,
+)
 from vsconstraints.robots import ready_made
 from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario, shipped_scenarios

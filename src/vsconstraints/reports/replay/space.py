@@ -42,8 +42,6 @@ INSTANTS = 9  # of each run, in which everything is in view
 #: around what is in view, relative to half the side of its cube.
 ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
 
-UNCHANGED = 1e-6  # what moves less from frame to frame is not sent again
-
 
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
     """Viser's page of runs, all of them in one space, and a remark on what is different from what one would expect."""
@@ -112,8 +110,7 @@ def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Fr
         q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
         nodes.place(frames_of(runs, q, float(t)))
         for shown, handle in covers:
-            if k == 0 or shown[k] != shown[k - 1]:
-                handle.visible = bool(shown[k])
+            handle.visible = bool(shown[k])
         serializer.insert_sleep(frames.period)
     html: str = serializer.as_html()
     return html
@@ -126,7 +123,6 @@ class Nodes:
         self.scene = scene
         self.frames: dict[str, Any] = {}
         self.rails: dict[str, Any] = {}
-        self.sent: dict[tuple[str, str], Array] = {}
 
     def add(self, part: Part) -> Any:
         """A part; returns its handle."""
@@ -143,17 +139,12 @@ class Nodes:
         return handle
 
     def place(self, placements: dict[str, Placement]) -> None:
-        """Put frames where they are; nothing is sent of those that have not moved."""
+        """Put frames where they are; viser sends nothing of those that have not moved."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            wanted = [(frame, "position", pose.t), (frame, "wxyz", quaternion(pose.R))]
+            frame.position, frame.wxyz = pose.t, quaternion(pose.R)
             if name in self.rails:
-                wanted.append((self.rails[name], "scale", np.array([1.0, 1.0, stretch])))
-            for handle, attribute, value in wanted:
-                before = self.sent.get((name, attribute))
-                if before is None or np.abs(value - before).max() > UNCHANGED:
-                    self.sent[name, attribute] = value
-                    setattr(handle, attribute, tuple(value.tolist()))
+                self.rails[name].scale = (1.0, 1.0, stretch)
 
 
 def quaternion(R: Array) -> Array:
