@@ -40,7 +40,6 @@ class Part(NamedTuple):
     frame: str = ""
     opacity: float = 1.0
     shaded: bool = True
-    name: str = ""
 
 
 class Placement(NamedTuple):
@@ -75,10 +74,10 @@ class Scene3D:
         for axis, colour in zip(pose.R.T, AXIS_COLOURS, strict=True):
             self.add(tube(np.array([pose.t, pose.t + length * axis]), radius, 6), colour)
 
-    def pyramid(self, base: Array, colour: str, frame: str = "", name: str = "") -> None:
+    def pyramid(self, base: Array, colour: str, frame: str = "") -> None:
         """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
         mesh = Mesh(np.concatenate((np.zeros((1, 3)), base)), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
-        self.add(mesh, colour, frame, opacity=0.55, shaded=False, name=name)
+        self.add(mesh, colour, frame, opacity=0.55, shaded=False)
 
     def target(self, markers: Array, edge: float, marker: float, frame: str = "") -> None:
         """Markers (M, 3), on a plate if they are more than two; radii of the plate's edges and of markers [m]."""
@@ -89,9 +88,9 @@ class Scene3D:
             # in small cells: a triangle in one piece would be drawn over bodies that it carries
             steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
             wedges = [centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre) for a, b in sides]
-            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False, name="plate")
-            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame, name="edges")
-        self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame, name="markers")
+            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False)
+            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame)
+        self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame)
 
     def draw(self, ax: Any, view: Viewpoint, frames: Mapping[str, Placement] | None = None, whole: bool = True) -> None:
         """Draw everything into 3D axes of matplotlib, which show the cube of a viewpoint.
@@ -210,11 +209,9 @@ def bars(robot: Robot, size: float) -> list[Part]:
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
     parts = []
     if not robot.prismatic[0]:
-        parts.append(
-            Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0", name="drum")
-        )
+        parts.append(Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0"))
         if np.linalg.norm(poses[1].t) > 1e-6:
-            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0", name="link"))
+            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0"))
     for i, corners in enumerate(bars_of(robot, zero), start=1):
         radius, slides, rest, frame = radii[i - 1], robot.prismatic[i - 1], poses[i].inverse, f"joint {i}"
         thickness = (RAIL if slides else 0.8) * radius
@@ -223,11 +220,11 @@ def bars(robot: Robot, size: float) -> list[Part]:
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
             pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
         if pieces:
-            parts.append(Part(joined(pieces).moved(rest), LINK, frame, name="link"))
+            parts.append(Part(joined(pieces).moved(rest), LINK, frame))
         half = 1.35 * radius * axes[i - 1]
         drum = tube(poses[i].t + np.array([-half, half]), 1.25 * radius, 14).moved(rest)
         rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
-        parts.append(Part(rail, LINK, f"slide {i}", name="rail") if slides else Part(drum, JOINT, frame, name="drum"))
+        parts.append(Part(rail, LINK, f"slide {i}") if slides else Part(drum, JOINT, frame))
     return parts
 
 
@@ -240,7 +237,7 @@ def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
             for one in link_geometry(robot.source, "visual").geometryObjects:
                 if (mesh := mesh_of(one.geometry)) is not None:
                     pose = Pose(np.array(one.placement.rotation), np.array(one.placement.translation))
-                    parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}", name="link"))
+                    parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}"))
         except ConfigurationError as error:
             parts, remark = [], f"Bars follow the axes of its joints instead of meshes: {error}."
     return (parts, "") if parts else (bars(robot, size), remark)

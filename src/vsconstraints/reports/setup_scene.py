@@ -56,7 +56,7 @@ def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
 def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
     """Obstacles and the target; ``size`` is half of what is shown [m]."""
     for k, mesh in obstacle_meshes(setup, size).items():
-        scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS, name="glass")
+        scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS)
     scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
 
 
@@ -72,9 +72,9 @@ def add_robot(
     carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
     if np.linalg.norm(carried) > 1e-6:
         bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
-        scene.add(bar, JOINT, f"{prefix}tip", name="carrier")
+        scene.add(bar, JOINT, f"{prefix}tip")
     if colour:
-        scene.pyramid(CAMERA_SIZE * scale * image_corners(camera), colour, f"{prefix}camera", name="camera")
+        scene.pyramid(CAMERA_SIZE * scale * image_corners(camera), colour, f"{prefix}camera")
 
 
 def image_corners(camera: Camera) -> Array:

@@ -23,7 +23,7 @@ from ..setup_scene import (
     view_axes,
     viewpoint_of,
 )
-from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
+from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place.
 OBSTACLE, OTHERS = "#8FA3BF", 0.45
@@ -72,9 +72,8 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
             part._replace(mesh=inset(mesh, k * INSET * scale), colour=paler(colour), opacity=OTHERS if k else 1.0)
             for part, mesh in zip(arm, meshes, strict=True)
         ]
-        named = [part._replace(name=f"{part.name} {i}") for i, part in enumerate(own)]
         shared = k > 0 and setup.scene.camera.fixed is not None
-        add_robot(scene, setup, named, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
+        add_robot(scene, setup, own, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
         if shared:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
@@ -93,12 +92,11 @@ def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Fr
     for part in scene.parts:
         nodes.add(part)
     covers = []
-    for highlight in highlights_of(runs, frames):
-        mesh, frame = _cover(highlight, runs, half)
+    for (what, number, run_number), states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(what, number, runs, run_number, half)
         for state, colour in HIGHLIGHTS.items():
-            name = f"{highlight.what} {highlight.number} {state}"
-            part = Part(mesh, colour, frame, 0.85 if highlight.what == "marker" else 0.6, name=name)
-            covers.append((highlight.states == state, nodes.add(part)))
+            handle = nodes.add(Part(mesh, colour, frame, 0.85 if what == "marker" else 0.6))
+            covers.append((states == state, handle))
     for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
         places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
@@ -123,6 +121,7 @@ class Nodes:
         self.scene = scene
         self.frames: dict[str, Any] = {}
         self.rails: dict[str, Any] = {}
+        self.count = 0
 
     def add(self, part: Part) -> Any:
         """A part; returns its handle."""
@@ -132,9 +131,10 @@ class Nodes:
         points = np.round(part.mesh.points * 4096.0) / 4096.0
         look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
         shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
-        name = f"/{part.frame}/{part.name}"
+        self.count += 1
+        name = f"/{part.frame}/{self.count}"
         handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
-        if part.name.startswith("rail"):
+        if "slide" in part.frame:
             self.rails[part.frame] = handle
         return handle
 
@@ -153,9 +153,8 @@ def quaternion(R: Array) -> Array:
     return wxyz
 
 
-def _cover(highlight: Highlight, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
+def _cover(what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float) -> tuple[Mesh, str]:
     """What covers a thing that is highlighted, and the frame it is fixed to."""
-    what, number, run, _ = highlight
     setup, scale = runs[run].setup, half / REACH
     if what == "marker":
         return ball(setup.scene.markers[number - 1], 0.021 * scale, 12), f"{run} target" if run else "target"
