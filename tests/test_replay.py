@@ -53,7 +53,7 @@ from vsconstraints.reports.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.reports.scene3d import Part, bars_of, visuals
+from vsconstraints.reports.scene3d import JOINT, Part, bars_of, visuals
 from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
@@ -299,7 +299,7 @@ def test_a_missing_mesh_makes_bars_and_is_named(tmp_path: Path) -> None:
     parts, remark = write('<mesh filename="gone.dae"/>')
     assert "gone.dae" in remark
     assert "Bars" in remark
-    assert "drum" in {part.name for part in parts}
+    assert JOINT in {part.colour for part in parts}
     (part,), remark = write('<box size="0.2 0.4 0.6"/>')
     assert remark == ""
     assert part.frame == "joint 1"
