@@ -34,7 +34,6 @@ class Walk:
         self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
         self.places = np.linspace(0, len(self.states) - 1, turns).astype(int)
         restart(controller, setup.Ts)
-        setup.task.reset()
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
         self.to_command = self.control.bind(controller)

@@ -2,13 +2,16 @@
 
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room that it imports. An
 import counts wherever it stands, at the top of a file, inside a function or for type checkers only; importing a module
-imports the packages that it lies in. The exit code is 1 if a budget is exceeded or anything is imported in a circle.
+imports the packages that it lies in. The exit code is 1 if a budget is exceeded, anything is imported in a circle, or
+something is defined that nothing refers to.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -157,6 +160,26 @@ def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
     return sorted(found, key=lambda entry: -int(entry.split()[0]))
 
 
+def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
+    """Functions and classes whose names stand nowhere but where they are defined, but for those that decorators keep.
+
+    Names count in the package and its data files, and in documents, examples and commands beside it; tests do not.
+    """
+    texts = [path for path in root.rglob("*") if path.suffix in (".py", ".md", ".html", ".toml")]
+    for name in ("docs", "examples", "benchmarks", "checks", "notebooks", "README.md"):
+        place = root.parent / name
+        texts += [place] if place.is_file() else [p for p in place.rglob("*") if p.suffix in (".py", ".md", ".ipynb")]
+    words = Counter(word for path in texts for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
+    defined: dict[str, list[str]] = {}
+    for module in modules.values():
+        if module.name.endswith("numba_internals"):  # numba calls them
+            continue
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not re.fullmatch(r"__\w+__|_repr_html_", node.name):
+                defined.setdefault(node.name, []).extend([] if node.decorator_list else [module.name])
+    return sorted(f"{where[0]}.{name}" for name, where in defined.items() if where and words[name] <= len(where))
+
+
 def main(arguments: list[str]) -> int:
     """Print what the module's docstring says."""
     root = Path(arguments[0]) if arguments else Path(__file__).parents[1] / "src"
@@ -194,6 +217,7 @@ def main(arguments: list[str]) -> int:
     if max(heights.values(), default=0) > MAX_FLOORS:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
     exceeded += [f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)]
+    exceeded += [f"nothing refers to {name}" for name in unreferenced(modules, root)]
     print(f"dependencies between rooms: {sum(map(len, between.values()))}")
     long = sorted(((sum(module.lines), module.name) for module in modules.values()), reverse=True)
     listed = "; ".join(f"{count} {name}" for count, name in long if count > LONG_FILE)

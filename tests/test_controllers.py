@@ -45,6 +45,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "implicit-switch": [{}, {"periods": 1.0, "max_acceleration": 5.0}],
     "implicit-switch-with-drift": [{}],
     "boundary-layer": [{}],
+    "sliding-mode-ahead": [{}],
     "predictive": [{"horizon": 3}, {"horizon": 1, "block": 1}, {"horizon": 2, "block": 4}],
     "super-twisting": [{}],
     "implicit-super-twisting": [{}],

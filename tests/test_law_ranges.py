@@ -85,6 +85,7 @@ def test_what_is_searched_of_each_law() -> None:
     searched = {name: set(law_ranges(name)) for name in CONTROLLERS}
     assert searched == {
         "sliding-mode": set(),
+        "sliding-mode-ahead": set(),
         "tracking": set(),
         "law": set(),
         "potential-field": {"region", "exponent", "strength"},

@@ -1053,18 +1053,6 @@ def test_memory_is_locked_where_that_cannot_fail_later(monkeypatch: pytest.Monke
     assert realtime.Permitted("", "").warnings() == realtime.Permitted(None, None).warnings() == []
 
 
-def test_memory_is_made_ready_before_the_loop() -> None:
-    if not realtime.reserve_memory():
-        pytest.skip("another C library")
-    try:
-        before = realtime.usage()[0]
-        kept = [np.ones(20_000) for _ in range(50)]  # 8 MB, which the system would give out page by page
-        assert len(kept) == 50
-        assert realtime.usage()[0] - before < 200
-    finally:
-        realtime.set_malloc(False)
-
-
 class Late:
     """A clock whose waits end late by these times, one after the other."""
 

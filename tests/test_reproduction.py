@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import numpy_form
 from vsconstraints.comparisons import RunRecord
 from vsconstraints.comparisons.run import Run, kept_run, perform
 from vsconstraints.comparisons.runs.spec import RunSpec
@@ -33,7 +34,8 @@ from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
-from vsconstraints.vision.features import CameraPose
+from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal
+from vsconstraints.vision.scene import State
 
 WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 
@@ -528,8 +530,19 @@ def test_a_filter_that_leaves_out_half_a_square_integrates_something_else(monkey
     assert check("6m").verdict == "does not hold"
 
 
-class PoseInNumPy(CameraPose):
-    """As its base, but not compiled."""
+class PoseInNumPy(Feature):
+    """The camera's pose as a feature of one's own."""
+
+    name = "pose-in-numpy"
+
+    def size(self, markers: int) -> int:
+        return 6
+
+    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
+        return CameraPose().carried(reference, old, new, near)
+
+    def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
+        return numpy_form.feature_motion(CameraPose(), state, goal, previous)
 
 
 @pytest.mark.parametrize(("left_out", "verdict"), [(0.0, "holds"), (0.5, "does not hold")])
@@ -543,7 +556,7 @@ def test_without_half_of_its_rotation_the_error_follows_another_polynomial(
         L = L - left_out * skew(np.array(w))
         return L @ np.array(omega), L, L_dot
 
-    monkeypatch.setattr("vsconstraints.vision.features.rotation_vector_rate", changed)
+    monkeypatch.setattr(numpy_form, "rotation_vector_rate", changed)
     (spec,) = CLAIMS["5j"].needs
     assert isinstance(spec, RunSpec)
     setup = spec.load().with_override("duration", 1.0).setup()

@@ -22,7 +22,7 @@ def package(folder, **files):
 
 def test_circles_are_found_wherever_imports_stand(tmp_path, capsys):
     """At the top, in a function, for type checkers only, and through a package around what is imported."""
-    inside = "def f():\n    from .c import x\n"
+    inside = "def f():\n    from .c import x\n\n\nf()\n"
     typed = "from typing import TYPE_CHECKING\n\nif TYPE_CHECKING:\n    from .a import f\n\nx = 1\n"
     (tmp_path / "circle").mkdir()
     assert package(tmp_path / "circle", a="from . import b\n", b=inside, c=typed) == 1
@@ -53,6 +53,13 @@ def test_what_is_over_its_budget_is_named(tmp_path, capsys, monkeypatch):
     assert "rows: 5 lines, 2 allowed" in said
     assert "parameters: 9 p.rows.f, 8 allowed" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
+
+
+def test_what_nothing_refers_to_is_named(tmp_path, capsys):
+    """A name that stands where it is defined and nowhere else, unless a decorator has it."""
+    text = "def used():\n    pass\n\n\ndef unused():\n    used()\n\n\n@registered\ndef kept():\n    pass\n"
+    assert package(tmp_path, a=text) == 1
+    assert "exceeded: nothing refers to p.a.unused\n" in capsys.readouterr().out
 
 
 def test_lines_are_told_apart():

@@ -23,7 +23,6 @@ from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
 from .guardian import Guardian
 from .images import ImageSource, SimulatedImages
-from .realtime import usage
 from .record import ArmLog, Ended
 from .stream import Stream
 from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, demand_start, requests_noted
@@ -86,7 +85,7 @@ class _Run:
     def __init__(self, job: Job, envelope: Envelope) -> None:
         setup = job.setup
         self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
-        self.control, self.Ts = setup.control(), setup.Ts
+        self.control, self.Ts = setup.control(job.controller.factors), setup.Ts
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
         self.control.plausible = job.supervision
         self.taken, self.silent = "", False  #: Why the watchdog has taken over; whether the arm has not answered.
@@ -110,7 +109,7 @@ class _Run:
 
     def all_periods(self) -> ArmLog:
         """All periods, and the stop."""
-        stream, before = self.stream, usage()
+        stream = self.stream
         with requests_noted() as requests, self._guarded(), self._watched(requests):
             ended, cause = self._periods(requests)
             with stream.turn:
@@ -128,18 +127,14 @@ class _Run:
             Ts=self.Ts,
             compiled=self._compiled(),
             bounds=asdict(self.bounds),
-            remarks=tuple(self._remarks(before)),
+            remarks=tuple(self._remarks()),
         )
 
-    def _remarks(self, before: tuple[int, int, int]) -> list[str]:
-        """What a reader of the results should know; ``before`` is the usage at the start."""
+    def _remarks(self) -> list[str]:
+        """What a reader of the results should know."""
         stream, images, remarks = self.stream, self.job.images, []
         if stream.missed:
-            faults, from_disk, preempted = np.subtract(usage(), before)
-            remarks.append(
-                f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all (meanwhile {faults} page "
-                f"faults, {from_disk} of them from disk, and preempted {preempted} times)"
-            )
+            remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
         limited = sum(period.guarded for period in stream.periods)
         if limited:
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")

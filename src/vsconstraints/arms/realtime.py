@@ -15,10 +15,6 @@ from pathlib import Path
 PRIORITY = 80  #: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
 CURRENT_AND_FUTURE = 1 | 2  #: MCL_CURRENT and MCL_FUTURE of Linux' mlockall.
 IPC_LOCK = 14  #: Number of the capability to lock memory without limit.
-RESERVED = 1 << 26  #: Memory that is touched beforehand, so that the loop waits for none [bytes].
-#: Options of glibc's mallopt, with their values in the loop and otherwise: M_TRIM_THRESHOLD, so that freed memory is
-#: kept, and M_MMAP_MAX, so that no array is mapped separately.
-MALLOC = {-1: (2**31 - 1, 128 * 1024), -4: (0, 65536)}
 SPIN = 150e-6  #: How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots.
 
 
@@ -86,17 +82,6 @@ class Permitted:
         return [text.format(why) for text, why in zip(advice, (self.fifo, self.locked), strict=True) if why]
 
 
-def usage() -> tuple[int, int, int]:
-    """Page faults of this thread, those of them served from disk, and preemptions; zeros where not reported."""
-    try:
-        import resource
-
-        now = resource.getrusage(resource.RUSAGE_THREAD)
-    except (ImportError, AttributeError):
-        return 0, 0, 0
-    return now.ru_minflt + now.ru_majflt, now.ru_majflt, now.ru_nivcsw
-
-
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
     """Run this thread, and those that it starts, in real time as far as permitted; if not, just without collection."""
@@ -105,7 +90,6 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
     gc.freeze()
     gc.disable()
     before = _schedule() if wanted else None
-    reserved = wanted and reserve_memory()
     locked = lock_memory() if wanted else None
     try:
         yield Permitted("" if isinstance(before, tuple) else before, locked)
@@ -114,8 +98,6 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
             os.sched_setscheduler(0, before[0], os.sched_param(before[1]))
         if locked == "":
             ctypes.CDLL(None).munlockall()
-        if reserved:
-            set_malloc(False)
         gc.unfreeze()
         if collected:
             gc.enable()
@@ -153,25 +135,3 @@ def may_lock() -> bool:
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
         return bool(int(status.split("CapEff:")[1].split()[0], 16) >> IPC_LOCK & 1)
     return False
-
-
-def reserve_memory() -> bool:
-    """Make memory ready that the C library hands out without a system call; False with another library than glibc."""
-    try:
-        library = ctypes.CDLL(None)
-        set_malloc(True)
-        library.malloc.restype = ctypes.c_void_p
-        library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
-        block = library.malloc(RESERVED)
-    except (AttributeError, OSError, TypeError):
-        return False
-    if block:
-        ctypes.memset(block, 0, RESERVED)
-        library.free(block)
-    return True
-
-
-def set_malloc(in_loop: bool) -> None:
-    """Set the options of :data:`MALLOC`."""
-    for option, (ours, default) in MALLOC.items():
-        ctypes.CDLL(None).mallopt(option, ours if in_loop else default)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.row import Row, asked_for
+from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
 from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
@@ -34,7 +34,9 @@ def or_nan(x: Array, i: int) -> float:
     return x[i] if i < x.size else math.nan
 
 
-def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int) -> Any:
+def demand_part(
+    formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int, ahead: int
+) -> Any:
     """What :func:`demand` compiles.
 
     It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it),
@@ -48,8 +50,12 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
             total = 0.0
             for j in range(rows.Lg.shape[1]):
                 total += abs(rows.Lg[i, j])
+            # constants decide at compilation
+            phi = rows.phi[i]
+            if ahead == 1:
+                phi = one_period_ahead(phi, rows.K[i], tracked[i], law.period)
             row = Row(
-                rows.phi[i],
+                phi,
                 rows.Lf[i],
                 or_nan(rows.sigma, i),
                 or_nan(rows.sigma_dot, i),
@@ -65,7 +71,6 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
                 law.memory[i] if memory else law.parameters,
             )
             asked = formula(row, *to_fixed_tuple(law.parameters, count))
-            # constants decide at compilation
             if memory == 0:
                 value = 1.0 * asked
             else:
@@ -80,14 +85,14 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
 
 
 @cache
-def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool) -> Any:
+def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool, ahead: bool) -> Any:
     """The demands of all rows by a formula of a :class:`.Row` and ``count`` parameters, compiled.
 
     None if numba refuses it: a RuntimeWarning then says why. With ``memory``, it returns a tuple of c and that many
-    floats; ``relative`` and ``everywhere`` are those of :class:`vsconstraints.controllers.demands.Demand`.
+    floats; ``relative``, ``everywhere`` and ``ahead`` are those of :class:`vsconstraints.controllers.demands.Demand`.
     """
     try:
-        return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
+        return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere), int(ahead)), DEMAND)
     except Exception as error:  # numba raises anything for code that it does not know
         warn_refused((formula,), error)
         return None

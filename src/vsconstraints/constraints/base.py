@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import ClassVar, NamedTuple, Self
@@ -89,6 +90,12 @@ class Constraint(ABC):
     def rows(self, state: State, points: slice) -> RowBlock:
         """The rows now, where there is no compiled form; ``points``: where its robot points stand among the scene's."""
         raise NotImplementedError(f"{self.kind} needs rows, or a compiled form")
+
+    def scaled(self, K: float, switching_gain: float) -> Self:
+        """The same with these factors on K and u⁺."""
+        other = copy(self)
+        other.K, other.switching_gain = self.K * K, self.switching_gain * switching_gain
+        return other
 
     @abstractmethod
     def clearance(self, trace: Trace, points: slice) -> Array:

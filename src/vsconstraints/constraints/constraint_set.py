@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
+from ..rows.factors import RowFactors
 from ..rows.readable import counted, enumerated, in_one_line
 from ..vision.scene import Scene
 from .base import Constraint, RowBlock, Trace
@@ -64,6 +65,12 @@ class ConstraintSet:
     def __repr__(self) -> str:
         kinds = [f"{self.kinds.count(kind)} {kind}" for kind in dict.fromkeys(self.kinds)]
         return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
+
+    def scaled(self, factors: RowFactors) -> ConstraintSet:
+        """The same with a law's factors on K and u⁺; ConfigurationError if a constraint cannot have them."""
+        if not factors.options():
+            return self
+        return ConstraintSet([each.scaled(*factors.of(each.kind)) for each in self.constraints], self.scene)
 
     def has_unknown_motion(self, scene: Scene) -> bool:
         """Whether a scene's target or something forbidden moves without controllers' being told."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
@@ -100,6 +100,10 @@ class PerformanceFunnel(Constraint):
         self._at, self._both, self._begins = at, at + at, [goal.from_time for goal in self.goals]
         self.start: Array = np.array([width[i] for i in self._both], dtype=np.float64)
         self._side = np.repeat([1.0, -1.0], len(at)) / self.start
+
+    def scaled(self, K: float, switching_gain: float) -> PerformanceFunnel:
+        """See :class:`.Constraint`; ConfigurationError if it would narrow faster than its rows approach it."""
+        return replace(self, K=self.K * K, switching_gain=self.switching_gain * switching_gain)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """All upper rows, then all lower ones: ``funnel[x].upper``, ``funnel[marker 1 u].lower``."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins.classes import beside, imported_class
+from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
 from .base import Controller
 from .demand import Demand
@@ -25,7 +26,7 @@ from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, Sca
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
     "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Pair",
-    "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion", "Range", "Resolver",
+    "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RowFactors",
     "Saturation", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges", "make_controller",
 ]  # fmt: skip
 
@@ -49,17 +50,22 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
     """The controller of that name, see :func:`controller_class`, with these keyword arguments.
 
+    ``K`` and ``switching_gain`` are :class:`.RowFactors`, options of every law that has none of that name.
     ConfigurationError names the candidates if name or option is unknown.
     """
-    law, options = controller_class(name, folder), options or {}
+    law, options = controller_class(name, folder), dict(options or {})
     parameters = inspect.signature(law).parameters
+    factors = {key: options.pop(key) for key in FACTORS if key in options and key not in parameters}
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         for key in options:
             if key not in parameters:
-                raise unknown_name(f"option of {name}", key, parameters)
+                raise unknown_name(f"option of {name}", key, (*parameters, *FACTORS))
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
-            return law(**options)
+            made = law(**options)
+            if factors:
+                made.factors = RowFactors(**factors)
+            return made
     except VsconstraintsError:
         raise
     except (Exception, SystemExit) as error:  # an own law may fail in any way

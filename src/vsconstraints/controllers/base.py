@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
+from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import in_one_line
 from .ranges import Declared
 
@@ -31,6 +32,9 @@ class Controller(ABC):
     name: ClassVar[str]  #: In files and reports.
     #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
+
+    #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`; options of every law.
+    factors: RowFactors = AS_THEY_ARE
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.

@@ -44,7 +44,7 @@ class CompiledLaw:
         period: float | None = None,
     ) -> None:
         laws, parts = load("laws"), load("parts")
-        form = len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere
+        form = len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere, demand.ahead
         asks = laws.demand(type(demand).formula, *form)
         self.complete = resolver.compiles and asks is not None
         kernels = [resolver.kernel, resolver.otherwise if resolver.compiles else None]
@@ -69,7 +69,7 @@ class CompiledLaw:
             Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
         )
         self.labels, self.remark, self.measures = labels, resolver.remark(labels), resolver.measures
-        self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.uses})
+        self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.used})
         self.workspace = Workspace(self.arrays)
         self._follow = [function.bind(self.workspace, typed=True) for function in (laws.follow, laws.follow_whole)]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, shown
@@ -27,6 +27,8 @@ USES: dict[str, str] = {
     "last_rate": "L_gφ q̈ of the last sample",
     "period": "T_s",
 }
+
+AHEAD = ("K", "tracked", "period")  #: What looking one period ahead uses.
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,16 @@ class Demand(Part, ABC):
     #: tracking command exceeds c.
     everywhere: ClassVar[bool] = False
     owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
+    #: Whether rows that are φ itself, such as speeds, are judged one period ahead: by φ + T_s L_gφ q̈ of tracking, since
+    #: a period of tracking may take them beyond their boundary before any law has seen it.
+    ahead: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
-        for each in fields(self):
+        if not isinstance(self.ahead, bool):
+            raise self.refusal("ahead", "true or false")
+        if self.ahead and "last_rate" in self.uses:
+            raise InvalidInput(f"{self.name} observes what moves φ itself: it takes no ahead = true")
+        for each in self._numbers():
             number = positive(getattr(self, each.name))
             least, limit = each.metadata.get("at_least", 0.0), each.metadata.get("below", float("inf"))
             if number is None:
@@ -69,12 +78,20 @@ class Demand(Part, ABC):
     @property
     def parameters(self) -> tuple[float, ...]:
         """The parameters, in the order in which the formula takes them."""
-        return tuple(getattr(self, each.name) for each in fields(self))
+        return tuple(getattr(self, each.name) for each in self._numbers())
+
+    def _numbers(self) -> list[Field[Any]]:
+        return [each for each in fields(self) if each.name != "ahead"]
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """Which of :data:`USES` it uses, what looking one period ahead takes included."""
+        return tuple(dict.fromkeys((*self.uses, *(AHEAD if self.ahead else ()))))
 
     @property
     def sees_tracking(self) -> bool:
         """Whether the formula uses the tracking command."""
-        return "tracked" in self.uses or "effort" in self.uses
+        return "tracked" in self.used or "effort" in self.used
 
     @property
     def tracks(self) -> bool:

@@ -93,7 +93,7 @@ class Law(Controller):
     @property
     def uses(self) -> tuple[str, ...]:
         """See :class:`.Controller`."""
-        known = [USES[name] for name in self.demand.uses] + [OF_TASK[name] for name in self.resolver.uses]
+        known = [USES[name] for name in self.demand.used] + [OF_TASK[name] for name in self.resolver.uses]
         return (*known, "memory") if self.demand.remembers else tuple(known)
 
     def remark(self, labels: tuple[str, ...]) -> str:
@@ -164,9 +164,9 @@ class Law(Controller):
             self._check(rows)
             return law
         self._check(rows)
-        if (demand.remembers or "last_rate" in demand.uses) and not self.remembered:
+        if (demand.remembers or "last_rate" in demand.used) and not self.remembered:
             self.memory = np.tile(np.array(demand.remembers), (m, 1))
-            self.last_rates = np.full(m if "last_rate" in demand.uses else 0, math.nan)
+            self.last_rates = np.full(m if "last_rate" in demand.used else 0, math.nan)
             self.remembered = rows.labels
         memory = {"memory": self.memory, "last_rates": self.last_rates}
         self._compiled = law = CompiledLaw(demand, self.resolver, rows.labels, period=self.period, **memory)
@@ -175,10 +175,10 @@ class Law(Controller):
 
     def _check(self, rows: Rows) -> None:
         demand, m = self.demand, len(rows.labels)
-        lacking = [f"rows.{name}" for name in OPTIONAL if name in demand.uses and len(getattr(rows, name)) != m]
+        lacking = [f"rows.{name}" for name in OPTIONAL if name in demand.used and len(getattr(rows, name)) != m]
         if lacking:
             raise InvalidInput(f"the demand {demand.name!r} uses {', '.join(lacking)}, which these rows do not give")
-        if "period" in demand.uses and self.period is None:
+        if "period" in demand.used and self.period is None:
             raise InvalidInput(
                 f"the demand {demand.name!r} uses the sampling period: tell it by reset(period=...) before the first "
                 "command"

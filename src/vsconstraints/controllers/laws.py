@@ -88,6 +88,8 @@ class PotentialField(Law):
         How ψ grows; 1 is linear, larger values concentrate the repulsion at the boundary.
     strength
         Factor on every u⁺.
+    ahead
+        See :class:`.Demand`.
     rank_tolerance
         As for :class:`SlidingMode`.
     """
@@ -101,9 +103,10 @@ class PotentialField(Law):
         region: float = 0.2,
         exponent: float = 1.0,
         strength: float = 1.0,
+        ahead: bool = False,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        super().__init__(*_blended(blend, (region, exponent, strength), rank_tolerance))
+        super().__init__(*_blended(blend, (region, exponent, strength), ahead, rank_tolerance))
 
     @property
     def blend(self) -> str:
@@ -112,14 +115,16 @@ class PotentialField(Law):
 
     @blend.setter
     def blend(self, blend: Any) -> None:
-        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.rank_tolerance)
+        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.demand.ahead, self.rank_tolerance)
 
 
-def _blended(blend: object, parameters: tuple[float, ...], rank_tolerance: float) -> tuple[Demand, Resolver]:
+def _blended(
+    blend: object, parameters: tuple[float, ...], ahead: bool, rank_tolerance: float
+) -> tuple[Demand, Resolver]:
     if not (isinstance(blend, str) and blend in BLENDS):
         raise unknown_name("blend", blend, tuple(BLENDS))
     demand, resolver = BLENDS[blend]
-    return demand(*parameters), resolver(rank_tolerance)
+    return demand(*parameters, ahead=ahead), resolver(rank_tolerance)
 
 
 class HierarchicalQP(Law):
@@ -145,6 +150,8 @@ class HierarchicalQP(Law):
         twin of eq. (15).
     alpha
         Rate α of the barrier [1/s].
+    ahead
+        See :class:`.Demand`.
     solver
         ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
         all of this law. Or the name of a QP solver, see :func:`vsconstraints.qp.solver_names`. If an answer fails the
@@ -176,13 +183,14 @@ class HierarchicalQP(Law):
         *,
         rows: Literal["barrier", "active"] = "barrier",
         alpha: float = 20.0,
+        ahead: bool = False,
         solver: str = AUTO,
         weights: Mapping[str, float] | None = None,
         max_acceleration: float | None = None,
         damping: float = 1e-8,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        demand, self._alpha = _demand(rows, alpha), alpha
+        demand, self._alpha = _demand(rows, alpha, ahead), alpha
         options: dict[str, Any] = {"solver": solver, "weights": weights, "max_acceleration": max_acceleration}
         super().__init__(demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options))
 
@@ -193,7 +201,7 @@ class HierarchicalQP(Law):
 
     @rows.setter
     def rows(self, rows: Any) -> None:
-        self.demand = _demand(rows, self._alpha)
+        self.demand = _demand(rows, self._alpha, self.demand.ahead)
 
     @property
     def alpha(self) -> float:
@@ -202,14 +210,14 @@ class HierarchicalQP(Law):
 
     @alpha.setter
     def alpha(self, alpha: float) -> None:
-        self.demand, self._alpha = _demand(self.rows, alpha), Barrier(alpha).alpha
+        self.demand, self._alpha = _demand(self.rows, alpha, self.demand.ahead), Barrier(alpha).alpha
 
 
-def _demand(rows: object, alpha: float) -> Demand:
+def _demand(rows: object, alpha: float, ahead: bool) -> Demand:
     if not (isinstance(rows, str) and rows in ("barrier", "active")):
         raise unknown_name("form of rows", rows, ("barrier", "active"))
-    barrier = Barrier(alpha)
-    return barrier if rows == "barrier" else Switch()
+    barrier = Barrier(alpha, ahead=ahead)
+    return barrier if rows == "barrier" else Switch(ahead=ahead)
 
 
 class Pair(Law):
@@ -268,8 +276,9 @@ def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable
 
 
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
-    """The options of a demand and a resolver, with their defaults."""
-    return {field.name: field.default for part in parts for field in fields(part)}
+    """The options of a demand and a resolver, with their defaults; those that every part has come last."""
+    every = [field for part in parts for field in fields(part)]
+    return {field.name: field.default for field in sorted(every, key=lambda field: field.kw_only is True)}
 
 
 def split_options(
@@ -294,6 +303,8 @@ def _without_state(name: str) -> Named:
 
 #: Laws that have a name of their own, beside those that are classes.
 NAMED: tuple[type[Named], ...] = (
+    named("sliding-mode-ahead", Switch, Priority,
+          "The paper's law, with speeds judged one period ahead: before tracking takes them beyond.", ahead=True),
     named("implicit-switch", demands.ImplicitSwitch, Hierarchy,
           "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
           periods=5.0),

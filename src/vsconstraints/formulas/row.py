@@ -49,6 +49,12 @@ BOUND, EQUAL, PUSH = range(3)
 
 
 @formula
+def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
+    """φ + T_s L_gφ q̈ of tracking where φ is of relative degree one by itself (K = 0), as a speed's; φ elsewhere."""
+    return np.where(K == 0.0, phi + period * tracked, phi)
+
+
+@formula
 def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
     """One of ``BOUND``, ``EQUAL`` and ``PUSH``, ∞ where nothing is asked for, from the value of a demand's formula.
 

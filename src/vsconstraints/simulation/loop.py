@@ -58,7 +58,9 @@ def simulate(
     """
     if remarks is None:
         remarks = setup.check_start()
-    run = _Run(prepared or Prepared(setup), controller, whole=True, by_public_call=by_public_call)
+    if prepared is None or prepared.factors != controller.factors:
+        prepared = Prepared(setup, controller.factors)
+    run = _Run(prepared, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
     remarks = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
@@ -71,7 +73,7 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
     Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
     """
     remarks = setup.check_start()
-    run = _Run(Prepared(setup), controller, whole=False)
+    run = _Run(Prepared(setup, controller.factors), controller, whole=False)
     run.to_the_end()
     scores = run.scores()
     return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
@@ -201,7 +203,9 @@ class _Run:
 
     def _python_loop(self, features: int = 0) -> Loop:
         """A loop whose step and law run in Python; the number of features is known after the first sample."""
-        blank = blank_step(self.setup, features)._replace(last_command=self.control.last_command)
+        blank = blank_step(self.setup, self.control.constraints, features)._replace(
+            last_command=self.control.last_command
+        )
         return make_loop(self.setup, self.plant, blank, blank, self.whole)
 
     def _begin(self, loop: Loop) -> None:
@@ -220,7 +224,7 @@ class _Run:
             self.loop.alone[:] = self.prepared.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         else:
             assert self.bound is not None
-            step = Evaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
+            step = Evaluation(self.bound.packed, self.control.constraints, self.bound.out.copy())
             rows, task = step.rows, step.task
         self._ask_law(k, rows, task)
         return ALONE if stage == LAW else MOVE
@@ -274,8 +278,9 @@ class _Run:
             remarks.append(
                 f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
             )
-        by_law = self.controller.remark(self.setup.constraints.labels)
-        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), by_law]
+        of_law = self.controller.remark(self.setup.constraints.labels)
+        of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
+        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), of_law, of_factors]
 
     def scores(self) -> RunScores:
         """Scores of the run."""

@@ -8,25 +8,28 @@ import numpy as np
 
 from ..compiled.samples import Goals, Kept, Loop, Running
 from ..compiled.workspace import Answer, Size, Step, zeros
+from ..constraints import ConstraintSet
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
 from ..robots.geometry import Pose
+from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..vision.features import CameraPose
 from .plant import Plant
 from .setup import Setup
 
 
 class Prepared:
-    """The control steps of a setup, and the law of tracking alone beside them.
+    """The control steps of a setup for laws with these factors, and the law of tracking alone beside them.
 
     Runs follow one another, each begun by :meth:`restart`; own constraints and laws may remember more than it forgets.
     """
 
-    def __init__(self, setup: Setup) -> None:
-        self.setup, self.control, self.gradient_error = setup, setup.control(), setup.gradient_error()
+    def __init__(self, setup: Setup, factors: RowFactors = AS_THEY_ARE) -> None:
+        self.setup, self.factors = setup, factors
+        self.control, self.gradient_error = setup.control(factors), setup.gradient_error(factors)
         # what is kept is what is true; where nothing is disturbed, that is what the control believes
         self.world = self.control
-        if setup.sensor().disturbed or self.gradient_error.any:
+        if setup.sensor().disturbed or self.gradient_error.any or factors.options():
             self.world = setup.world()
         self.baseline = Tracking()
         #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
@@ -43,9 +46,9 @@ class Prepared:
             step.reset()
 
 
-def blank_step(setup: Setup, features: int) -> Step:
+def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
     """Arrays for a step whose rows and task Python evaluates."""
-    scene, constraints = setup.scene, setup.constraints
+    scene = setup.scene
     step, _ = Size(scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features).step()
     step.rows.switching_gain[:], step.rows.scale[:] = constraints.switching_gain, constraints.scale
     step.rows.K[:] = constraints.approach_time

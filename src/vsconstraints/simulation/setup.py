@@ -15,6 +15,7 @@ from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
+from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import amount, counted, in_one_line
 from ..vision.features import CameraPose
 from ..vision.images.settings import ImageSettings
@@ -124,10 +125,10 @@ class Setup:
                 )
         return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
-    def control(self) -> ControlStep:
-        """The control step, as far as its controller's command."""
+    def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
+        """The control step, as far as its controller's command, with the law's factors on the rows."""
         limits = self.limits if self.limits.known else NO_LIMITS
-        return ControlStep(self.scene, self.constraints, self.task, limits=limits, period=self.Ts)
+        return ControlStep(self.scene, self.constraints.scaled(factors), self.task, limits=limits, period=self.Ts)
 
     def world(self) -> ControlStep:
         """Rows and task as they are: with the motion of everything known."""
@@ -145,9 +146,9 @@ class Setup:
             raise ConfigurationError('there are no images without sensor = "images"')
         return SceneRenderer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
 
-    def gradient_error(self) -> GradientError:
+    def gradient_error(self, factors: RowFactors = AS_THEY_ARE) -> GradientError:
         """Errors of the rows' gradients."""
-        return GradientError(self.constraints, self.disturbances, self.scene.robot.n)
+        return GradientError(self.constraints.scaled(factors), self.disturbances, self.scene.robot.n)
 
     @cached_property
     def separated(self) -> list[str]:

@@ -199,10 +199,6 @@ class Camera:
         edge = self.distortion.apply(self.distortion.reach * np.stack((np.cos(turn), np.sin(turn)), axis=-1))
         return float(np.linalg.norm(edge * np.asarray(self.focal_px), axis=-1).min())
 
-    def without_distortion(self) -> Camera:
-        """The pinhole of the same focal lengths and principal point."""
-        return replace(self, distortion=None)
-
     def sees(self, pixels: Array) -> BoolArray:
         """(...) whether ideal pixels measured from the image's centre lie on the sensor."""
         inside = (np.abs(self.distort(pixels)) <= 0.5 * np.asarray(self.size_px)).all(axis=-1)

@@ -1,0 +1,52 @@
+"""Factors on K and u⁺ of a scene's rows, by which whoever designs a law adapts them to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from ..errors import ConfigurationError, shown
+
+
+@dataclass(frozen=True)
+class RowFactors:
+    """What a law's rows have in place of the scene's K and u⁺, as factors: for all rows, or by kind of constraint.
+
+    σ and the boundaries stay those of the scene, and so do all scores: a larger K makes a row act earlier and more
+    slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have no K. A number is for every kind; of
+    a table, kinds that it does not name have the factor 1. Raises ConfigurationError if a factor is not positive.
+    """
+
+    K: float | Mapping[str, float] = field(default_factory=dict)
+    switching_gain: float | Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            for kind, factor in value.items() if isinstance(value, Mapping) else [("", value)]:
+                number = isinstance(factor, float | int) and factor is not True and 0.0 < factor < float("inf")
+                if not (number and isinstance(kind, str)):
+                    where = f"{name}.{kind}" if kind else name
+                    raise ConfigurationError(
+                        f"{where} of a law is a factor on the scene's, positive: not {shown(factor)}"
+                    )
+
+    def options(self) -> dict[str, Any]:
+        """Those that are not 1, as files name them."""
+        return {name: value for name, value in vars(self).items() if value not in ({}, 1.0)}
+
+    def of(self, kind: str) -> tuple[float, float]:
+        """The factors on K and u⁺ of rows of a kind."""
+        both = (self.K, self.switching_gain)
+        K, gain = (value.get(kind, 1.0) if isinstance(value, Mapping) else value for value in both)
+        return K, gain
+
+    def remark(self, kinds: tuple[str, ...]) -> str:
+        """Which kinds are named of which there is no row; empty if none is."""
+        tables = [value for value in self.options().values() if isinstance(value, Mapping)]
+        absent = dict.fromkeys(kind for table in tables for kind in table if kind not in kinds)
+        return f"factors of the law name {', '.join(absent)}, of which there is no row" if absent else ""
+
+
+FACTORS = tuple(each.name for each in fields(RowFactors))  #: Options of every law.
+AS_THEY_ARE = RowFactors()
