@@ -15,9 +15,9 @@ from vsconstraints.cli import app
 from vsconstraints.control import ControlStep
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.preview import FIGURE, Preview, lines
-from vsconstraints.reports.scene3d import (
+from vsconstraints.reports.scene3d import bars_of
+from vsconstraints.reports.setup_scene import (
     IN_VIEW,
-    bars_of,
     obstacle_meshes,
     points_in_view,
     setup_frames,

@@ -12,7 +12,7 @@ from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples, process_count
-from ..comparisons.runs.pool import Failure, run_all
+from ..comparisons.runs.pool import run_all
 from ..errors import described
 from ..scenarios import Scenario
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
@@ -105,26 +105,23 @@ def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) 
 
     ``on_drawn`` is called with how many scenarios are done, and how many there are.
     """
-    drawn: dict[str, Drawn] = {}
-    on_drawn(0, len(jobs))
-
-    def done(name: str, answer: Drawn | Failure) -> None:
-        if isinstance(answer, Failure):
-            answer = Drawn(problems=[f"Its figures could not be drawn: {answer.reason}."])
-        drawn[name] = answer
-        on_drawn(len(drawn), len(jobs))
+    if len(jobs) <= IN_PROCESS or process_count() < 2:
+        on_drawn(0, len(jobs))
+        drawn = {}
+        for job in jobs:
+            drawn[job.scenario.name] = draw_scenario(job)
+            on_drawn(len(drawn), len(jobs))
+        return drawn
 
     def size(job: ScenarioJob) -> int:
         return sum(path.stat().st_size for path in job.files().values() if path.is_file())
 
     # the longest first, so that no process is left with one at the end
     calls = {job.scenario.name: (job,) for job in sorted(jobs, key=size, reverse=True)}
-    if len(jobs) <= IN_PROCESS or process_count() < 2:
-        for name, call in calls.items():
-            done(name, draw_scenario(*call))
-    else:
-        run_all(draw_scenario, calls, on_answer=done)
-    return drawn
+    return {
+        name: one if isinstance(one, Drawn) else Drawn(problems=[f"Its figures could not be drawn: {one.reason}."])
+        for name, one in run_all(draw_scenario, calls, on_progress=on_drawn).items()
+    }
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
@@ -176,7 +173,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
 
 def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
     """Draw the figure of a whole comparison into ``folder``, and return the text that shows it."""
-    _remove(folder, [f"{OVERVIEW.name}.*", f"{OVERVIEW.name}--*"])
+    remove_stale(folder, figures=(OVERVIEW,))
     texts = []
     for group in results.groups:
         own, remark = shown_runs(results, group.controllers), group.sentence
@@ -187,15 +184,14 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
     return "\n\n".join(filter(None, texts))
 
 
-def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> None:
-    """Remove figures of scenarios, but for these files in these formats: an earlier report of the folder left them."""
-    names = [name for figure in (*FIGURES, DISTURBANCE) for name in (f"*--{figure.name}.*", f"*--{figure.name}--*")]
-    _remove(folder, names, {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats})
-
-
-def _remove(folder: Path, patterns: Iterable[str], but: Iterable[str] = ()) -> None:
-    """Remove figures whose names match, in every format."""
-    for path in [path for pattern in patterns for path in folder.glob(pattern)]:
+def remove_stale(
+    folder: Path, kept: Iterable[str] = (), formats: Formats = PNG, figures: Sequence[Figure] = ()
+) -> None:
+    """Remove what an earlier report left of figures, those of scenarios if none is named, but for these files."""
+    starts = [figure.name for figure in figures] or [f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)]
+    names = [start + end for start in starts for end in (".*", "--*")]
+    but = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
+    for path in [path for name in names for path in folder.glob(name)]:
         if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
             path.unlink(missing_ok=True)
 

@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -15,34 +13,23 @@ import numpy as np
 import pinocchio as pin
 
 from ..constraints.meshes import Mesh, mesh_of
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError
 from ..robots.geometry import Pose
 from ..robots.robot import Robot
 from ..robots.urdf import link_geometry
 from ..rows import Array
-from ..simulation import Setup
-from ..vision.camera import Camera
-from ..vision.motion import Motion
 from .plots.style import INK, rgb
 
-LINK, JOINT, CAMERA, PLATE, OBSTACLE = "#C9CED6", "#4A5568", "#0072B2", "#F4F1E6", "#F0A202"
+LINK, JOINT, PLATE = "#C9CED6", "#4A5568", "#F4F1E6"
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
-GLASS = 0.4  # opacity of obstacles
 LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the base frame
 #: Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they are longer.
 REACH = 0.8
 #: Radii of the first and the last link [m], and of a sliding link relative to its revolute one.
 BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
 
-CAMERA_SIZE = 0.12  # depth of the pyramid that stands for the camera, for an arm of that reach [m]
 #: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners.
 PLATE_CELLS = 8
-
-MIN_DEPTH = 0.05  # at which the camera's view is drawn at least [m], where markers are behind it
-#: Half the height that a view shows, relative to half the side of its cube; and what is added for thick links.
-IN_VIEW, MARGIN = 1.16, 1.12
-
-ELEVATION, ELEVATION_FLAT = 20.0, 55.0  # from which a scene is seen, and one that lies in a horizontal plane [deg]
 
 
 class Part(NamedTuple):
@@ -53,7 +40,6 @@ class Part(NamedTuple):
     frame: str = ""
     opacity: float = 1.0
     shaded: bool = True
-    name: str = ""
 
 
 class Placement(NamedTuple):
@@ -88,10 +74,10 @@ class Scene3D:
         for axis, colour in zip(pose.R.T, AXIS_COLOURS, strict=True):
             self.add(tube(np.array([pose.t, pose.t + length * axis]), radius, 6), colour)
 
-    def pyramid(self, base: Array, colour: str, frame: str = "", name: str = "") -> None:
+    def pyramid(self, base: Array, colour: str, frame: str = "") -> None:
         """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
         mesh = Mesh(np.concatenate((np.zeros((1, 3)), base)), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
-        self.add(mesh, colour, frame, opacity=0.55, shaded=False, name=name)
+        self.add(mesh, colour, frame, opacity=0.55, shaded=False)
 
     def target(self, markers: Array, edge: float, marker: float, frame: str = "") -> None:
         """Markers (M, 3), on a plate if they are more than two; radii of the plate's edges and of markers [m]."""
@@ -102,9 +88,9 @@ class Scene3D:
             # in small cells: a triangle in one piece would be drawn over bodies that it carries
             steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
             wedges = [centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre) for a, b in sides]
-            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False, name="plate")
-            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame, name="edges")
-        self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame, name="markers")
+            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False)
+            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame)
+        self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame)
 
     def draw(self, ax: Any, view: Viewpoint, frames: Mapping[str, Placement] | None = None, whole: bool = True) -> None:
         """Draw everything into 3D axes of matplotlib, which show the cube of a viewpoint.
@@ -223,11 +209,9 @@ def bars(robot: Robot, size: float) -> list[Part]:
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
     parts = []
     if not robot.prismatic[0]:
-        parts.append(
-            Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0", name="drum")
-        )
+        parts.append(Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0"))
         if np.linalg.norm(poses[1].t) > 1e-6:
-            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0", name="link"))
+            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0"))
     for i, corners in enumerate(bars_of(robot, zero), start=1):
         radius, slides, rest, frame = radii[i - 1], robot.prismatic[i - 1], poses[i].inverse, f"joint {i}"
         thickness = (RAIL if slides else 0.8) * radius
@@ -236,30 +220,27 @@ def bars(robot: Robot, size: float) -> list[Part]:
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
             pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
         if pieces:
-            parts.append(Part(joined(pieces).moved(rest), LINK, frame, name="link"))
+            parts.append(Part(joined(pieces).moved(rest), LINK, frame))
         half = 1.35 * radius * axes[i - 1]
         drum = tube(poses[i].t + np.array([-half, half]), 1.25 * radius, 14).moved(rest)
         rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
-        parts.append(Part(rail, LINK, f"slide {i}", name="rail") if slides else Part(drum, JOINT, frame, name="drum"))
+        parts.append(Part(rail, LINK, f"slide {i}") if slides else Part(drum, JOINT, frame))
     return parts
 
 
 def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
     """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or one is missing."""
-    if robot.source is None:
-        return bars(robot, size), f"{robot.name} has no meshes: bars follow the axes of its joints."
-    try:
-        geometry = link_geometry(robot.source, "visual")
-    except ConfigurationError as error:
-        return bars(robot, size), f"Bars follow the axes of its joints instead of meshes: {error}."
-    parts = []
-    for one in geometry.geometryObjects:
-        if (mesh := mesh_of(one.geometry)) is not None:
-            pose = Pose(np.array(one.placement.rotation), np.array(one.placement.translation))
-            parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}", name="link"))
-    if not parts:
-        return bars(robot, size), f"{robot.name} has no visual meshes: bars follow its axes."
-    return parts, ""
+    parts, remark = [], f"{robot.name} has no meshes: bars follow the axes of its joints."
+    if robot.source is not None:
+        remark = f"{robot.name} has no visual meshes: bars follow its axes."
+        try:
+            for one in link_geometry(robot.source, "visual").geometryObjects:
+                if (mesh := mesh_of(one.geometry)) is not None:
+                    pose = Pose(np.array(one.placement.rotation), np.array(one.placement.translation))
+                    parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}"))
+        except ConfigurationError as error:
+            parts, remark = [], f"Bars follow the axes of its joints instead of meshes: {error}."
+    return (parts, "") if parts else (bars(robot, size), remark)
 
 
 def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
@@ -271,121 +252,3 @@ def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()
             frames[f"slide {i}"] = Placement(Pose(turn, poses[i].t), float(q[i - 1]) or 1e-6)
     return frames
-
-
-# --- a setup ---
-
-
-def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
-    """Where the arm's frames, the ``camera``, the ``target`` and ``obstacle k`` are at ``q`` (n,) and ``t`` [s]."""
-    world = setup.scene
-    frames, fixed = arm_frames(world.robot, q), world.camera.fixed
-    tip = frames["tip"].pose
-    frames["camera"] = Placement(fixed or tip @ world.camera.mount.inverse)
-    target = Pose.identity() if world.motion is None else world.motion.pose(t)
-    frames["target"] = Placement(target if fixed is None else tip)
-    for k, constraint in enumerate(setup.constraints.constraints):
-        motion: Motion | None = getattr(constraint, "motion", None)
-        moved = np.zeros(3)
-        if motion is not None and motion.size == 3:
-            moved = motion.displacement(t) - motion.displacement(0.0)
-        frames[f"obstacle {k}"] = Placement(Pose(np.eye(3), moved))
-    return frames
-
-
-def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
-    """What constraints forbid in space, by their place in the list; ``size`` is half of what is shown [m]."""
-    found = {k: one.meshes(0.0, 0.8 * size) for k, one in enumerate(setup.constraints.constraints)}
-    return {k: joined(meshes) for k, meshes in found.items() if meshes}
-
-
-def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
-    """Obstacles and the target; ``size`` is half of what is shown [m]."""
-    for k, mesh in obstacle_meshes(setup, size).items():
-        scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS, name="glass")
-    scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
-
-
-def add_robot(
-    scene: Scene3D, setup: Setup, arm: Iterable[Part], scale: float, colour: str = CAMERA, prefix: str = ""
-) -> None:
-    """An arm of parts, with a bar to what its tip carries: a camera in a colour if there is one, or the target.
-
-    The names of frames begin with ``prefix``.
-    """
-    scene.parts += [part._replace(frame=prefix + part.frame) for part in arm]
-    camera = setup.scene.camera
-    carried = camera.mount.inverse.t if camera.fixed is None else setup.scene.markers.mean(axis=0)
-    if np.linalg.norm(carried) > 1e-6:
-        bar = tube(np.linspace(np.zeros(3), carried, 6), 0.007 * scale, 8)
-        scene.add(bar, JOINT, f"{prefix}tip", name="carrier")
-    if colour:
-        scene.pyramid(CAMERA_SIZE * scale * image_corners(camera), colour, f"{prefix}camera", name="camera")
-
-
-def image_corners(camera: Camera) -> Array:
-    """(4, 3) where the corners of the image are at depth 1, in the camera's frame."""
-    corners = 0.5 * np.asarray(camera.size) * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    with suppress(InvalidInput):  # where the lens cannot be inverted, those of a pinhole
-        corners = camera.undistort(corners)
-    return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)
-
-
-def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
-    """(4, 3) corners of what the camera sees at the markers' distance, in the base frame."""
-    depth = float(camera.inverse.act(setup.scene.markers_at(q, t))[:, 2].mean())
-    return camera.act(max(depth, MIN_DEPTH) * image_corners(setup.scene.camera))
-
-
-_bars = lru_cache(maxsize=8)(bars)
-
-
-def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> None:
-    """Everything at an instant, with matplotlib: the arm as bars, and what its camera sees."""
-    frames, scale, scene = setup_frames(setup, q, t), view.half / REACH, Scene3D()
-    add_surroundings(scene, setup, view.half)
-    add_robot(scene, setup, _bars(setup.scene.robot, scale), scale)
-    camera = frames["camera"].pose
-    corners = view_corners(setup, camera, q, t)
-    for a, b in pairwise([*corners, corners[0]]):
-        for start, end in ((camera.t, a), (a, b)):
-            scene.add(tube(np.linspace(start, end, 12), 0.0022 * scale, 4, caps=False), CAMERA)
-    scene.draw(ax, view, frames)
-
-
-# --- viewpoints ---
-
-
-def points_in_view(setup: Setup, q: Array, t: float) -> Array:
-    """(k, 3) corners of the arm, camera, markers and the camera's view, in the base frame."""
-    robot, camera = setup.scene.robot, setup_frames(setup, q, t)["camera"].pose
-    base = np.zeros((0 if robot.prismatic[0] else 1, 3))
-    seen = setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)
-    return np.concatenate((base, *bars_of(robot, q), camera.t[None], *seen))
-
-
-def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: float) -> Viewpoint:
-    """One viewpoint for several q (n,) and t [s]: all is in view, and seen from where it covers most of the picture.
-
-    ``aspect`` is the width of the views over their height, at least 1.
-    """
-    points = np.concatenate([points_in_view(setup, q, t) for q, t in instants])
-    flat = np.ptp(points[:, 2]) < 0.25 * np.ptp(points, axis=0).max()
-    elevation = ELEVATION_FLAT if flat else ELEVATION
-
-    def covered(azimuth: float) -> float:
-        return float(np.linalg.det(np.cov((points @ view_axes(elevation, azimuth))[:, :2].T)))
-
-    azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered))
-    axes = view_axes(elevation, azimuth)
-    low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
-    across, up, _ = 0.5 * (high - low)
-    return Viewpoint(axes @ (0.5 * (low + high)), MARGIN * max(up, across / aspect) / IN_VIEW, elevation, azimuth)
-
-
-def view_axes(elevation: float, azimuth: float) -> Array:
-    """(3, 3) directions to the right, up and towards the viewer, as columns, for two angles [deg]."""
-    e, a = np.deg2rad([elevation, azimuth])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    return np.stack((right, np.cross(towards, right), towards), axis=1)

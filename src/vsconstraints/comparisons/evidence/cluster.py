@@ -1,13 +1,16 @@
 """Runs on more machines than this one, by the workers of a Dask scheduler.
 
-A Dask worker answers each call by a process of its own, one for each of its threads (:mod:`.remote`): a call that ends
-its process, or takes too long, fails as it does on one machine, and the Dask worker goes on.
+A Dask worker answers each call by a process of its own, one for each of its threads: a call that ends its process, or
+takes too long, fails as it does on one machine, and the Dask worker goes on.
 """
 
 from __future__ import annotations
 
 import logging
+import multiprocessing
+import os
 import pickle
+import threading
 import time
 import uuid
 import warnings
@@ -15,15 +18,15 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
+from multiprocessing.util import Finalize
 from queue import Empty, SimpleQueue
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, WorkersLost, described
 from ...plugins.extras import demand
-from ..runs.pool import DIED, Failure, Key, OpenWorkers, unpacked
+from ..runs.pool import DIED, THREAD_VARIABLES, Failure, Key, OpenWorkers, Pool, unpacked
 from .campaign import differences, in_words
-from .remote import Call, IncompatibleWorker, Session, answered, end
 
 CONNECT = 5.0  # how long a scheduler may take to answer [s]
 BEGIN = 120.0  # how long workers may take to start their processes and answer what results depend on there [s]
@@ -32,6 +35,79 @@ CHECK, SOON = 1.0, 0.02  # how often silent workers are counted, and answers of 
 MAX_LOST = 3  # a call that loses more workers than this is taken to be the reason
 PATIENCE = 60.0  # how long a cluster may be without any worker [s]: those that died may be started again
 GOES_ON = "what was finished is stored, and the same command goes on"
+
+
+class Session(NamedTuple):
+    """A command's unique name, what returns what results depend on, and its answer where the command was given."""
+
+    name: str
+    identity: Callable[[], Any]
+    expected: Any
+
+
+class IncompatibleWorker(NamedTuple):
+    """A worker whose results would differ, with what they depend on there, or a :class:`.Failure` if unknown."""
+
+    address: str
+    identity: Any
+
+
+#: In a Dask worker: a pool of a single process, and its session, by its threads.
+_pools: dict[int, tuple[str, Pool[Any]]] = {}
+_lock = threading.Lock()
+_finalizers: list[Finalize] = []
+
+
+def answered(packed: bytes) -> bytes:
+    """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer would differ."""
+    session, *call = pickle.loads(packed)
+    thread = threading.get_ident()
+    name, pool = _pools.get(thread, ("", None))
+    if pool is None or name != session.name:
+        if pool is not None:  # of an earlier session
+            pool.__exit__(None, None, None)
+        pool = Pool(_call, 1)
+        with _lock:
+            _may_have_children()
+            _pools[thread] = session.name, pool
+        identity = _answer(pool, session.identity)
+        if identity != session.expected:
+            end(session.name)
+            from distributed import get_worker
+
+            return pickle.dumps(IncompatibleWorker(get_worker().address, identity))
+    return pickle.dumps(_answer(pool, *call))
+
+
+def end(session: str) -> None:
+    """End the processes of a session, or all if it is empty, whatever they are doing."""
+    with _lock:
+        pools = [_pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)]
+    for _, pool in pools:
+        pool.__exit__(KeyboardInterrupt, None, None)
+
+
+def _answer(
+    pool: Pool[Any], function: Callable[..., Any], arguments: Any = (), limit: float | None = None, again: bool = True
+) -> Any:
+    limits = {} if limit is None else {0: limit}
+    ((_, answer),) = pool.run({0: (function, arguments)}, limits, again=again)
+    return answer
+
+
+def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    return function(*arguments)
+
+
+def _may_have_children() -> None:
+    """Make this Dask worker a process that may have children: it is started as one that may not."""
+    if multiprocessing.current_process().daemon:
+        multiprocessing.current_process().daemon = False
+    for variable in THREAD_VARIABLES:  # pools set them for a moment, and here each thread has one
+        os.environ.setdefault(variable, "1")
+    if not _finalizers:
+        # before the interpreter waits for the children of this process, which wait for it
+        _finalizers.append(Finalize(None, end, ("",), exitpriority=100))
 
 
 @contextmanager
@@ -61,13 +137,12 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
 
 
 class _Cluster:
-    """The workers of a scheduler: those that are asked what results depend on there, compatible and refused ones."""
+    """The workers of a scheduler, each asked what results depend on there before it is given anything."""
 
     def __init__(self, client: Any, address: str, session: Session) -> None:
         self._client, self._address, self._session = client, address, session
         self._asked: dict[str, tuple[Any, float]] = {}
-        self._compatible: set[str] = set()
-        self._refused: set[str] = set()
+        self._usable: dict[str, bool] = {}
         self._started = False
 
     def demand_workers(self) -> None:
@@ -84,13 +159,12 @@ class _Cluster:
         self._started = True
 
     def _threads(self) -> dict[str, int]:
-        """How many calls each compatible worker can answer at once; new workers are asked."""
+        """How many calls each usable worker can answer at once; new workers are asked."""
         there: dict[str, int] = self._client.nthreads()
         # another one may come to the address of one that is gone
-        self._compatible &= there.keys()
-        self._refused &= there.keys()
-        for worker in there.keys() - self._compatible - self._refused - self._asked.keys():
-            self._asked[worker] = self._submit(self._packed(Call(str, ())), [worker]), time.monotonic() + BEGIN
+        self._usable = {worker: usable for worker, usable in self._usable.items() if worker in there}
+        for worker in there.keys() - self._usable.keys() - self._asked.keys():
+            self._asked[worker] = self._submit(self._packed(str), [worker]), time.monotonic() + BEGIN
         for worker, (future, until) in list(self._asked.items()):
             if worker in there and not future.done() and time.monotonic() <= until:
                 continue
@@ -103,8 +177,8 @@ class _Cluster:
             elif (error := future.exception()) is not None:  # for example, this package is not installed there
                 self._refuse(worker, f"cannot make runs: {described(error)}")
             elif not self._refused_by(unpacked(future.result())):
-                self._compatible.add(worker)
-        return {worker: count for worker, count in there.items() if worker in self._compatible}
+                self._usable[worker] = True
+        return {worker: count for worker, count in there.items() if self._usable.get(worker)}
 
     def _refused_by(self, answer: Any) -> bool:
         """Whether an answer says that a worker would give other results; it gets nothing more then."""
@@ -114,24 +188,20 @@ class _Cluster:
             self._refuse(answer.address, f"cannot make runs: {answer.identity.reason}")
         else:
             what = in_words(list(differences(answer.identity, self._session.expected)))
-            self._refuse(
-                answer.address, f"would give other results: {what} (there: the worker). Install the same there"
-            )
+            why = f"would give other results: {what} (there: the worker). Install the same there"
+            self._refuse(answer.address, why)
         return True
 
     def _refuse(self, worker: str, why: str) -> None:
-        self._compatible.discard(worker)
-        self._refused.add(worker)
+        self._usable[worker] = False
         if not self._started:
             raise ConfigurationError(f"worker {worker} {why}")
         warnings.warn(f"worker {worker} {why}; it is given nothing", RuntimeWarning, stacklevel=2)
 
-    def _packed(self, call: Call) -> bytes:
-        """A call of this session; raises whatever an own part raises when it is pickled."""
-        return pickle.dumps((self._session, call))
+    def _packed(self, *call: Any) -> bytes:
+        return pickle.dumps((self._session, *call))
 
     def _submit(self, packed: bytes, workers: list[str]) -> Any:
-        """The future of a call that one of these workers answers."""
         key = f"{self._session.name}-{uuid.uuid4().hex}"
         return self._client.submit(answered, packed, key=key, pure=False, workers=workers)
 
@@ -144,7 +214,7 @@ class _Cluster:
         again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
         """See :meth:`.Pool.run`; raises WorkersLost when the scheduler is gone, or there has been nobody for long."""
-        from distributed import CancelledError
+        from distributed import CancelledError, KilledWorker
 
         waiting, limits = deque(calls), limits or {}
         under_way: dict[Any, tuple[Key, set[str]]] = {}
@@ -157,10 +227,8 @@ class _Cluster:
                 if threads or self._asked:
                     seen = time.monotonic()
                 elif time.monotonic() - seen > PATIENCE:
-                    raise WorkersLost(
-                        f"the scheduler at {self._address} has had no worker that can be used for {PATIENCE:g} s; "
-                        f"{GOES_ON}"
-                    )
+                    nobody = f"has had no worker that can be used for {PATIENCE:g} s"
+                    raise WorkersLost(f"the scheduler at {self._address} {nobody}; {GOES_ON}")
                 for future, (key, workers) in list(under_way.items()):
                     if workers.isdisjoint(threads):  # all that may have the call are gone: others may have come
                         del under_way[future]
@@ -173,7 +241,7 @@ class _Cluster:
                 room = PER_THREAD * sum(threads.values()) - len(under_way)
                 for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
                     try:
-                        packed = self._packed(Call(function, calls[key], limits.get(key), again))
+                        packed = self._packed(function, calls[key], limits.get(key), again)
                     except Exception as error:  # own parts can raise anything when they are packed
                         yield key, Failure.of(error, "it cannot be sent to a worker: ")
                         continue
@@ -184,7 +252,10 @@ class _Cluster:
                     future = done.get(timeout=CHECK)
                     if future in under_way:
                         key, _ = under_way.pop(future)
-                        answer = _answer_of(future)
+                        raised = future.exception()
+                        if raised is not None and not isinstance(raised, KilledWorker):
+                            raise WorkersLost(f"a worker cannot make runs: {raised!r}; {GOES_ON}")
+                        answer = unpacked(future.result()) if raised is None else Failure(DIED)
                         if self._refused_by(answer):
                             waiting.appendleft(key)
                         else:
@@ -199,17 +270,6 @@ class _Cluster:
         if futures:
             with suppress(Exception), _quiet():  # the cluster may be gone
                 self._client.cancel(futures)
-
-
-def _answer_of(future: Any) -> Any:
-    from distributed import KilledWorker
-
-    error = future.exception()
-    if isinstance(error, KilledWorker):
-        return Failure(DIED)
-    if error is not None:
-        raise WorkersLost(f"a worker cannot make runs: {error!r}; {GOES_ON}")
-    return unpacked(future.result())
 
 
 def _connected(address: str) -> Any:

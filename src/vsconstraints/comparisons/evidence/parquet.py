@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -19,6 +19,8 @@ demand("evidence")
 import pyarrow as pa  # noqa: E402 - a missing package is reported with what installs it
 import pyarrow.parquet as pq  # noqa: E402
 
+joined = pa.concat_tables  #: One table of the lines of several.
+
 FACTS = b"vsconstraints"  # under which a file's footer holds facts, as JSON
 EXPANDED = 100_000  # bytes that a line may take when it is read: a reason has 2000 characters, rows some thousand
 
@@ -31,6 +33,12 @@ KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "t
 
 # Numbers keep all their digits, so that folders can be compared.
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
+_CELLS: dict[Kind, Callable[[Any], Any]] = {
+    "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),  # it may hold what no encoding has
+    "flag": bool,
+    "whole": int,
+    "number": lambda value: float(value) if math.isfinite(value) else None,
+}
 
 
 class Column(NamedTuple):
@@ -85,22 +93,8 @@ def schema(columns: Sequence[Column]) -> Any:
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
     """A table of lines; a number that does not exist, or is not finite, is missing, as in results.csv."""
-
-    def cell(value: Any, kind: Kind) -> Any:
-        if kind == "number":
-            return float(value) if math.isfinite(value) else None
-        if kind == "text":
-            # a text may hold what no encoding has
-            return str(value).encode("utf-8", "backslashreplace").decode()
-        return int(value) if kind == "whole" else bool(value)
-
-    arrays = [pa.array([cell(line[name], kind) for line in lines], _TYPES[kind]) for name, kind, _ in columns]
+    arrays = [pa.array([_CELLS[kind](line[name]) for line in lines], _TYPES[kind]) for name, kind, _ in columns]
     return pa.Table.from_arrays(arrays, schema=schema(columns))
-
-
-def joined(tables: Sequence[Any]) -> Any:
-    """One table of the lines of all."""
-    return pa.concat_tables(tables)
 
 
 def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:

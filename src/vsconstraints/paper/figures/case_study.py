@@ -21,7 +21,8 @@ from ...reports.plots import (
     symbol,
     zero_line,
 )
-from ...reports.scene3d import Placement, Scene3D, Viewpoint, ball, bars, setup_frames, tube
+from ...reports.scene3d import Placement, Scene3D, Viewpoint, ball, bars, tube
+from ...reports.setup_scene import setup_frames
 from ...robots.geometry import Pose
 from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample

@@ -190,13 +190,11 @@ class Comparison:
         return first.replay(*others, path=path)
 
     def _scenario(self, name: str | None) -> str:
-        if name is None and len(self.scenarios) == 1:
-            return self.scenarios[0]
-        if name is None:
+        if name is None and len(self.scenarios) > 1:
             raise ConfigurationError(f"several scenarios were compared: name one of {', '.join(self.scenarios)}")
-        if name not in self.scenarios:
+        if name is not None and name not in self.scenarios:
             raise unknown_name("scenario", name, self.scenarios)
-        return name
+        return name or self.scenarios[0]
 
     @in_one_line
     def __repr__(self) -> str:
@@ -226,35 +224,28 @@ class Comparison:
 @contextmanager
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
     """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
-    console = Console(stderr=True)
-    if not console.is_jupyter and not console.is_terminal:
-        yield lambda: None
-        return
-    begun = updated = time.monotonic()
-    line: Any = None
-    done = 0
+    console, begun = Console(stderr=True), time.monotonic()
+    line: Any = None  # what a notebook displays
+    done, due = 0, 0.0
 
-    def show() -> None:
-        text = f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"
-        if line is None:
-            console.print(text, end="\r", highlight=False)
-        else:
+    def advance(by: int = 1) -> None:
+        nonlocal done, due
+        done += by
+        if by and time.monotonic() < due:
+            return
+        due, text = time.monotonic() + UPDATE, f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"
+        if line is not None:
             line.update({"text/plain": text}, raw=True)
-
-    def advance() -> None:
-        nonlocal done, updated
-        done += 1
-        if time.monotonic() - updated > UPDATE:
-            updated = time.monotonic()
-            show()
+        elif console.is_terminal:
+            console.print(text, end="\r", highlight=False)
 
     if console.is_jupyter:
         from IPython import display
 
         create: Any = display.display
         line = create({"text/plain": ""}, raw=True, display_id=True)
-    show()
+    advance(0)
     yield advance
-    show()
-    if line is None:
+    advance(0)
+    if console.is_terminal and line is None:
         console.print()

@@ -11,6 +11,7 @@ import sys
 import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -80,8 +81,6 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     if isinstance(law, str):
         return ControllerSpec.called(law, name, Path()), ""
     law, name = instance_of(law), name or _name(law)
-    if not isinstance(law, Controller):
-        raise _no_law(law)
     options = _options(law)
     if options is not None:
         return ControllerSpec(name, type(law).name, options), ""
@@ -97,6 +96,8 @@ def instance_of(law: Controller | type[Controller]) -> Controller:
             return law()
         except (Exception, SystemExit) as error:  # an own law may fail in any way
             raise ConfigurationError(f"{law.__name__}() cannot be made: {described(error)}") from error
+    if not isinstance(law, Controller):
+        raise _no_law(law)
     return law
 
 
@@ -155,12 +156,8 @@ def _packed(law: Controller) -> tuple[bytes, str]:
     """What any process makes the law of; empty, and why, if none can."""
     by_value = find_spec("cloudpickle") is not None
     try:
-        if by_value:
-            import cloudpickle
-
-            packed = bytes(cloudpickle.dumps(law))
-        else:
-            packed = pickle.dumps(law)
+        pickler: Any = import_module("cloudpickle") if by_value else pickle
+        packed = bytes(pickler.dumps(law))
         pickle.loads(packed)
     except (Exception, SystemExit) as error:  # an own law may hold anything
         return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"

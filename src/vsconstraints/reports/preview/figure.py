@@ -1,7 +1,8 @@
-"""The figure of a preview: image, space and the nearest rows."""
+"""How a preview is shown: lines of a terminal, and a figure with image, space and the nearest rows."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from textwrap import wrap
 from typing import Any
 
@@ -11,10 +12,10 @@ from ..plots.image import OUTSIDE, START, Plane, numbered
 from ..plots.marks import symbol
 from ..plots.sheet import WIDTH, Figure, Sheet
 from ..plots.style import INK, shortened
-from ..scene3d import draw_setup, viewpoint_of
-from .moments import Row
-from .preview import Preview
+from ..setup_scene import draw_setup, viewpoint_of
+from .preview import NEAR, Preview, Row
 
+MAX_LISTED = 15  # rows that a terminal lists, unless more are near
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.3
 #: Rows that are shown: up to the first, but of those far from their boundary no more than the second.
 MAX_ROWS, MIN_ROWS = 12, 4
@@ -26,6 +27,31 @@ ROW, LABELS, CELL, NEAREST = 0.19, 1.95, 1.36, 1.8
 
 MAX_USAGE = 1.15  # greatest usage that is shown; what is beyond stands at the edge
 STARTED, GOAL, EARLIER = symbol("o", "white", size=8.5), symbol("*", INK, size=5.2), symbol("*", "white", size=5.2)
+
+
+def lines(preview: Preview) -> Iterator[str]:
+    """What a terminal shows, line by line, without the warnings."""
+    setup, moments = preview.setup, preview.moments
+    robot = setup.scene.robot
+    yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
+    for moment in moments:
+        where = "not known" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
+    if not preview.rows:
+        yield "  no rows, and no limits of joints"
+        return
+    shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
+    yield "  rows nearest to their boundary: distance (φ); ! outside, * near"
+    table = [["", "", *(moment.name for moment in moments)]]
+    for row in shown:
+        mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
+        table.append([mark, row.label, *(row.text(k) for k in range(len(moments)))])
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for cells in table:
+        first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        yield f"  {first} {'  '.join(others)}".rstrip()
+    if len(shown) < len(preview.rows):
+        yield f"  … and {len(preview.rows) - len(shown)} that are farther away"
 
 
 def draw_preview(preview: Preview) -> Sheet:

@@ -16,7 +16,7 @@ from ..plots.image import Plane, tracks
 from ..plots.marks import symbol
 from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import INK, darker, shortened
-from ..scene3d import draw_setup
+from ..setup_scene import draw_setup
 from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
 from .space import common_viewpoint
 

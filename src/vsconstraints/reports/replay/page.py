@@ -19,8 +19,8 @@ from ...comparisons.runs.machine import VERSION
 from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane
-from ..scene3d import draw_setup
-from .runs import Frames, ReplayRun, check_same_scene, colours_of, things_of
+from ..setup_scene import draw_setup
+from .runs import Frames, ReplayRun, States, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
 
 PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot draw it [in]
@@ -110,13 +110,14 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
 
 def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     trajectory, samples, states, things = run.trajectory, frames.samples(run), frames.states(run), things_of(run)
-    markers = []
-    for i in range(trajectory.features_px.shape[1]):
-        own = [r for r, thing in enumerate(things) if thing == ("marker", i + 1)]
-        markers.append("".join(map(str, states[:, own].max(axis=1, initial=0))))
+    about = [[thing == ("marker", i + 1) for thing in things] for i in range(trajectory.features_px.shape[1])]
     shown = [int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()]
     pixels = trajectory.features_px[samples].reshape(len(samples), -1)
     pixels, error = _rounded([pixels, trajectory.feature_error_px[samples]])
+
+    def digits(own: States) -> str:
+        return "".join(map(str, own))
+
     return {
         "law": run.law,
         "colour": colour,
@@ -125,10 +126,8 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
         "end": float(trajectory.t[-1]),
         "pixels": pixels,
         "error": error,
-        "markers": markers,
-        "rows": [
-            {"label": trajectory.labels[i], "states": "".join(map(str, states[:, i]))} for i in sorted(shown[:MAX_ROWS])
-        ],
+        "markers": [digits(states[:, own].max(axis=1, initial=0)) for own in about],
+        "rows": [{"label": trajectory.labels[i], "states": digits(states[:, i])} for i in sorted(shown[:MAX_ROWS])],
         "more": max(len(shown) - MAX_ROWS, 0),
         "quiet": len(trajectory.labels) - len(shown),
     }

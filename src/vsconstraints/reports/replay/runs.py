@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -120,21 +119,12 @@ def states(run: ReplayRun) -> States:
     return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(np.uint8)
 
 
-class Highlight(NamedTuple):
-    """Something in space that is highlighted: a ``marker`` or a ``joint``, counted from 1, or an ``obstacle``.
+def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
+    """States (F,) in each frame of everything in space that is highlighted at all, by what it is, its number and run.
 
-    An obstacle's number is the place of its constraint in the list; ``run`` is 0 for what runs share; ``states`` (F,)
-    are those in each frame.
+    A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint in the list; the run
+    is 0 for what runs share: markers and obstacles are highlighted by the rows of any run.
     """
-
-    what: str
-    number: int
-    run: int
-    states: States
-
-
-def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> list[Highlight]:
-    """Everything that is highlighted at all; markers and obstacles by the rows of any run."""
     found: dict[tuple[str, int, int], States] = {}
     for k, run in enumerate(runs):
         for thing, own in zip(things_of(run), frames.states(run).T, strict=True):
@@ -142,7 +132,7 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> list[Highlight]:
                 carried = thing[0] == "marker" and run.setup.scene.camera.fixed is not None
                 key = (*thing, k if thing[0] == "joint" or carried else 0)
                 found[key] = np.maximum(found.get(key, INACTIVE), own).astype(np.uint8)
-    return [Highlight(*key, own) for key, own in found.items()]
+    return found
 
 
 def things_of(run: ReplayRun) -> list[Thing]:

@@ -13,25 +13,17 @@ import pinocchio as pin
 from ...constraints.meshes import Mesh
 from ...rows import Array
 from ..plots.style import paler, rgb
-from ..scene3d import (
-    REACH,
-    Part,
-    Placement,
-    Scene3D,
-    Viewpoint,
+from ..scene3d import REACH, Part, Placement, Scene3D, Viewpoint, ball, joint_poses, tube, visuals
+from ..setup_scene import (
     add_robot,
     add_surroundings,
-    ball,
-    joint_poses,
     obstacle_meshes,
     points_in_view,
     setup_frames,
-    tube,
     view_axes,
     viewpoint_of,
-    visuals,
 )
-from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
+from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place.
 OBSTACLE, OTHERS = "#8FA3BF", 0.45
@@ -49,8 +41,6 @@ INSTANTS = 9  # of each run, in which everything is in view
 #: Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
 #: around what is in view, relative to half the side of its cube.
 ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
-
-UNCHANGED = 1e-6  # what moves less from frame to frame is not sent again
 
 
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
@@ -82,9 +72,8 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
             part._replace(mesh=inset(mesh, k * INSET * scale), colour=paler(colour), opacity=OTHERS if k else 1.0)
             for part, mesh in zip(arm, meshes, strict=True)
         ]
-        named = [part._replace(name=f"{part.name} {i}") for i, part in enumerate(own)]
         shared = k > 0 and setup.scene.camera.fixed is not None
-        add_robot(scene, setup, named, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
+        add_robot(scene, setup, own, (1.0 - 0.03 * k) * scale, "" if shared else colour, f"{k} ")
         if shared:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
@@ -103,12 +92,11 @@ def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Fr
     for part in scene.parts:
         nodes.add(part)
     covers = []
-    for highlight in highlights_of(runs, frames):
-        mesh, frame = _cover(highlight, runs, half)
+    for (what, number, run_number), states in highlights_of(runs, frames).items():
+        mesh, frame = _cover(what, number, runs, run_number, half)
         for state, colour in HIGHLIGHTS.items():
-            name = f"{highlight.what} {highlight.number} {state}"
-            part = Part(mesh, colour, frame, 0.85 if highlight.what == "marker" else 0.6, name=name)
-            covers.append((highlight.states == state, nodes.add(part)))
+            handle = nodes.add(Part(mesh, colour, frame, 0.85 if what == "marker" else 0.6))
+            covers.append((states == state, handle))
     for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
         places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
@@ -120,8 +108,7 @@ def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Fr
         q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
         nodes.place(frames_of(runs, q, float(t)))
         for shown, handle in covers:
-            if k == 0 or shown[k] != shown[k - 1]:
-                handle.visible = bool(shown[k])
+            handle.visible = bool(shown[k])
         serializer.insert_sleep(frames.period)
     html: str = serializer.as_html()
     return html
@@ -134,7 +121,7 @@ class Nodes:
         self.scene = scene
         self.frames: dict[str, Any] = {}
         self.rails: dict[str, Any] = {}
-        self.sent: dict[tuple[str, str], Array] = {}
+        self.count = 0
 
     def add(self, part: Part) -> Any:
         """A part; returns its handle."""
@@ -144,24 +131,20 @@ class Nodes:
         points = np.round(part.mesh.points * 4096.0) / 4096.0
         look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
         shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
-        name = f"/{part.frame}/{part.name}"
+        self.count += 1
+        name = f"/{part.frame}/{self.count}"
         handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
-        if part.name.startswith("rail"):
+        if "slide" in part.frame:
             self.rails[part.frame] = handle
         return handle
 
     def place(self, placements: dict[str, Placement]) -> None:
-        """Put frames where they are; nothing is sent of those that have not moved."""
+        """Put frames where they are; viser sends nothing of those that have not moved."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            wanted = [(frame, "position", pose.t), (frame, "wxyz", quaternion(pose.R))]
+            frame.position, frame.wxyz = pose.t, quaternion(pose.R)
             if name in self.rails:
-                wanted.append((self.rails[name], "scale", np.array([1.0, 1.0, stretch])))
-            for handle, attribute, value in wanted:
-                before = self.sent.get((name, attribute))
-                if before is None or np.abs(value - before).max() > UNCHANGED:
-                    self.sent[name, attribute] = value
-                    setattr(handle, attribute, tuple(value.tolist()))
+                self.rails[name].scale = (1.0, 1.0, stretch)
 
 
 def quaternion(R: Array) -> Array:
@@ -170,9 +153,8 @@ def quaternion(R: Array) -> Array:
     return wxyz
 
 
-def _cover(highlight: Highlight, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
+def _cover(what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float) -> tuple[Mesh, str]:
     """What covers a thing that is highlighted, and the frame it is fixed to."""
-    what, number, run, _ = highlight
     setup, scale = runs[run].setup, half / REACH
     if what == "marker":
         return ball(setup.scene.markers[number - 1], 0.021 * scale, 12), f"{run} target" if run else "target"
