@@ -46,6 +46,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "implicit-switch-with-drift": [{}],
     "boundary-layer": [{}],
     "sliding-mode-ahead": [{}],
+    "robust-hierarchical-qp": [{}],
     "predictive": [{"horizon": 3}, {"horizon": 1, "block": 1}, {"horizon": 2, "block": 4}],
     "super-twisting": [{}],
     "implicit-super-twisting": [{}],

@@ -25,7 +25,7 @@ from vsconstraints.scenarios.families import Family, families
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    monkeypatch.setattr("vsconstraints.cli.campaigns.evidence_report", lambda folder, figures: folder / "report.md")
+    monkeypatch.setattr("vsconstraints.cli.campaigns.write_report", lambda folder, wanted: f"Report: {folder}")
     monkeypatch.chdir(tmp_path)
 
 

@@ -91,6 +91,7 @@ def test_what_is_searched_of_each_law() -> None:
         "potential-field": {"region", "exponent", "strength"},
         "boundary-layer": {"region", "exponent", "strength"},
         "hierarchical-qp": {"alpha"},
+        "robust-hierarchical-qp": {"alpha"},
         "implicit-switch": {"periods"},
         "implicit-switch-with-drift": {"periods"},
         "super-twisting": {"rate"},

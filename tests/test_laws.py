@@ -217,7 +217,7 @@ def test_laws_by_name_are_pairs_too() -> None:
     same(named, pair)
     assert (named.periods, named.uses, pair.uses) == (5.0, ("T_s",), ("T_s",))  # type: ignore[attr-defined]
     assert repr(layer).startswith("boundary-layer(region=0.3, exponent=1.0, strength=1.0, rank_tolerance=")
-    assert repr(Pair(demand="nothing")).startswith("Pair(demand=Nothing(ahead=False), resolver=Priority(")
+    assert repr(Pair(demand="nothing")).startswith("Pair(demand=Nothing(ahead=False, margin=0.0), resolver=Priority(")
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_laws_by_name_are_pairs_too() -> None:
         ({"demand": "barrier", "alfa": 1.0}, "unknown option of law 'alfa'. Did you mean 'alpha'"),
         (
             {"demand": "switch", "alpha": 1.0},
-            "unknown option of law 'alpha'. Did you mean 'ahead'\\? Available: ahead, rank_tolerance",
+            "unknown option of law 'alpha'. Did you mean 'ahead'\\? Available: ahead, margin, rank_tolerance",
         ),
         ({"demand": "barrier", "alpha": -1.0}, "alpha must be a positive, finite number, not -1.0"),
         ({"demand": "implicit-switch", "periods": 0.5}, "periods of implicit-switch must be at least 1, not 0.5"),

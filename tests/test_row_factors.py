@@ -206,6 +206,44 @@ def test_the_paper_s_law_one_period_ahead_keeps_a_speed_that_it_violates() -> No
     assert least["sliding-mode-ahead"] > -strict
 
 
+# --- a margin ---
+
+
+def test_a_margin_by_hand() -> None:
+    """Of a share of the scale, 2 here: v ≤ −α (φ + m s) = −20 · (−0.4 + 0.1 · 2) = 4, and of a switch φ ≥ −m s."""
+    given, task = rows(-0.4, 9.0, 0.2)
+    given.scale = np.array([2.0])
+    assert HierarchicalQP(margin=0.1).command(given, task).qdd[0] == pytest.approx(4.0)
+    assert HierarchicalQP().command(given, task).qdd[0] == pytest.approx(8.0)
+    for phi, expected in ((-0.21, 9.0), (-0.19, -2.0)):
+        given.phi[:] = phi
+        assert Law(Switch(margin=0.1), Priority()).command(given, task).qdd[0] == pytest.approx(expected)
+
+
+def test_a_margin_moves_sigma_too() -> None:
+    """FIRAS pushes by s u⁺ (r − 1) r² with r = ρ₀/ρ: here ρ₀ = 0.2, and ρ = 0.15 − 0.05."""
+    given, task = rows(-0.15, 0.0, 0.2)
+    push = make_controller("law", {"demand": "firas", "resolver": "additive", "margin": 0.05}).command(given, task)
+    assert push.qdd[0] == pytest.approx(-0.1 * 2.0 * (2.0 - 1.0) * 2.0**2)
+
+
+@pytest.mark.parametrize("margin", [-0.1, 1.0, True, float("nan"), "0.1", None])
+def test_margins_that_are_none_are_refused(margin: Any) -> None:
+    for name in ("hierarchical-qp", "potential-field", "implicit-switch"):
+        with pytest.raises((ConfigurationError, InvalidInput), match="margin"):
+            make_controller(name, {"margin": margin})
+
+
+def test_the_robust_law_is_the_hierarchical_qp_with_other_settings() -> None:
+    robust, plain = make_controller("robust-hierarchical-qp"), HierarchicalQP(alpha=12.0, margin=0.06)
+    assert robust.factors == RowFactors(K=3.0)
+    assert make_controller("robust-hierarchical-qp", {"switching_gain": 2.0}).factors == RowFactors(3.0, 2.0)
+    plain.factors = RowFactors(K=3.0)
+    setup = CASE.setup()
+    np.testing.assert_array_equal(simulate(setup, robust).q, simulate(setup, plain).q)
+    assert spec_of(robust)[0].options == {}
+
+
 def test_what_cannot_look_ahead_is_refused() -> None:
     with pytest.raises(InvalidInput, match="observes what moves φ itself: it takes no ahead = true"):
         make_controller("implicit-switch-with-drift", {"ahead": True})

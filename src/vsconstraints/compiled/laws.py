@@ -41,7 +41,7 @@ def demand_part(
 
     It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it),
     what is asked for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what is to be remembered and (m,) what is
-    asked for. It returns 0, or 1 if a demand is not a number.
+    asked for. It returns 0, or 1 if a demand is not a number. The margin stands behind the ``count`` parameters.
     """
 
     def demands(address: int, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
@@ -51,13 +51,14 @@ def demand_part(
             for j in range(rows.Lg.shape[1]):
                 total += abs(rows.Lg[i, j])
             # constants decide at compilation
-            phi = rows.phi[i]
+            inside = law.parameters[count] * rows.scale[i]
+            phi = rows.phi[i] + inside
             if ahead == 1:
                 phi = one_period_ahead(phi, rows.K[i], tracked[i], law.period)
             row = Row(
                 phi,
                 rows.Lf[i],
-                or_nan(rows.sigma, i),
+                or_nan(rows.sigma, i) + inside,
                 or_nan(rows.sigma_dot, i),
                 or_nan(rows.K, i),
                 rows.switching_gain[i],

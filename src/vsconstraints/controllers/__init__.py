@@ -64,7 +64,7 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         with chdir("."), beside(folder):  # an own law may change the working directory
             made = law(**options)
             if factors:
-                made.factors = RowFactors(**factors)
+                made.factors = RowFactors(**{**made.factors.options(), **factors})
             return made
     except VsconstraintsError:
         raise

@@ -57,7 +57,7 @@ class CompiledLaw:
             int(resolver.tracks(demand)),
             math.nan if period is None else period,
             resolver.options,
-            np.array(demand.parameters, dtype=np.float64),
+            np.array([*demand.parameters, demand.margin]),
             resolver.row_weights(labels),
             memory,
             last_rates,

@@ -54,10 +54,14 @@ class Demand(Part, ABC):
     #: Whether rows that are φ itself, such as speeds, are judged one period ahead: by φ + T_s L_gφ q̈ of tracking, since
     #: a period of tracking may take them beyond their boundary before any law has seen it.
     ahead: bool = field(default=False, kw_only=True)
+    #: Share of each row's scale by which φ and σ count as greater than they are, for what the law cannot know.
+    margin: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         if not isinstance(self.ahead, bool):
             raise self.refusal("ahead", "true or false")
+        if self.margin != 0.0 and not (positive(self.margin) or 1.0) < 1.0:
+            raise self.refusal("margin", "at least 0 and less than 1")
         if self.ahead and "last_rate" in self.uses:
             raise InvalidInput(f"{self.name} observes what moves φ itself: it takes no ahead = true")
         for each in self._numbers():
@@ -81,7 +85,12 @@ class Demand(Part, ABC):
         return tuple(getattr(self, each.name) for each in self._numbers())
 
     def _numbers(self) -> list[Field[Any]]:
-        return [each for each in fields(self) if each.name != "ahead"]
+        return [each for each in fields(self) if not each.kw_only]
+
+    @property
+    def common(self) -> dict[str, Any]:
+        """The options that every demand has."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.kw_only}
 
     @property
     def used(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeVar
 
 from ..errors import unknown_name
+from ..rows.factors import AS_THEY_ARE, RowFactors
 from . import demands
 from .barriers import Barrier
 from .demand import Demand
@@ -88,7 +89,7 @@ class PotentialField(Law):
         How ψ grows; 1 is linear, larger values concentrate the repulsion at the boundary.
     strength
         Factor on every u⁺.
-    ahead
+    ahead, margin
         See :class:`.Demand`.
     rank_tolerance
         As for :class:`SlidingMode`.
@@ -104,9 +105,11 @@ class PotentialField(Law):
         exponent: float = 1.0,
         strength: float = 1.0,
         ahead: bool = False,
+        margin: float = 0.0,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        super().__init__(*_blended(blend, (region, exponent, strength), ahead, rank_tolerance))
+        common = {"ahead": ahead, "margin": margin}
+        super().__init__(*_blended(blend, (region, exponent, strength), common, rank_tolerance))
 
     @property
     def blend(self) -> str:
@@ -115,16 +118,16 @@ class PotentialField(Law):
 
     @blend.setter
     def blend(self, blend: Any) -> None:
-        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.demand.ahead, self.rank_tolerance)
+        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.demand.common, self.rank_tolerance)
 
 
 def _blended(
-    blend: object, parameters: tuple[float, ...], ahead: bool, rank_tolerance: float
+    blend: object, parameters: tuple[float, ...], common: Mapping[str, Any], rank_tolerance: float
 ) -> tuple[Demand, Resolver]:
     if not (isinstance(blend, str) and blend in BLENDS):
         raise unknown_name("blend", blend, tuple(BLENDS))
     demand, resolver = BLENDS[blend]
-    return demand(*parameters, ahead=ahead), resolver(rank_tolerance)
+    return demand(*parameters, **common), resolver(rank_tolerance)
 
 
 class HierarchicalQP(Law):
@@ -150,7 +153,7 @@ class HierarchicalQP(Law):
         twin of eq. (15).
     alpha
         Rate α of the barrier [1/s].
-    ahead
+    ahead, margin
         See :class:`.Demand`.
     solver
         ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
@@ -184,13 +187,14 @@ class HierarchicalQP(Law):
         rows: Literal["barrier", "active"] = "barrier",
         alpha: float = 20.0,
         ahead: bool = False,
+        margin: float = 0.0,
         solver: str = AUTO,
         weights: Mapping[str, float] | None = None,
         max_acceleration: float | None = None,
         damping: float = 1e-8,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        demand, self._alpha = _demand(rows, alpha, ahead), alpha
+        demand, self._alpha = _demand(rows, alpha, {"ahead": ahead, "margin": margin}), alpha
         options: dict[str, Any] = {"solver": solver, "weights": weights, "max_acceleration": max_acceleration}
         super().__init__(demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options))
 
@@ -201,7 +205,7 @@ class HierarchicalQP(Law):
 
     @rows.setter
     def rows(self, rows: Any) -> None:
-        self.demand = _demand(rows, self._alpha, self.demand.ahead)
+        self.demand = _demand(rows, self._alpha, self.demand.common)
 
     @property
     def alpha(self) -> float:
@@ -210,14 +214,14 @@ class HierarchicalQP(Law):
 
     @alpha.setter
     def alpha(self, alpha: float) -> None:
-        self.demand, self._alpha = _demand(self.rows, alpha, self.demand.ahead), Barrier(alpha).alpha
+        self.demand, self._alpha = _demand(self.rows, alpha, self.demand.common), Barrier(alpha).alpha
 
 
-def _demand(rows: object, alpha: float, ahead: bool) -> Demand:
+def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
     if not (isinstance(rows, str) and rows in ("barrier", "active")):
         raise unknown_name("form of rows", rows, ("barrier", "active"))
-    barrier = Barrier(alpha, ahead=ahead)
-    return barrier if rows == "barrier" else Switch(ahead=ahead)
+    barrier = Barrier(alpha, **common)
+    return barrier if rows == "barrier" else Switch(**common)
 
 
 class Pair(Law):
@@ -251,16 +255,29 @@ class Named(Law):
         return _without_state, (self.name,), self.__getstate__()
 
 
-def named(name: str, demand: type[Demand], resolver: type[Resolver], line: str, **defaults: Any) -> type[Named]:
+def named(
+    name: str,
+    demand: type[Demand],
+    resolver: type[Resolver],
+    line: str,
+    factors: RowFactors = AS_THEY_ARE,
+    **defaults: Any,
+) -> type[Named]:
     """A law of that name: a class whose constructor takes the options of both parts.
 
-    ``line`` says what it is; ``defaults`` are options that differ from those of the parts.
+    ``line`` says what it is; ``defaults`` are options that differ from those of the parts, ``factors`` those of rows.
     """
     options = [
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
         for key, default in options_of(demand, resolver).items()
     ]
-    body = {"__doc__": line, "__signature__": inspect.Signature(options), "name": name, "defaults": defaults}
+    body = {
+        "__doc__": line,
+        "__signature__": inspect.Signature(options),
+        "name": name,
+        "defaults": defaults,
+        "factors": factors,
+    }
     return type(name, (Named,), {**body, "parts": (demand, resolver)})
 
 
@@ -316,6 +333,9 @@ NAMED: tuple[type[Named], ...] = (
           "Sliding mode of second order, which learns the drift."),
     named("implicit-super-twisting", demands.ImplicitSuperTwisting, Hierarchy,
           "Sliding mode of second order by the proper implicit Euler method, with strict priorities."),
+    named("robust-hierarchical-qp", Barrier, Hierarchy,
+          "The hierarchical QP for noise, delay and wrong models: rows act early, from a margin on.",
+          RowFactors(K=3.0), alpha=12.0, margin=0.06),
     named("cbf-filter", Barrier, Filter,
           "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier."),
 )  # fmt: skip

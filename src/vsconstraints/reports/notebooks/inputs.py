@@ -134,7 +134,7 @@ def _options(law: Controller) -> dict[str, Any] | None:
     kind = type(law)
     if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or {"solve", "command", "define"} & vars(law).keys():
         return None
-    options: dict[str, Any] = law.factors.options()
+    options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
     for parameter in inspect.signature(kind).parameters.values():
         if parameter.kind is parameter.VAR_KEYWORD or not hasattr(law, parameter.name):
             continue
