@@ -100,8 +100,7 @@ class Side:
                 raise ConfigurationError(f"{old} cannot be called {new}: {self.folder} has a controller of that name")
         tables = {names.get(name, name): table for name, table in controllers.items()}
         manifest = {**self.manifest, "configuration": {**configuration, "controllers": tables}}
-        runs = self.runs.assign(controller=self.runs["controller"].replace(dict(names)))
-        return replace(self, manifest=manifest, runs=runs)
+        return replace(self, manifest=manifest, runs=self.runs.replace({"controller": dict(names)}))
 
 
 @dataclass(frozen=True)
@@ -120,31 +119,29 @@ class Pairs:
     @classmethod
     def of(cls, a: Side, b: Side) -> Pairs:
         """Pair two sides; ConfigurationError if only one has drawn scenes, seeds differ, or there is no pair."""
-
-        def refuse(why: str) -> ConfigurationError:
-            return ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
-
-        if a.key != b.key:
-            raise refuse("only one of them has drawn scenes")
         seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
-        if seeds[0] != seeds[1]:
-            raise refuse(f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs")
-        runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
-        common = runs_a.index.intersection(runs_b.index, sort=False)
-        only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
-        otherwise: Any = []
-        if a.drawn is not None:
-            drawn = a.drawn.index.intersection(b.drawn.index)
-            otherwise = drawn[(a.drawn.loc[drawn] != b.drawn.loc[drawn]).to_numpy()]
-        if len(otherwise):
-            scenes = common.droplevel([name for name in a.key if name not in otherwise.names])
-            common = common[~scenes.isin(otherwise)]
-        if not len(common) and len(otherwise):
-            first = [json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b)]
-            keys = [key for key in {**first[0], **first[1]} if first[0].get(key) != first[1].get(key)]
-            raise refuse(f"all {len(otherwise)} scenes are drawn otherwise: {in_words(keys)}")
-        if not len(common):
-            raise refuse("no law and scene is in both")
+        why, otherwise = "", []
+        if a.key != b.key:
+            why = "only one of them has drawn scenes"
+        elif seeds[0] != seeds[1]:
+            why = f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs"
+        else:
+            runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
+            common = runs_a.index.intersection(runs_b.index, sort=False)
+            only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
+            if a.drawn is not None:
+                drawn_a, drawn_b = a.drawn.align(b.drawn, join="inner")
+                otherwise = drawn_a.index[(drawn_a != drawn_b).to_numpy()]
+                scenes = common.droplevel([name for name in a.key if name not in drawn_a.index.names])
+                common = common[~scenes.isin(otherwise)]
+            if not len(common):
+                why = "no law and scene is in both"
+            if not len(common) and len(otherwise):
+                first, second = (json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b))
+                keys = [key for key in {**first, **second} if first.get(key) != second.get(key)]
+                why = f"all {len(otherwise)} scenes are drawn otherwise: {in_words(keys)}"
+        if why:
+            raise ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
         return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(otherwise))
 
     @cached_property
