@@ -25,29 +25,29 @@ class Budget(NamedTuple):
 
 
 BUDGETS = {
-    "rows": Budget(0, 600),
-    "errors": Budget(0, 150),
-    "plugins": Budget(0, 250),
-    "formulas": Budget(0, 1300),
-    "robots": Budget(0, 900),
-    "vision": Budget(0, 2000),
-    "compiled": Budget(0, 3300),
-    "constraints": Budget(0, 1900),
-    "qp": Budget(0, 600),
-    "controllers": Budget(0, 2200),
-    "control": Budget(0, 700),
-    "simulation": Budget(0, 2000),
-    "scenarios": Budget(0, 1800),
-    "comparisons": Budget(0, 4000),
-    "reports": Budget(0, 4000),
-    "paper": Budget(0, 2400),
-    "arms": Budget(0, 1300),
-    "cli": Budget(0, 700),
+    "rows": Budget(391, 600),
+    "errors": Budget(97, 150),
+    "plugins": Budget(325, 250),
+    "formulas": Budget(1212, 1300),
+    "robots": Budget(1197, 900),
+    "vision": Budget(1994, 2000),
+    "compiled": Budget(6714, 3300),
+    "constraints": Budget(2676, 1900),
+    "qp": Budget(479, 600),
+    "controllers": Budget(3161, 2200),
+    "control": Budget(984, 700),
+    "simulation": Budget(2542, 2000),
+    "scenarios": Budget(2101, 1800),
+    "comparisons": Budget(6640, 4000),
+    "reports": Budget(7361, 4000),
+    "paper": Budget(4095, 2400),
+    "arms": Budget(2162, 1300),
+    "cli": Budget(1220, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(0, 31_000)
+ALL = Budget(45384, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
@@ -164,7 +164,7 @@ def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
             arguments = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
             count = len(arguments) - (arguments[:1] in (["self"], ["cls"]))
             marks = " ".join(map(ast.unparse, node.decorator_list))
-            excused = "typer." in ast.unparse(node.args) or "formula" in marks or "compiled" in marks
+            excused = room_of(module.name) == "cli" or "formula" in marks or "compiled" in marks
             if count > MAX_PARAMETERS and not excused:
                 found.append(f"{count} {module.name}.{node.name}")
     return sorted(found, key=lambda entry: -int(entry.split()[0]))

@@ -185,7 +185,8 @@ def test_a_speed_is_judged_where_tracking_takes_it(
 
 def test_a_barrier_one_period_ahead_by_hand() -> None:
     """v ≤ −α (φ + T_s v_track) = −20 · (−0.1 + 0.004 · 5) = 1.6."""
-    law = HierarchicalQP(ahead=True)
+    law = HierarchicalQP()
+    law.ahead = True
     law.reset(period=0.004)
     assert law.command(*rows(-0.1, 5.0, 0.0)).qdd[0] == pytest.approx(1.6)
     assert HierarchicalQP().command(*rows(-0.1, 5.0, 0.0)).qdd[0] == pytest.approx(2.0)
