@@ -25,6 +25,7 @@ from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, Server
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.tuning.objectives import Judged
 from vsconstraints.comparisons.tuning.tune import Journal
+from vsconstraints.compiled import prepare
 from vsconstraints.errors import VsconstraintsError
 
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")
@@ -203,6 +204,7 @@ def cells() -> dict[str, list[str]]:
 
 @pytest.mark.parametrize("row", ROWS)
 def test_each_cell(row: str, tmp_path: Path) -> None:
+    prepare()  # compiling may take a second process
     run, _, write, network = cells()[row]
     seen = ROWS[row](tmp_path)
     own = {path for path in seen.written if "cache" not in path and path != os.devnull}
