@@ -34,8 +34,8 @@ from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
 
 HERE = Path(__file__).parent
 NOTICED = HERE / "noticed.tsv"
-SPARE = 1.3
-"""Of mutants that are named anew, so many times more are judged: some are noticed by no test, or by slow ones alone."""
+SPARE, QUICKEST = 1.25, 60
+"""Of mutants that are named anew, so many times more are judged, by so many of the quickest tests that reach each."""
 
 Key = tuple[str, str, str]
 
@@ -78,7 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         mutants = sampled(worth, chosen.sample or len(worth), chosen.seed)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         watched = list(dict.fromkeys([*files, *(mutant.file for mutant in named)]))
-        runner = Runner(Path(folder), TESTS, watched, chosen.jobs, known=tests if chosen.named else None)
+        known_tests, most = tests if chosen.named else None, QUICKEST if chosen.renew else None
+        runner = Runner(Path(folder), TESTS, watched, chosen.jobs, known=known_tests, most=most)
         print(f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         verdicts = []
         for verdict in runner.judge([*named, *mutants]):

@@ -77,6 +77,8 @@ class Runner:
         The tree; it holds ``src`` and ``tests``.
     known
         The one test of each mutant that is asked, by the mutant's key; otherwise all that reach it are.
+    most
+        Only so many tests of those that reach a mutant, the quickest; all if None.
     """
 
     def __init__(
@@ -87,8 +89,9 @@ class Runner:
         jobs: int = 1,
         root: Path = ROOT,
         known: Mapping[tuple[str, str, str], str] | None = None,
+        most: int | None = None,
     ) -> None:
-        self.folder, self.jobs = folder.resolve(), jobs
+        self.folder, self.jobs, self.most = folder.resolve(), jobs, most
         for name in COPIED:
             there = root / name
             if there.is_dir():
@@ -151,6 +154,8 @@ class Runner:
         files = {test.split("::")[0] for test in first}
         others = [test for test in self.reached if test.split("::")[0] in files]
         quickest = sorted(first, key=lambda test: self.reached[test].seconds)
+        if self.most is not None:
+            return quickest[: self.most]
         return list(dict.fromkeys([*quickest, *others]))
 
     def judge(self, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
