@@ -185,7 +185,8 @@ def test_a_speed_is_judged_where_tracking_takes_it(
 
 def test_a_barrier_one_period_ahead_by_hand() -> None:
     """v ≤ −α (φ + T_s v_track) = −20 · (−0.1 + 0.004 · 5) = 1.6."""
-    law = HierarchicalQP(ahead=True)
+    law = HierarchicalQP()
+    law.ahead = True
     law.reset(period=0.004)
     assert law.command(*rows(-0.1, 5.0, 0.0)).qdd[0] == pytest.approx(1.6)
     assert HierarchicalQP().command(*rows(-0.1, 5.0, 0.0)).qdd[0] == pytest.approx(2.0)
@@ -227,9 +228,20 @@ def test_a_margin_moves_sigma_too() -> None:
     assert push.qdd[0] == pytest.approx(-0.1 * 2.0 * (2.0 - 1.0) * 2.0**2)
 
 
+def test_plans_leave_the_margin_too() -> None:
+    """As shares of the scale, where the row that tracking violates comes nearest to its boundary."""
+    setup = Scenario.load("example-2d-fov").with_override("duration", 6.0).setup()
+    nearest = {}
+    for margin in (0.0, 0.05):
+        run = simulate(setup, make_controller("predictive", {"margin": margin}))
+        nearest[margin] = run.sigma[:, run.labels.index("fov[marker 2]")].max()
+    assert -0.02 < nearest[0.0] <= 0.0
+    assert nearest[0.05] == pytest.approx(-0.05, abs=0.01)
+
+
 @pytest.mark.parametrize("margin", [-0.1, 1.0, True, float("nan"), "0.1", None])
 def test_margins_that_are_none_are_refused(margin: Any) -> None:
-    for name in ("hierarchical-qp", "potential-field", "implicit-switch"):
+    for name in ("hierarchical-qp", "potential-field", "implicit-switch", "predictive"):
         with pytest.raises((ConfigurationError, InvalidInput), match="margin"):
             make_controller(name, {"margin": margin})
 
