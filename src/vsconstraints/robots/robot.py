@@ -151,10 +151,10 @@ class Robot:
             Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
             ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
         """
-        model, frame, source, (*ranges, effort) = read_urdf(urdf, tip, locked or {}, package_dirs)
+        model, frame, source, (low, high, speed, effort) = read_urdf(urdf, tip, locked or {}, package_dirs)
         if limits.effort is None and np.isfinite(effort).any():
             limits = replace(limits, effort=effort.tolist())
-        return cls(model, frame, name or model.name, *ranges, source, limits)
+        return cls(model, frame, name or model.name, low, high, speed, source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
         """The collision geometry of the URDF's links, in this robot's model; read anew by every call.

@@ -39,7 +39,7 @@ class UrdfSource:
 
 def read_urdf(
     path: str | Path, tip: str | None, locked: Mapping[str, float], package_dirs: Sequence[str | Path] | None
-) -> tuple[pin.Model, int, UrdfSource, list[Array]]:
+) -> tuple[pin.Model, int, UrdfSource, tuple[Array, Array, Array, Array]]:
     """The arm of a URDF file, the frame of its tip, where it comes from, and limits: see :meth:`.Robot.from_urdf`.
 
     Limits (n,) are the least and greatest coordinates, speeds, and efforts, infinite where there is none.
@@ -84,7 +84,7 @@ def read_urdf(
     )
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
-    return model, model.getFrameId(tip), origin, [lower, upper, speed, effort]
+    return model, model.getFrameId(tip), origin, (lower, upper, speed, effort)
 
 
 def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
