@@ -25,7 +25,8 @@ from vsconstraints.scenarios.families import Family, families
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    monkeypatch.setattr("vsconstraints.cli.campaigns.evidence_report", lambda folder, figures: folder / "report.md")
+    written = "vsconstraints.cli.campaigns.write_report"
+    monkeypatch.setattr(written, lambda folder, wanted: f"Report: {folder / 'report.md'}")
     monkeypatch.chdir(tmp_path)
 
 

@@ -47,7 +47,7 @@ def test_floors_are_counted(tmp_path, capsys):
 
 
 def test_what_is_over_its_budget_is_named(tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(structure.BUDGETS, "rows", 2)
+    monkeypatch.setitem(structure.BUDGETS, "rows", structure.Budget(2, 1))
     assert package(tmp_path, rows="x = 1\n\n\ndef f(self, a, b, c, d, e, g, h, *, i, j):\n    pass\n") == 1
     said = capsys.readouterr().out
     assert "rows: 5 lines, 2 allowed" in said

@@ -25,7 +25,7 @@ measurement is by the same clock as the time argument; pixels are those on the s
 markers that were not found. The camera's pose will do without pixels.
 """
 
-SIMULATED, MODEL = "simulated", "model"
+SOURCES = SIMULATED, MODEL = "simulated", "model"
 
 
 class SimulatedImages:

@@ -13,31 +13,18 @@ import typer
 from .. import __version__
 from ..comparisons.runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 from ..errors import StorageError, VsconstraintsError, WorkersLost
-from . import options
-from .arm import run
-from .campaigns import evidence, families, merge, tune
-from .paper import reproduce, study
-from .results import compare, diff, report, verify
-from .scenes import frames, preview, replay
+from . import arm, campaigns, options, paper, results, scenes
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
-app = typer.Typer(
-    help="Compare controllers that keep visual servoing inside its limits.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+_HELP = "Compare controllers that keep visual servoing inside its limits."
+app = typer.Typer(help=_HELP, no_args_is_help=True, pretty_exceptions_enable=False)
+
+_WHAT = "A kind, such as laws, constraints or metrics, or a name; the names of all kinds if not given."
+_KINDS = options.completed("cli.listing:KINDS")
+_What = Annotated[list[str] | None, typer.Argument(metavar="[KIND|NAME]...", help=_WHAT, autocompletion=_KINDS)]
 
 
-def list_(
-    what: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[KIND|NAME]...",
-            help="A kind, such as laws, constraints or metrics, or a name; the names of all kinds if not given.",
-            autocompletion=options.completed("cli.listing:KINDS"),
-        ),
-    ] = None,
-) -> None:
+def list_(what: _What = None) -> None:
     """Show what comes with the package: the names of each kind; of a kind or a name, what it is."""
     from .listing import print_listing
 
@@ -47,34 +34,34 @@ def list_(
 #: The commands by what they are for, each with an example, in the order in which ``--help`` shows them.
 GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     "Laws in a few scenes": {
-        "compare": (compare, "compare --scenario ur5-fov --controller sliding-mode --controller hierarchical-qp"),
-        "list": (list_, "list laws"),
-        "report": (report, "report vsconstraints-results --latex"),
-        "diff": (diff, "diff before after --metric settling_time_s"),
-        "verify": (verify, "verify vsconstraints-results"),
+        "compare": (results.compare, "--scenario ur5-fov --controller sliding-mode --controller hierarchical-qp"),
+        "list": (list_, "laws"),
+        "report": (results.report, "vsconstraints-results --latex"),
+        "diff": (results.diff, "before after --metric settling_time_s"),
+        "verify": (results.verify, "vsconstraints-results"),
     },
     "A look at a scene, or at a run of it": {
-        "preview": (preview, "preview ur5-fov"),
-        "replay": (replay, "replay ur5-fov:tracking ur5-fov:sliding-mode"),
-        "frames": (frames, "frames ur5-images --out images.gif"),
+        "preview": (scenes.preview, "ur5-fov"),
+        "replay": (scenes.replay, "ur5-fov:tracking ur5-fov:sliding-mode"),
+        "frames": (scenes.frames, "ur5-images --out images.gif"),
     },
-    "On an arm": {"run": (run, "run ur5-fov --controller sliding-mode --robot loopback://")},
+    "On an arm": {"run": (arm.run, "ur5-fov --controller sliding-mode --robot loopback://")},
     "The paper, and general questions": {
-        "reproduce": (reproduce, "reproduce --figure 9"),
-        "study": (study, "study pareto"),
+        "reproduce": (paper.reproduce, "--figure 9"),
+        "study": (paper.study, "pareto"),
     },
     "Thousands of drawn scenes": {
-        "families": (families, "families six-axis --scenes 20"),
-        "evidence": (evidence, "evidence --family six-axis --scenes 50"),
-        "merge": (merge, "merge whole part-1 part-2"),
-        "tune": (tune, "tune --family six-axis --controller cbf-filter"),
+        "families": (campaigns.families, "six-axis --scenes 20"),
+        "evidence": (campaigns.evidence, "--family six-axis --scenes 50"),
+        "merge": (campaigns.merge, "whole part-1 part-2"),
+        "tune": (campaigns.tune, "--family six-axis --controller cbf-filter"),
     },
 }
 
 for _panel, _commands in GROUPS.items():
-    for _name, (_command, _example) in _commands.items():
+    for _name, (_command, _arguments) in _commands.items():
         _text = inspect.getdoc(_command) or ""
-        _help = f"Example: vsconstraints {_example}\n\n{_text}"
+        _help = f"Example: vsconstraints {_name} {_arguments}\n\n{_text}"
         app.command(_name, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel)(_command)
 
 
@@ -84,13 +71,11 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-) -> None:
-    """Compare controllers that keep visual servoing inside its limits."""
+_Version = Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")]
+
+
+@app.callback(help=_HELP)
+def _options(version: _Version = False) -> None: ...
 
 
 def main() -> None:

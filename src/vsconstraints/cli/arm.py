@@ -7,55 +7,38 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from ..errors import ConfigurationError
 from . import options
-from .results import ReportOptions, comparison_report
+from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, typed_command
 
 SIMULATED_ARM = "simulated://"
 NO_WATCHDOG = "the driver knows of no watchdog in the arm"
 
 
-def _robot_names(incomplete: str) -> list[str]:
-    from ..arms import DRIVERS
-
-    return [name for scheme in DRIVERS if (name := f"{scheme}://").startswith(incomplete)]
-
-
-def _image_names(incomplete: str) -> list[str]:
-    from ..arms.images import MODEL, SIMULATED
-
-    return [name for name in (MODEL, SIMULATED) if name.startswith(incomplete)]
+_ROBOT = "ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given."
+_IMAGES = "What sees the markers: simulated, model (nothing does), or one's own module:function."
+_robots, _sources = options.completed("arms:DRIVERS", "://"), options.completed("arms.images:SOURCES")
+_Robot = Annotated[str, Option(metavar="ADDRESS", help=_ROBOT, autocompletion=_robots)]
+_Images = Annotated[str | None, Option(help=_IMAGES, autocompletion=_sources)]
+_Real = Annotated[bool, Option("--real-time/--no-real-time", help="Whether to ask the system for real time.")]
+_Log = Annotated[Path | None, Option(help="Folder for log and results; one of its own for each run.")]
 
 
 def run(
     context: typer.Context,
     scenario: options.Scenario,
     controller: options.Controller = "hierarchical-qp",
-    robot: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given.",
-            autocompletion=_robot_names,
-        ),
-    ] = SIMULATED_ARM,
-    images: Annotated[
-        str | None,
-        typer.Option(
-            help="What sees the markers: simulated, model (nothing does), or one's own module:function.",
-            autocompletion=_image_names,
-        ),
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Yes, move a real arm.")] = False,
-    from_arm: Annotated[bool, typer.Option("--from-arm", help="Start where the arm stands.")] = False,
-    rate: Annotated[float | None, typer.Option(min=1.0, metavar="HZ", help="Instead of the scenario's.")] = None,
+    robot: _Robot = SIMULATED_ARM,
+    images: _Images = None,
+    yes: Annotated[bool, Option("--yes", help="Yes, move a real arm.")] = False,
+    from_arm: Annotated[bool, Option("--from-arm", help="Start where the arm stands.")] = False,
+    rate: Annotated[float | None, Option(min=1.0, metavar="HZ", help="Instead of the scenario's.")] = None,
     settings: options.Settings = None,
-    priority: Annotated[
-        bool, typer.Option("--real-time/--no-real-time", help="Whether to ask the system for real time.")
-    ] = True,
-    out: Annotated[Path | None, typer.Option(help="Folder for log and results; one of its own for each run.")] = None,
+    priority: _Real = True,
+    out: _Log = None,
     figures: options.Figures = True,
 ) -> None:
     """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
@@ -67,7 +50,6 @@ def run(
     from ..comparisons.runs.folder import locked
     from ..comparisons.runs.signals import exit_code
     from ..compiled import prepare
-    from ..reports.page import where
     from ..scenarios import Scenario
 
     chosen = Scenario.load(scenario)
@@ -108,14 +90,13 @@ def run(
         console.print(line)
     if log.cause:
         errors.print(f"{log.ended}: {log.cause}")
-    for remark in log.remarks:
-        note(remark)
+    note(*log.remarks)
     (console if log.at_rest else errors).print(f"The arm: {log.stop}.")
     trajectory, _ = store(out, suite, setup, log, robot, typed_command())
-    report = comparison_report(out, ReportOptions(figures, trust=True))
+    report = write_report(out, ReportOptions(figures, trust=True))
     if trajectory is not None:
         console.print(f"{trajectory.status}: {trajectory.reason}")
-    console.print(f"Log and results: {out}. {where(report)}")
+    console.print(f"Log and results: {out}. {report}")
     if log.signal:
         raise typer.Exit(exit_code(log.signal))
     if log.ended != "done":

@@ -2,80 +2,74 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
+from itertools import count
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
+from typer import Argument, Option
 
-from ..comparisons.runs.signals import exit_code
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from . import options
-from .results import ReportOptions, evidence_report
-from .terminal import (
-    NOTHING_DONE,
-    console,
-    errors,
-    note,
-    note_processes,
-    progress_bar,
-    resumable,
-    typed_command,
-)
+from .results import ReportOptions, write_report
+from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
 
 if TYPE_CHECKING:
-    from ..comparisons.evidence import Finished, Progress
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
-    from ..scenarios.families.drawn import Summary
+
+_FAMILIES = "Names or paths of families to draw from; if not given, all are listed."
+_CAMPAIGN = "A campaign file, or real-world; all families with the default comparison's controllers if not given."
+_TUNED = "A campaign file; all shipped families with the default laws if not given."
+_CLUSTER = "Of a Dask scheduler, whose workers make the runs: tls://10.0.0.1:8786."
+_SHARD = "Only this part of the scenes, for machines that share no folder."
+_Families = Annotated[options.Names, Argument(help=_FAMILIES, autocompletion=options.family_names)]
+_Drawn = Annotated[int, Option(min=1, max=10_000_000, help="How many scenes are drawn of each.")]
+_Scenes = Annotated[int | None, Option(help="How many of each family, instead of the campaign's.")]
+_Evaluations = Annotated[int, Option(help="Settings of each law and tuner seed, the default included.")]
 
 
 def families(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Names or paths of families to draw from; if not given, all are listed.",
-            autocompletion=options.family_names,
-        ),
-    ] = None,
-    scenes: Annotated[int, typer.Option(min=1, max=10_000_000, help="How many scenes are drawn of each.")] = 100,
+    names: _Families = None,
+    scenes: _Drawn = 100,
     half: options.Half = "held-out",
     seed: options.Seed = 0,
 ) -> None:
     """List the families of scenes; draw scenes of those that are named, and describe them."""
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped
-    from ..scenarios.families.family import summarised
 
+    loaded = [Family.load(name) for name in names or shipped()]
     if not names:
-        for name in shipped():
-            family = Family.load(name)
-            console.print(f"{name}: {family.title} ({', '.join(family.conditions)})")
-        return
-    found = 0
-    for family in [Family.load(name) for name in names]:
-        with progress_bar() as progress:
-            bar = progress.add_task(f"drawing {family.name}", total=scenes)
-            summary = summarised(family, scenes, half, seed, lambda bar=bar: progress.advance(bar))  # type: ignore[misc]
-        _print_summary(family, summary)
-        found += len(summary.found)
-    if not found:
+        for family in loaded:
+            console.print(f"{family.name}: {family.title} ({', '.join(family.conditions)})")
+    elif not sum([_print_drawn(family, scenes, half, seed) for family in loaded]):
         raise typer.Exit(NOTHING_DONE)
 
 
-def _print_summary(family: Family, summary: Summary) -> None:
-    drawn, accepted = len(summary.scenes), len(summary.found)
-    attempts = sum(scene.attempts for scene in summary.scenes)
+def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
+    """Draw scenes and describe them; returns how many are found."""
+    from ..scenarios.families.family import summarised
+
+    done = count(1)
+    with progress() as show:
+        summary = summarised(family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes))
+    accepted, attempts = len(summary.found), sum(scene.attempts for scene in summary.scenes)
     console.print(f"{family.name}: {family.title}\n  conditions: {', '.join(family.conditions)}")
     console.print(
-        f"  {accepted} of {drawn} scenes found in {attempts} attempts ({summary.acceptance:.0%} accepted), "
-        f"{summary.seconds / drawn * 1e3:.0f} ms a scene"
+        f"  {accepted} of {scenes} scenes found in {attempts} attempts ({summary.acceptance:.0%} accepted), "
+        f"{summary.seconds / scenes * 1e3:.0f} ms a scene"
     )
-    _print_counts("rejected", summary.rejected, attempts, "attempts")
-    _print_counts("violated by tracking alone", summary.challenged, accepted, "scenes")
+    for what, counts, of, unit in (
+        ("rejected", summary.rejected, attempts, "attempts"),
+        ("violated by tracking alone", summary.challenged, accepted, "scenes"),
+    ):
+        console.print(f"  {what}{'' if counts else ': nothing'}")
+        for name, number in counts.most_common():
+            console.print(f"    {number:6d}  {number / of:4.0%} of {unit}  {name}")
     if not isnan(summary.beyond_limits):
         console.print(
             f"  under its limits, no law could satisfy a row from where tracking alone first meets it in "
@@ -84,34 +78,19 @@ def _print_summary(family: Family, summary: Summary) -> None:
     if summary.timed:
         late = sum(scene.too_far for scene in summary.timed)
         console.print(f"  under its limits, no law can arrive in time in {late} of {len(summary.timed)} scenes")
-
-
-def _print_counts(what: str, counts: Counter[str], of: int, unit: str) -> None:
-    console.print(f"  {what}{'' if counts else ': nothing'}")
-    for name, count in counts.most_common():
-        console.print(f"    {count:6d}  {count / of:4.0%} of {unit}  {name}")
+    return accepted
 
 
 def evidence(
-    campaign: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A campaign file, or real-world; all families with the default comparison's controllers if not given."
-        ),
-    ] = None,
+    campaign: Annotated[Path | None, Argument(help=_CAMPAIGN)] = None,
     out: options.Out = Path("vsconstraints-evidence"),
-    scenes: Annotated[int | None, typer.Option(help="How many of each family, instead of the campaign's.")] = None,
+    scenes: _Scenes = None,
     family: options.Families = None,
     controller: options.Controllers = None,
     jobs: options.Jobs = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers make the runs: tls://10.0.0.1:8786."),
-    ] = None,
+    cluster: Annotated[str | None, Option(metavar="ADDRESS", help=_CLUSTER)] = None,
     keep: options.Keep = "none",
-    shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Only this part of the scenes, for machines that share no folder.")
-    ] = "1/1",
+    shard: Annotated[str, Option(metavar="I/N", help=_SHARD)] = "1/1",
     settings: options.Settings = None,
     fresh: options.Fresh = False,
     figures: options.Figures = True,
@@ -121,7 +100,6 @@ def evidence(
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
     from ..comparisons.evidence import Campaign, Plan, Shard, collect, processes
-    from ..reports.page import where
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
@@ -129,50 +107,41 @@ def evidence(
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
     part = Shard.parsed(shard)
-    with ExitStack() as stack:
-        if cluster is None:
-            workers = processes(jobs)
-        else:
-            from ..comparisons.evidence.cluster import cluster as connected
+    workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
+    if cluster is not None:
+        from ..comparisons.evidence.cluster import cluster as connected
 
-            workers = stack.enter_context(connected(cluster, chosen.identities))
-        # an unknown way to keep trajectories is an error before anything runs
-        plan = Plan(part, cast("Kept", keep), run_limit, fresh, workers)
-        bar = stack.enter_context(progress_bar())
-        task = bar.add_task("scenes", total=None)
-
-        def show(progress: Progress) -> None:
-            bar.update(task, total=progress.scenes, completed=progress.done)
-
-        finished = collect(chosen, out, plan, command=typed_command(), on_progress=show)
-    _print_finished(finished)
-    if plan.shard.of == 1:
-        console.print(where(evidence_report(out, wanted)))
-    if finished.progress.all_failed:
+        workers = connected(cluster, chosen.identities)
+    with workers as opened, progress() as show:
+        finished = collect(
+            chosen,
+            out,
+            Plan(part, cast("Kept", keep), run_limit, fresh, opened),
+            command=typed_command(),
+            on_progress=lambda now: show("scenes", now.done, now.scenes),
+        )
+    state = finished.progress
+    for kind, failed in state.failed.items():
+        errors.print(f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, {state.reasons[kind]}")
+    if state.stored_before:
+        console.print(f"{state.stored_before} of {state.scenes} scenes were stored in {out} already.")
+    if finished.interrupted:
+        stored = f"{state.done} of {state.scenes} scenes are stored in {out}"
+        stop(finished.interrupted, f"{stored}; the same command continues")
+    console.print(
+        f"{state.done - state.stored_before} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
+        f"{finished.rate:.1f} runs a second. Stored in {out}"
+    )
+    if part.of == 1:
+        console.print(write_report(out, wanted))
+    if state.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
         raise typer.Exit(NOTHING_DONE)
 
 
-def _print_finished(finished: Finished) -> None:
-    progress, out = finished.progress, finished.folder
-    for kind, count in progress.failed.items():
-        errors.print(f"{' · '.join(kind)}: {count} of {progress.of_kind[kind]} runs failed, {progress.reasons[kind]}")
-    if progress.stored_before:
-        console.print(f"{progress.stored_before} of {progress.scenes} scenes were stored in {out} already.")
-    if finished.interrupted:
-        errors.print(
-            f"Interrupted: {progress.done} of {progress.scenes} scenes are stored in {out}; the same command continues."
-        )
-        raise typer.Exit(exit_code(finished.interrupted))
-    console.print(
-        f"{progress.done - progress.stored_before} scenes, {progress.runs} runs in {finished.wall_time:.1f} s: "
-        f"{finished.rate:.1f} runs a second. Stored in {out}"
-    )
-
-
 def merge(
-    out: Annotated[Path, typer.Argument(help="Folder for all of it.")],
-    shards: Annotated[list[Path], typer.Argument(help="Folders that `evidence --shard` has written.")],
+    out: Annotated[Path, Argument(help="Folder for all of it.")],
+    shards: Annotated[list[Path], Argument(help="Folders that `evidence --shard` has written.")],
     figures: options.Figures = True,
     formats: options.Formats = None,
     latex: options.Latex = False,
@@ -180,25 +149,21 @@ def merge(
 ) -> None:
     """Merge the parts of a campaign that were run apart, and write its report."""
     from ..comparisons.evidence import merge as merge_shards
-    from ..reports.page import where
 
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=trust)
     merged = merge_shards(out, shards)
-    for remark in merged.remarks:
-        note(remark)
+    note(*merged.remarks)
     console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
-    console.print(where(evidence_report(out, wanted)))
+    console.print(write_report(out, wanted))
 
 
 def tune(
-    campaign: Annotated[
-        Path | None, typer.Argument(help="A campaign file; all shipped families with the default laws if not given.")
-    ] = None,
+    campaign: Annotated[Path | None, Argument(help=_TUNED)] = None,
     out: options.Out = Path("vsconstraints-tuning"),
-    evaluations: Annotated[int, typer.Option(help="Settings of each law and tuner seed, the default included.")] = 40,
-    seeds: Annotated[int, typer.Option(help="How often tuning is repeated with another seed.")] = 3,
-    scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 10,
-    violations: Annotated[float, typer.Option(help="Share of runs that may have a violated row.")] = 0.2,
+    evaluations: _Evaluations = 40,
+    seeds: Annotated[int, Option(help="How often tuning is repeated with another seed.")] = 3,
+    scenes: Annotated[int, Option(help="Training scenes of each family.")] = 10,
+    violations: Annotated[float, Option(help="Share of runs that may have a violated row.")] = 0.2,
     family: options.Families = None,
     controller: options.Controllers = None,
     settings: options.Settings = None,
@@ -211,27 +176,20 @@ def tune(
     from ..comparisons.tuning.tune import TUNED
     from ..comparisons.tuning.tune import tune as run
     from ..reports.page import where
-    from ..reports.tuning import REPORT, write_report
+    from ..reports.tuning import REPORT
+    from ..reports.tuning import write_report as write_tuning
 
-    for setting in settings or ():
-        key = setting.partition("=")[0].strip()
+    for key in (setting.partition("=")[0].strip() for setting in settings or ()):
         if key in ("half", "scenes"):
-            raise ConfigurationError(
-                f"--set {key}: laws are tuned on training scenes alone, and --scenes says on how many"
-            )
+            why = "laws are tuned on training scenes alone, and --scenes says on how many"
+            raise ConfigurationError(f"--set {key}: {why}")
     chosen = Campaign.load(campaign).select(family or (), controller or (), settings=settings or ())
     problem = Problem(chosen, Budget(evaluations, seeds, scenes, violations))
     note_processes(jobs)
-    with resumable(out), progress_bar() as progress:
-        bar = progress.add_task("starting", total=None)
-        tuning = run(
-            problem,
-            out,
-            workers=jobs,
-            command=typed_command(),
-            on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
-        )
-        write_report(tuning, out)
+    with progress(out) as show:
+        show("starting")
+        tuning = run(problem, out, workers=jobs, command=typed_command(), on_progress=show)
+        write_tuning(tuning, out)
     for law in tuning.laws:
         if law.chosen is not None and not law.chosen.feasible:
             note(f"no setting of {law.law.name} keeps to the violations that are allowed")

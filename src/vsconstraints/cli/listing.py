@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from itertools import starmap
 
 from rich.table import Table
 
@@ -13,8 +13,8 @@ from ..arms.drivers import DRIVERS, driver_class
 from ..comparisons.metrics import METRICS, Metric
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
-from ..controllers.demand import USES as REQUIRED_BY_DEMANDS
-from ..controllers.resolver import USES as REQUIRED_BY_RESOLVERS
+from ..controllers.demand import USES as USED_BY_DEMANDS
+from ..controllers.resolver import USES as USED_BY_RESOLVERS
 from ..errors import ConfigurationError, unknown_name
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE
@@ -23,65 +23,52 @@ from ..scenarios.families import Family, families
 from ..vision.features import FEATURES
 from .terminal import console
 
-
-class Entry(NamedTuple):
-    """A name, what it means in a line or two, and what else is shown of it alone."""
-
-    name: str
-    text: str
-    details: tuple[str, ...] = ()
+Entry = tuple[str, ...]  #: a name, what it means in a line or two, and what else is shown of it alone
 
 
-def _first_line(thing: object) -> str:
+def _described(name: str, thing: object) -> Entry:
     """The first line of a docstring, without the marks of references and code."""
     line = (inspect.getdoc(thing) or "").partition("\n")[0]
-    return re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
+    return name, re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
 
 
 def _part(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
     """A law, a demand or a resolver, with its options and the information it requires."""
-    options = [str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values()]
+    options = (str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values())
     details = (("options", ", ".join(options)), ("requires", ", ".join(required)))
-    return Entry(name, _first_line(part), tuple(f"{what}: {text}" for what, text in details if text))
+    return (*_described(name, part), *(f"{what}: {text}" for what, text in details if text))
 
 
 def _solver(name: str) -> Entry:
     try:
         make_solver(name)
     except ConfigurationError as error:
-        return Entry(name, str(error))
-    return Entry(name, "installed")
+        return name, str(error)
+    return name, "installed"
+
+
+def _scenario(scenario: Scenario) -> Entry:
+    return scenario.name, scenario.title, " ".join(scenario.description.split())
 
 
 def _metric(metric: Metric) -> Entry:
     """A column of results.csv, with the first sentence of its definition, and the others."""
-    first, *others = re.split(r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1)
-    return Entry(metric.column, first, tuple(others))
-
-
-def _described(things: Iterable[tuple[str, object]]) -> Iterator[Entry]:
-    return (Entry(name, _first_line(thing)) for name, thing in things)
+    return metric.column, *re.split(r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1)
 
 
 #: What makes the entries of each kind.
 KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
-    "scenarios": lambda: (
-        Entry(name, scenario.title, (" ".join(scenario.description.split()),))
-        for name in shipped_scenarios()
-        for scenario in (Scenario.load(name),)
-    ),
-    "families": lambda: (Entry(name, Family.load(name).title) for name in families()),
+    "scenarios": lambda: (_scenario(Scenario.load(name)) for name in shipped_scenarios()),
+    "families": lambda: ((name, Family.load(name).title) for name in families()),
     "laws": lambda: (_part(name, law, law().uses) for name, law in CONTROLLERS.items()),
-    "demands": lambda: (_part(part.name, part, (REQUIRED_BY_DEMANDS[use] for use in part.uses)) for part in DEMANDS),
-    "resolvers": lambda: (
-        _part(part.name, part, (REQUIRED_BY_RESOLVERS[use] for use in part.uses)) for part in RESOLVERS
-    ),
+    "demands": lambda: (_part(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses)) for part in DEMANDS),
+    "resolvers": lambda: (_part(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses)) for part in RESOLVERS),
     "solvers": lambda: map(_solver, solver_names()),
-    "robots": lambda: _described(READY_MADE.items()),
-    "arms": lambda: _described((f"{scheme}://", driver_class(scheme)) for scheme in DRIVERS),
-    "constraints": lambda: _described(CONSTRAINTS.items()),
-    "features": lambda: _described(FEATURES.items()),
-    "shapes": lambda: _described(SHAPES.items()),
+    "robots": lambda: starmap(_described, READY_MADE.items()),
+    "arms": lambda: (_described(f"{scheme}://", driver_class(scheme)) for scheme in DRIVERS),
+    "constraints": lambda: starmap(_described, CONSTRAINTS.items()),
+    "features": lambda: starmap(_described, FEATURES.items()),
+    "shapes": lambda: starmap(_described, SHAPES.items()),
     "metrics": lambda: (_metric(metric) for metric in METRICS if metric.value is not None),
 }
 
@@ -91,26 +78,22 @@ ALSO_CALLED = {"controllers": "laws"}
 def print_listing(words: Sequence[str]) -> None:
     """Print the names of all kinds, or what the kinds and names in ``words`` are.
 
-    Raises
-    ------
-    ConfigurationError
-        for a word that is neither a kind nor a name; it has the closest one.
+    Raises ConfigurationError for a word that is neither a kind nor a name; it has the closest one.
     """
     if not words:
-        _print_table((kind, ", ".join(entry.name for entry in entries())) for kind, entries in KINDS.items())
+        _print_table((kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items())
         console.print("\nDetails: vsconstraints list KIND, for example list laws; or vsconstraints list NAME")
     for word in words:
         kind = ALSO_CALLED.get(word, word)
         if kind in KINDS:
-            _print_table((entry.name, entry.text) for entry in KINDS[kind]())
+            _print_table((name, text) for name, text, *_ in KINDS[kind]())
             continue
-        everything = [(kind, entry) for kind, entries in KINDS.items() for entry in entries()]
-        named = [(kind, entry) for kind, entry in everything if entry.name == word]
+        everything = [(kind, *entry) for kind, entries in KINDS.items() for entry in entries()]
+        named = [entry for entry in everything if entry[1] == word]
         if not named:
-            raise unknown_name("kind or name", word, [*KINDS, *(entry.name for _, entry in everything)])
-        for kind, entry in named:
-            lines = "\n".join(filter(None, (entry.text, *entry.details)))
-            _print_table([(f"{entry.name} ({kind})", lines)])
+            raise unknown_name("kind or name", word, [*KINDS, *(name for _, name, *_ in everything)])
+        for kind, name, *texts in named:
+            _print_table([(f"{name} ({kind})", "\n".join(filter(None, texts)))])
 
 
 def _print_table(rows: Iterable[tuple[str, str]]) -> None:

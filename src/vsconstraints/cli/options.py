@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
+from typer import Argument, Option
 
 
-def completed(source: str, files: str = "") -> Callable[[str], list[str]]:
-    """What completes a word: the names in ``module:attribute`` of this package, and files with an ending.
+def completed(source: str, ending: str = "", files: str = "") -> Callable[[str], list[str]]:
+    """What completes a word: the names in ``module:attribute`` of this package, with an ending, and files with theirs.
 
     The module is imported only when the user presses Tab. The attribute is a collection, a function that returns one,
     or a Literal.
@@ -22,16 +23,17 @@ def completed(source: str, files: str = "") -> Callable[[str], list[str]]:
     def complete(incomplete: str) -> list[str]:
         names = getattr(import_module(f"vsconstraints.{module}"), attribute)
         names = get_args(names) or (names() if callable(names) else names)
-        found = [str(name) for name in names if str(name).startswith(incomplete)]
+        found = [f"{name}{ending}" for name in names if f"{name}{ending}".startswith(incomplete)]
         return found + sorted(glob(f"{incomplete}*{files}") if files else ())
 
     return complete
 
 
-scenario_names = completed("scenarios:shipped_scenarios", ".toml")
+scenario_names = completed("scenarios:shipped_scenarios", files=".toml")
 controller_names = completed("controllers:CONTROLLERS")
-family_names = completed("scenarios.families:families", ".toml")
+family_names = completed("scenarios.families:families", files=".toml")
 keep_names = completed("comparisons.runs.folder:Keep")
+format_names = completed("reports.plots:FORMATS")
 
 
 class _BehindColon(str):
@@ -60,75 +62,34 @@ def run_names(context: typer.Context, incomplete: str) -> list[str]:
     return [*(f"{name}:" for name in scenarios), *files]
 
 
-Scenario = Annotated[str, typer.Argument(help="A name, or the path of a file.", autocompletion=scenario_names)]
-Controller = Annotated[str, typer.Option(help="The law.", autocompletion=controller_names)]
-Scenarios = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--scenario", help="Only this scenario: a name or a path. Can be repeated.", autocompletion=scenario_names
-    ),
-]
-Controllers = Annotated[
-    list[str] | None,
-    typer.Option("--controller", help="Only this controller. Can be repeated.", autocompletion=controller_names),
-]
-Families = Annotated[
-    list[str] | None,
-    typer.Option("--family", help="Only this family: a name or a path. Can be repeated.", autocompletion=family_names),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a setting, e.g. scenario.sampling_time=0.004, case-study-6r.task.Kp0=30, "
-        "hierarchical-qp.solver=osqp, trials=5 or, of a campaign, half=training. Can be repeated.",
-    ),
-]
-Trial = Annotated[int, typer.Option(min=0, help="Of a scenario: which start; 0 is that of the file.")]
-Seed = Annotated[int, typer.Option(min=0, help="Of trials, noise and drawn scenes.")]
-Half = Annotated[str, typer.Option(help="Of a family's scenes: training or held-out.")]
-Out = Annotated[Path, typer.Option(help="Folder for results; what is stored there is not run again.")]
-Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
-RunLimit = Annotated[
-    float | None,
-    typer.Option(
-        min=0.0,
-        metavar="SECONDS",
-        help="A run that takes longer is ended and fails; 120 s and 0.1 s per sample if not given.",
-    ),
-]
-Keep = Annotated[
-    str,
-    typer.Option(help="Whose trajectories are kept: none, failed, worst, first or all.", autocompletion=keep_names),
-]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Run again what is stored, and replace what the folder holds.")]
-Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether the report has figures.")]
-AllFigures = Annotated[
-    bool, typer.Option("--all-figures", help="Figures of every scenario of a large suite, not of a selection.")
-]
-Replays = Annotated[
-    bool,
-    typer.Option(
-        "--replays", help="Replay selected runs of each scenario that has figures: a page for a browser, linked."
-    ),
-]
-Formats = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--format",
-        metavar="png|svg|pdf",
-        help="Of figures; PNG if not given. Can be repeated.",
-        autocompletion=completed("reports.plots:FORMATS"),
-    ),
-]
-Latex = Annotated[
-    bool, typer.Option("--latex", help="Write the report's tables for LaTeX, too, into the folder tables.")
-]
-Trust = Annotated[
-    bool,
-    typer.Option(
-        "--trust",
-        help="Run code that the stored results name as module:Class, to draw what needs it; else none is imported.",
-    ),
-]
+Names = list[str] | None
+Scenario = Annotated[str, Argument(help="A name, or the path of a file.", autocompletion=scenario_names)]
+Controller = Annotated[str, Option(help="The law.", autocompletion=controller_names)]
+_SCENARIO = "Only this scenario: a name or a path. Can be repeated."
+_CONTROLLER = "Only this controller. Can be repeated."
+_FAMILY = "Only this family: a name or a path. Can be repeated."
+Scenarios = Annotated[Names, Option("--scenario", help=_SCENARIO, autocompletion=scenario_names)]
+Controllers = Annotated[Names, Option("--controller", help=_CONTROLLER, autocompletion=controller_names)]
+Families = Annotated[Names, Option("--family", help=_FAMILY, autocompletion=family_names)]
+_SET = (
+    "Change a setting, e.g. scenario.sampling_time=0.004, case-study-6r.task.Kp0=30, hierarchical-qp.solver=osqp, "
+    "trials=5 or, of a campaign, half=training. Can be repeated."
+)
+Settings = Annotated[Names, Option("--set", metavar="KEY=VALUE", help=_SET)]
+Trial = Annotated[int, Option(min=0, help="Of a scenario: which start; 0 is that of the file.")]
+Seed = Annotated[int, Option(min=0, help="Of trials, noise and drawn scenes.")]
+Half = Annotated[str, Option(help="Of a family's scenes: training or held-out.")]
+Out = Annotated[Path, Option(help="Folder for results; what is stored there is not run again.")]
+Jobs = Annotated[int | None, Option(min=1, help="Processes; as many as there are cores if not given.")]
+_LIMIT = "A run that takes longer is ended and fails; 120 s and 0.1 s per sample if not given."
+RunLimit = Annotated[float | None, Option(min=0.0, metavar="SECONDS", help=_LIMIT)]
+_KEEP = "Whose trajectories are kept: none, failed, worst, first or all."
+Keep = Annotated[str, Option(help=_KEEP, autocompletion=keep_names)]
+Fresh = Annotated[bool, Option("--fresh", help="Run again what is stored, and replace what the folder holds.")]
+Figures = Annotated[bool, Option("--figures/--no-figures", help="Whether the report has figures.")]
+AllFigures = Annotated[bool, Option("--all-figures", help="Figures of every scenario of a large suite.")]
+Replays = Annotated[bool, Option("--replays", help="Replay selected runs of each scenario in linked pages.")]
+_FORMAT = "Of figures; PNG if not given. Can be repeated."
+Formats = Annotated[Names, Option("--format", metavar="png|svg|pdf", help=_FORMAT, autocompletion=format_names)]
+Latex = Annotated[bool, Option("--latex", help="Write the report's tables for LaTeX, too, into the folder tables.")]
+Trust = Annotated[bool, Option("--trust", help="Run code that the stored results name as module:Class.")]

@@ -2,50 +2,42 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from ..errors import ConfigurationError, unknown_name
 from ..reports.plots import formats_of
 from . import options
 from .campaigns import evidence
-from .terminal import NOTHING_DONE, console, errors, note_processes, progress_bar, resumable, typed_command
+from .terminal import NOTHING_DONE, console, errors, note_processes, progress, typed_command
 
 
-def _claim_names(incomplete: str) -> list[str]:
+def claim_names() -> list[str]:
+    """Numbers of claims, and of their parts."""
     from ..paper import all_claims
 
-    claims = all_claims()
-    names = [*dict.fromkeys(claim.number for claim in claims), *(claim.key for claim in claims)]
-    return [str(name) for name in names if str(name).startswith(incomplete)]
+    return [*dict.fromkeys(f"{claim.number}" for claim in all_claims()), *(claim.key for claim in all_claims())]
+
+
+_figures, _claims = options.completed("paper.figures:FIGURES"), options.completed("cli.paper:claim_names")
+_studies = options.completed("paper.studies:STUDIES")
+_FIGURE = "Only this figure of the paper. Can be repeated."
+_CLAIM = "Only these claims: 5, or 5d for one of them. Can be repeated."
+_LAW = "With --figure: a law instead of the paper's, a name or module:Class."
+_Figure = Annotated[list[int] | None, Option(metavar="NUMBER", help=_FIGURE, autocompletion=_figures)]
+_Claim = Annotated[options.Names, Option(metavar="NUMBER", help=_CLAIM, autocompletion=_claims)]
+_Law = Annotated[str | None, Option(help=_LAW, autocompletion=options.controller_names)]
+_Studies = Annotated[options.Names, Argument(help="Which studies; all if not given.", autocompletion=_studies)]
 
 
 def reproduce(
-    figure: Annotated[
-        list[int] | None,
-        typer.Option(
-            metavar="NUMBER",
-            help="Only this figure of the paper. Can be repeated.",
-            autocompletion=options.completed("paper.figures:FIGURES"),
-        ),
-    ] = None,
-    claim: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NUMBER",
-            help="Only these claims: 5, or 5d for one of them. Can be repeated.",
-            autocompletion=_claim_names,
-        ),
-    ] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            help="With --figure: a law instead of the paper's, a name or module:Class.",
-            autocompletion=options.controller_names,
-        ),
-    ] = None,
+    figure: _Figure = None,
+    claim: _Claim = None,
+    controller: _Law = None,
     out: options.Out = Path("vsconstraints-paper"),
     jobs: options.Jobs = None,
     formats: options.Formats = None,
@@ -64,12 +56,8 @@ def reproduce(
     chosen_claims(claim or ())
     note_processes(jobs)
     result, findings, drawn = None, {}, {}
-    with resumable(out), progress_bar() as progress:
-        bar = progress.add_task("starting", total=None)
-
-        def show(what: str, done: int, total: int) -> None:
-            progress.update(bar, description=what, completed=done, total=total)
-
+    with progress(out) as show:
+        show("starting")
         if not figure and not claim:
             result = run(out, workers=jobs, on_progress=show, command=typed_command(), formats=written)
         if figure:
@@ -97,12 +85,7 @@ def reproduce(
 
 
 def study(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Which studies; all if not given.", autocompletion=options.completed("paper.studies:STUDIES")
-        ),
-    ] = None,
+    names: _Studies = None,
     out: options.Out = Path("vsconstraints-studies"),
     jobs: options.Jobs = None,
     formats: options.Formats = None,
@@ -111,25 +94,19 @@ def study(
     from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 
     written = formats_of(formats or ())
-    for name in names or ():
+    chosen = dict.fromkeys(names or STUDIES)
+    for name in chosen:
         if name not in STUDIES and name not in CAMPAIGNS:
             raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
-    for name in dict.fromkeys(names or ()):
+    for name in chosen:
         if name in CAMPAIGNS:
             evidence(Path(name), out / name, jobs=jobs, formats=formats)
-    names = [name for name in names or STUDIES if name in STUDIES]
-    if not names:
+    if not (studies := [name for name in chosen if name in STUDIES]):
         return
     note_processes(jobs)
-    with resumable(out), progress_bar() as progress:
-        bar = progress.add_task("studying", total=None)
-        results = run_studies(
-            names,
-            out,
-            jobs,
-            on_progress=lambda done, total: progress.update(bar, completed=done, total=total),
-            formats=written,
-        )
+    with progress(out) as show:
+        show("studying")
+        results = run_studies(studies, out, jobs, on_progress=partial(show, "studying"), formats=written)
     for name, result in results.items():
         console.print(f"{STUDIES[name].title} ({figure_file(out, name, written)})")
         for sentence in result.sentences:

@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from ..reports.plots import FORMATS
 from . import options
-from .terminal import USAGE_ERROR, console, errors, note, progress_bar
+from .terminal import USAGE_ERROR, console, errors, note, progress
+
+_FAMILY = "Instead of a scenario: a family, of which one scene."
+_RUN = (
+    "SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or the file of a stored "
+    "run, FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario."
+)
+_SCENARIO = "A name, or the path of a file."
+_Scenario = Annotated[str | None, Argument(help=_SCENARIO, autocompletion=options.scenario_names)]
+_Family = Annotated[str | None, Option(help=_FAMILY, autocompletion=options.family_names)]
+_Picture = Annotated[Path | None, Option(help="The picture; preview-NAME.png if not given.")]
+_Runs = Annotated[list[str], Argument(metavar="RUN...", help=_RUN, autocompletion=options.run_names)]
+_Page = Annotated[Path | None, Option(help="The page; replay-SCENARIO.html if neither this nor a film is asked for.")]
 
 
 def preview(
-    scenario: Annotated[
-        str | None, typer.Argument(help="A name, or the path of a file.", autocompletion=options.scenario_names)
-    ] = None,
-    family: Annotated[
-        str | None,
-        typer.Option(help="Instead of a scenario: a family, of which one scene.", autocompletion=options.family_names),
-    ] = None,
-    scene: Annotated[int, typer.Option(min=0, help="Of a family: which one.")] = 0,
+    scenario: _Scenario = None,
+    family: _Family = None,
+    scene: Annotated[int, Option(min=0, help="Of a family: which one.")] = 0,
     half: options.Half = "held-out",
-    condition: Annotated[str, typer.Option(help="Of a family.")] = "nominal",
+    condition: Annotated[str, Option(help="Of a family.")] = "nominal",
     trial: options.Trial = 0,
     seed: options.Seed = 0,
-    out: Annotated[Path | None, typer.Option(help="The picture; preview-NAME.png if not given.")] = None,
-    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Whether there is a picture.")] = True,
+    out: _Picture = None,
+    figure: Annotated[bool, Option("--figure/--no-figure", help="Whether there is a picture.")] = True,
 ) -> None:
     """Draw image and arm at the start and at each goal, and say which rows are near, before simulating anything."""
     from ..reports.preview import FIGURE, Preview, lines
@@ -58,20 +67,10 @@ def preview(
 
 
 def replay(
-    runs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="RUN...",
-            help="SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or the file "
-            "of a stored run, FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario.",
-            autocompletion=options.run_names,
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option(help="The page; replay-SCENARIO.html if neither this nor a film is asked for.")
-    ] = None,
-    gif: Annotated[Path | None, typer.Option(help="A film as GIF, for pages that show pictures.")] = None,
-    mp4: Annotated[Path | None, typer.Option(help="A film as MP4.")] = None,
+    runs: _Runs,
+    out: _Page = None,
+    gif: Annotated[Path | None, Option(help="A film as GIF, for pages that show pictures.")] = None,
+    mp4: Annotated[Path | None, Option(help="A film as MP4.")] = None,
     seed: options.Seed = 0,
     trust: options.Trust = False,
 ) -> None:
@@ -87,18 +86,16 @@ def replay(
         demand("replay")
     selected = [select_run(run, seed, trust, note) for run in runs]
     for path in films:
-        for remark in write_film(selected, path):
-            note(remark)
+        note(*write_film(selected, path))
         console.print(f"Film: {path}")
     if page is not None:
-        for remark in write_replay(selected, page):
-            note(remark)
+        note(*write_replay(selected, page))
         console.print(f"Replay: {page}")
 
 
 def frames(
     scenario: options.Scenario,
-    out: Annotated[Path, typer.Option(help="A film (.gif or .mp4), or a folder for PNGs.")],
+    out: Annotated[Path, Option(help="A film (.gif or .mp4), or a folder for PNGs.")],
     controller: options.Controller = "sliding-mode",
     trial: options.Trial = 0,
     seed: options.Seed = 0,
@@ -115,11 +112,10 @@ def frames(
         loaded = loaded.with_override("sensor", "images")
     setup = loaded.setup(trial, seed)
     law = ControllerSpec.called(controller, folder=Path()).make()
-    with progress_bar() as progress:
-        bar = progress.add_task("simulating", total=None)
+    with progress() as show:
+        show("simulating")
         run = simulate(setup, law)
-        total = setup.photographer().settings.number(float(run.t[-1])) + 1
-        progress.update(bar, description="writing images", total=total)
-        count = write_frames(setup, run, out, lambda: progress.advance(bar))
+        total, written = setup.photographer().settings.number(float(run.t[-1])) + 1, count(1)
+        images = write_frames(setup, run, out, lambda: show("writing images", next(written), total))
     console.print(f"{run.status}{': ' if run.reason else ''}{run.reason}")
-    console.print(f"{count} images: {out}")
+    console.print(f"{images} images: {out}")

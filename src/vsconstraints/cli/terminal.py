@@ -1,20 +1,17 @@
-"""The terminal that all commands write to: consoles, progress bars, notes and exit codes."""
+"""The terminal that all commands write to: consoles, progress, notes, interrupts and exit codes."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NoReturn
 
 import typer
 from rich.console import Console
 
 from ..comparisons.runs.signals import INTERRUPTS, exit_code, signal_of
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
 
 # no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no picture of one
 console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
@@ -22,10 +19,13 @@ errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_w
 
 NOTHING_DONE, USAGE_ERROR = 1, 2
 
+Show = Callable[..., None]  #: shows progress: of what, how many are done, and of how many if that is known
 
-def note(remark: str) -> None:
-    """Print a remark on the error stream."""
-    errors.print(f"note: {remark}")
+
+def note(*remarks: str) -> None:
+    """Print remarks on the error stream."""
+    for remark in remarks:
+        errors.print(f"note: {remark}")
 
 
 def typed_command() -> list[str]:
@@ -42,19 +42,31 @@ def note_processes(jobs: int | None) -> None:
         note(f"--jobs {jobs}: there are cores and memory for {used}; {used} used")
 
 
+def stop(signal: int, what: str) -> NoReturn:
+    """End a command that a signal interrupted."""
+    errors.print(f"Interrupted: {what}.")
+    raise typer.Exit(exit_code(signal))
+
+
 @contextmanager
-def resumable(folder: Path) -> Iterator[None]:
-    """On an interrupt, print that finished runs are kept, and exit."""
-    try:
-        yield
-    except INTERRUPTS as interrupt:
-        errors.print(f"Interrupted: finished runs are kept in {folder}; the same command continues.")
-        raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
-
-
-def progress_bar() -> Progress:
-    """A bar with how many of how many are done."""
+def progress(folder: Path | None = None) -> Iterator[Show]:
+    """A bar, from the first call of what it yields on; an interrupt says that ``folder`` keeps finished runs."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=errors)
+    bar = Progress(*columns, console=errors)
+    task = bar.add_task("", total=None)
+
+    def show(what: str, done: int = 0, total: int | None = None) -> None:
+        bar.start()
+        bar.update(task, completed=done, total=total, description=what)
+
+    try:
+        yield show
+    except INTERRUPTS as interrupt:
+        if folder is None:
+            raise
+        stop(signal_of(interrupt), f"finished runs are kept in {folder}; the same command continues")
+    finally:
+        if bar.live.is_started:
+            bar.stop()

@@ -33,11 +33,12 @@ class PlanArrays(NamedTuple):
     loop: int
     step: int
     frozen: int  #: Whether all is predicted at the present time.
-    #: T_s, T and κ [s], and λ relative to the mean of ‖J‖².
+    #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of rows' scales.
     period: float
     length: float
     approach: float
     damping: float
+    margin: float
     tracking: Array  #: (5,) K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
     #: (n,) greatest |q̈|; (m,) K of rows, 0 of those on φ itself, and weights of violations.
     most: Array
@@ -109,7 +110,7 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
 def _example() -> PlanArrays:
     one, counts = np.zeros(1), np.zeros(1, dtype=np.int64)
     return PlanArrays(
-        1, 1, 1, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
+        1, 1, 1, 1.0, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
         by_speed=counts, **plan_space(1, 2, 1, 1),
     )  # fmt: skip
 
@@ -249,6 +250,7 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
         now = rows.phi[i] if on_phi else first + rows.phi[i] - plans.seen[0, plans.at[PHI] + i]
         if rows.sigma.size and not on_phi:
             now = rows.sigma[i]
+        now += plans.margin * rows.scale[i]
         by = 1.0 if on_phi else 1.0 / plans.K[i]
         for t in range(count):
             value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)

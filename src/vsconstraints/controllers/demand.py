@@ -12,7 +12,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, shown
-from .ranges import Part, positive
+from .ranges import Part, positive, share
 
 #: What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed.
 USES: dict[str, str] = {
@@ -60,8 +60,7 @@ class Demand(Part, ABC):
     def __post_init__(self) -> None:
         if not isinstance(self.ahead, bool):
             raise self.refusal("ahead", "true or false")
-        if self.margin != 0.0 and not (positive(self.margin) or 1.0) < 1.0:
-            raise self.refusal("margin", "at least 0 and less than 1")
+        object.__setattr__(self, "margin", share(f"margin of {self.owner or self.name}", self.margin))
         if self.ahead and "last_rate" in self.uses:
             raise InvalidInput(f"{self.name} observes what moves φ itself: it takes no ahead = true")
         for each in self._numbers():

@@ -153,7 +153,7 @@ class HierarchicalQP(Law):
         twin of eq. (15).
     alpha
         Rate α of the barrier [1/s].
-    ahead, margin
+    margin
         See :class:`.Demand`.
     solver
         ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
@@ -186,7 +186,6 @@ class HierarchicalQP(Law):
         *,
         rows: Literal["barrier", "active"] = "barrier",
         alpha: float = 20.0,
-        ahead: bool = False,
         margin: float = 0.0,
         solver: str = AUTO,
         weights: Mapping[str, float] | None = None,
@@ -194,7 +193,7 @@ class HierarchicalQP(Law):
         damping: float = 1e-8,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        demand, self._alpha = _demand(rows, alpha, {"ahead": ahead, "margin": margin}), alpha
+        demand, self._alpha = _demand(rows, alpha, {"margin": margin}), alpha
         options: dict[str, Any] = {"solver": solver, "weights": weights, "max_acceleration": max_acceleration}
         super().__init__(demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options))
 

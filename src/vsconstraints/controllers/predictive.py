@@ -24,7 +24,7 @@ from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import COUNT, SCRATCH, BoundLaw
 from .least_norm import RANK_TOLERANCE
-from .ranges import Declared, Range, positive_number
+from .ranges import Declared, Range, positive_number, share
 from .resolver import row_weights
 from .resolvers import Hierarchy
 
@@ -83,6 +83,8 @@ class PredictiveControl(Controller):
         κ in blocks.
     damping
         λ relative to the mean of ‖J‖² in the Frobenius norm.
+    margin
+        Share of each row's scale by which rows count as greater than they are, for what the law cannot know.
     weights
         w by the beginning of the label, as of :class:`.HierarchicalQP`.
     max_acceleration
@@ -109,12 +111,14 @@ class PredictiveControl(Controller):
         block: int = 10,
         approach: float = 5.0,
         damping: float = 1e-6,
+        margin: float = 0.0,
         weights: Mapping[str, float] | None = None,
         max_acceleration: float | None = None,
     ) -> None:
         self.period: float | None = None
         self.model: Any = None
         self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
+        self.margin = margin
         self.weights, self.max_acceleration = weights, max_acceleration
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -122,6 +126,8 @@ class PredictiveControl(Controller):
             value = _count(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
         elif name in ("approach", "damping"):
             value = positive_number(name, value)
+        elif name == "margin":
+            value = share(name, value)
         elif name in ("weights", "max_acceleration"):
             value = getattr(Hierarchy(**{name: value}), name)
         super().__setattr__(name, value)
@@ -228,6 +234,7 @@ class Planner:
             T,
             law.approach * T,
             law.damping,
+            law.margin,
             np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness]),
             np.minimum(own, model.acceleration),
             np.array(model.K, dtype=np.float64),

@@ -33,6 +33,14 @@ def rank_tolerance(value: object) -> float:
     return number
 
 
+def share(name: str, value: object) -> float:
+    """Return the value as a float; raise InvalidInput unless it is from 0 to less than 1."""
+    number = 0.0 if value == 0.0 and value is not False else positive(value)
+    if number is None or number >= 1.0:
+        raise InvalidInput(f"{name} must be at least 0 and less than 1, not {shown(value)}")
+    return number
+
+
 def positive_number(name: str, value: object) -> float:
     """Return the value as a float; raise ConfigurationError unless it is a positive, finite number."""
     number = positive(value)

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from ...compiled import prepare
-from ...controllers import Choices, Range
+from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
-from ..runs.folder import MANIFEST, locked
+from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
 from .objectives import OBJECTIVES, Judged, Point, choose, front, hypervolume
 from .problem import Evaluate, Options, Problem, Searched, evaluating
@@ -43,14 +43,19 @@ class Search:
 
     def __init__(self, searched: Searched, seed: int) -> None:
         import optuna
+        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-        self.searched, self.seed = searched, seed
-        default = {
-            option: ranged.values.index(searched.default[option])
-            if isinstance(ranged, Choices)
-            else searched.default[option]
-            for option, ranged in searched.ranges.items()
-        }
+        self.searched, self.seed, default = searched, seed, dict(searched.default)
+        self._distributions: dict[str, optuna.distributions.BaseDistribution] = {}
+        for option, ranged in searched.ranges.items():
+            if isinstance(ranged, Choices):
+                default[option] = ranged.values.index(default[option])
+                self._distributions[option] = CategoricalDistribution(tuple(range(len(ranged.values))))
+            else:
+                kind = IntDistribution if ranged.integer else FloatDistribution
+                number = int if ranged.integer else float
+                bounds = number(ranged.least), number(ranged.greatest)
+                self._distributions[option] = kind(*bounds, log=ranged.logarithmic)
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         with warnings.catch_warnings(action="ignore"):  # what Optuna calls experimental
             sampler = optuna.samplers.TPESampler(
@@ -61,29 +66,25 @@ class Search:
 
     def ask(self) -> Options:
         """The next setting's options."""
-        self._trial = self._study.ask()
-        return {option: self._suggested(option, ranged) for option, ranged in self.searched.ranges.items()}
+        self._trial = self._study.ask(self._distributions)
+        values, ranges = self._trial.params, self.searched.ranges.items()
+        return {
+            option: ranged.values[values[option]] if isinstance(ranged, Choices) else values[option]
+            for option, ranged in ranges
+        }
 
     def tell(self, point: Point, excess: float) -> None:
         """Tell the objectives of the last setting, and by how much it exceeds what the constraint allows."""
         self._trial.set_user_attr(EXCESS, excess)
         self._study.tell(self._trial, list(point))
 
-    def _suggested(self, option: str, ranged: Range | Choices) -> Any:
-        if isinstance(ranged, Choices):
-            return ranged.values[self._trial.suggest_categorical(option, tuple(range(len(ranged.values))))]
-        if ranged.integer:
-            return self._trial.suggest_int(option, int(ranged.least), int(ranged.greatest), log=ranged.logarithmic)
-        return self._trial.suggest_float(option, ranged.least, ranged.greatest, log=ranged.logarithmic)
-
 
 class Journal(dict[Setting, Judged]):
     """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
 
-    A last line without an end, which was being written when the process ended, is cut off. Nothing else is ever written
-    again, so that a full disk costs none of it. (Optuna's JournalStorage has no checksums, stops at such a line, and
-    its samplers do not go on from it as if they had never ended.) Raises ConfigurationError that names the line if a
-    whole one is damaged, StorageError if the file cannot be created or cut.
+    A last line without an end, which was being written when the process ended, is cut off; nothing else is ever written
+    again. (Optuna's JournalStorage has no checksums, stops at such a line, and its samplers do not go on from it as if
+    they had never ended.) Raises ConfigurationError that names a damaged line, StorageError if it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -203,8 +204,7 @@ class Tuning:
                 "seed": each.seed,
                 "number": each.number,
                 "options": json.dumps(each.options, sort_keys=True),
-                **dict(zip(columns, each.judged.point, strict=True)),
-                **{key: value for key, value in each.judged._asdict().items() if key != "point"},
+                **dict(zip((*columns, *Judged._fields[1:]), (*each.judged.point, *each.judged[1:]), strict=True)),
                 "feasible": each.feasible,
                 "on_front": each.on_front,
                 "chosen": each is law.chosen,
@@ -261,12 +261,10 @@ def tune(
 
     Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions depend only on earlier
     results: not on the number of processes, nor on where an earlier call was ended. Settings that are stored in the
-    folder are not run again.
+    folder are not run again. ``workers`` is the maximum number of processes, ``command`` is for the manifest.
 
-    ``workers`` is the maximum number of processes (:func:`vsconstraints.comparisons.runs.machine.process_count`),
-    ``command`` what the user typed, for the manifest. Raises ConfigurationError if a package is missing, no training
-    scene is found, or the folder holds something else; StorageError if evaluations cannot be written: what could be
-    stays.
+    Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds something else;
+    StorageError if evaluations cannot be written: what could be stays.
     """
     demand("tune")
     with locked(folder, "a tuning"):
@@ -310,13 +308,9 @@ def _evaluations(
 def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     """Write the manifest; raise ConfigurationError if the folder holds another tuning."""
     path, here = folder / MANIFEST, plain(problem.configuration())
-    there = here
-    try:
-        there = json.loads(path.read_text(encoding="utf-8"))["tuning"]
-    except FileNotFoundError:
-        pass
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning ({error})") from error
+    there = manifest_of(folder).get("tuning") if path.exists() else here
+    if there is None:
+        raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
     if there != here:
         raise ConfigurationError(
             f"{folder} holds another tuning: {in_words(list(differences(there, here)))}. Give another folder with --out"
