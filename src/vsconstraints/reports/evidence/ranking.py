@@ -166,6 +166,8 @@ class Ranking(NamedTuple):
 
     def cell(self, law: str, complement: bool = False) -> str:
         """How often one succeeds, or does not: bold if significantly the best, ≈ if not significantly worse."""
+        if law not in self.shares:
+            return DASH
         share = self.shares[law]
         text = (share.complement if complement else share).cell
         if len(self.laws) < 2 or law not in self.laws or law not in self.front or (self.hopeless and not complement):

@@ -155,7 +155,7 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
 def _quality(dataset: Dataset) -> dict[str, Any]:
     """Figures of all conditions, and one table for each."""
     panels: list[list[Panel]] = []
-    diagrams = []
+    diagrams: list[Diagram] = []
     for metric, words in PROFILED.items():
         panels.append([])
         for condition in dataset.conditions if len(dataset.laws) > 1 else ():
@@ -163,9 +163,9 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
             cost = cost[[law for law in dataset.laws if law in cost.columns]]
             if len(cost):
                 values, laws = cost.to_numpy(float), tuple(cost.columns)
-                panels[-1].append(Panel(f"{words}, {condition}", laws, profile(values)))
+                panels[-1].append((f"{words}, {condition}", laws, profile(values)))
                 if len(panels) == 1:
-                    diagrams.append(Diagram(condition_text(condition), laws, ranks(values)))
+                    diagrams.append((condition_text(condition), laws, ranks(values)))
     shown = (PROFILES, panels), (CRITICAL_DIFFERENCE, diagrams)
     return {
         "figures": [text for figure, data in shown if (text := dataset.picture(figure, data, dataset.laws))],
