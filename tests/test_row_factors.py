@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from vsconstraints.arms import Job, driver_for, run_on_arm
 from vsconstraints.comparisons import RunSpec
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.constraints import ConstraintSet, FieldOfView
 from vsconstraints.controllers import (
     CONTROLLERS,
     Barrier,
@@ -27,7 +29,7 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.notebooks.inputs import spec_of
-from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 
@@ -70,23 +72,65 @@ class Wrapped(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         f = np.array([self.K.get(label.partition("[")[0], 1.0) for label in rows.labels])
         f = np.where(rows.K > 0.0, f, 1.0)
-        phi, Lf = rows.sigma + f * (rows.phi - rows.sigma), rows.sigma_dot + f * (rows.Lf - rows.sigma_dot)
+        # σ̇ as the rows have it, with its error where gradients are wrong
+        sigma_dot = (rows.phi - rows.sigma) / np.where(rows.K > 0.0, rows.K, 1.0)
+        phi, Lf = rows.sigma + f * (rows.phi - rows.sigma), sigma_dot + f * (rows.Lf - sigma_dot)
         Lf = np.where(rows.K > 0.0, Lf, rows.Lf)
         own = replace(rows, phi=phi, Lg=f[:, None] * rows.Lg, Lf=Lf, switching_gain=self.gain * rows.switching_gain)
         return self.law.command(own, task)
 
 
+@pytest.mark.parametrize("error", [0.0, 0.3])
 @pytest.mark.parametrize("law", [SlidingMode, HierarchicalQP])
-def test_a_law_with_factors_is_that_law_on_changed_rows(law: type[Law]) -> None:
+def test_a_law_with_factors_is_that_law_on_changed_rows(law: type[Law], error: float) -> None:
+    """Gradients with an error (49) too, which φ, L_gφ and L_fφ contain."""
     ours = law()
     ours.factors = FACTORS
-    setup = CASE.setup()
+    # long enough for the image to be a limit
+    setup = CASE.with_override("duration", 3.0).with_override("disturbances", {"gradient_error": error}).setup()
     runs = [simulate(setup, each) for each in (ours, Wrapped(law(), {"fov": 3.0, "range": 0.5}, 2.0), law())]
     np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-7)
     assert np.abs(runs[0].q - runs[2].q).max() > 1e-4
     # what is kept of a run are the scene's rows
     np.testing.assert_allclose(runs[0].phi, runs[1].phi, atol=1e-5)
     np.testing.assert_allclose(runs[0].sigma, runs[1].sigma, atol=1e-6)
+
+
+class OwnView(FieldOfView):
+    """Evaluated in NumPy, as an own constraint is."""
+
+    def sigma(self, y: Array) -> Array:
+        return super().sigma(y)
+
+
+def test_rows_in_numpy_have_the_factors_and_the_errors_too() -> None:
+    disturbed = CASE.with_override("duration", 3.0).with_override("disturbances", {"gradient_error": 0.3}).setup()
+    every = [copy(each) for each in disturbed.constraints.constraints]
+    for each in every:
+        each.__class__ = OwnView if type(each) is FieldOfView else type(each)
+    own = replace(disturbed, constraints=ConstraintSet(every, disturbed.scene))
+    assert not simulate(replace(own, duration=0.1), SlidingMode()).compiled
+    law = HierarchicalQP()
+    law.factors = FACTORS
+    np.testing.assert_allclose(simulate(own, law).q, simulate(disturbed, law).q, atol=1e-9)
+
+
+class Notes(Controller):
+    """Tracks in Python, and notes the gains of its rows."""
+
+    name = "notes"
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        self.seen = rows.switching_gain.copy(), rows.K.copy()
+        return Tracking().command(rows, task)
+
+
+def test_a_law_in_python_sees_its_own_gains() -> None:
+    setup, law = replace(CASE.setup(), duration=0.1), Notes()
+    law.factors = RowFactors(K=3.0, switching_gain=2.0)
+    simulate(setup, law)
+    np.testing.assert_array_equal(law.seen[0], 2.0 * setup.constraints.switching_gain)
+    np.testing.assert_array_equal(law.seen[1], 3.0 * setup.constraints.approach_time)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

@@ -47,7 +47,8 @@ OUTCOMES: dict[str, Callable[[Any], Any]] = {
 class Side:
     """One of the two result folders, of chosen scenarios or of drawn scenes.
 
-    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, then those of results.csv. ``drawn``
+    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, scene and controller, then those of
+    results.csv; those of ``group`` separate results, and ``unit`` is what the manifest counts. ``drawn``
     (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios. ``remarks`` are what a reader
     should know of what is stored.
     """
@@ -55,23 +56,11 @@ class Side:
     folder: Path
     manifest: Mapping[str, Any]
     runs: Any
-    drawn: Any
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def key(self) -> tuple[str, ...]:
-        """Columns that identify a run: those of its scene, and the controller."""
-        return (*(("scenario", "trial") if self.drawn is None else SCENE), "controller")
-
-    @property
-    def group(self) -> tuple[str, ...]:
-        """Columns that separate results."""
-        return () if self.drawn is None else ("family", "condition")
-
-    @property
-    def unit(self) -> str:
-        """What the manifest counts."""
-        return "runs" if self.drawn is None else "scenes"
+    remarks: tuple[str, ...]
+    drawn: Any = None
+    key: tuple[str, ...] = ("scenario", "trial", "controller")
+    group: tuple[str, ...] = ()
+    unit: str = "runs"
 
     @classmethod
     def load(cls, folder: Path) -> Side:
@@ -82,12 +71,13 @@ class Side:
             runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
             scenes = evidence.scenes.astype({column.name: "str" for column in SCENES if column.category})
             drawn = scenes.set_index(["family", "half", "scene"])["values"]
-            return cls(folder, evidence.manifest, runs, drawn, evidence.remarks)
+            key, group = (*SCENE, "controller"), ("family", "condition")
+            return cls(folder, evidence.manifest, runs, evidence.remarks, drawn, key, group, "scenes")
         import pandas
 
         stored = StoredComparison.load(folder, trust=True)  # nothing of it is built
         runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
-        return cls(folder, stored.manifest, runs, None, stored.remarks)
+        return cls(folder, stored.manifest, runs, stored.remarks)
 
     def renamed(self, names: Mapping[str, str]) -> Side:
         """The same with other names for some controllers; raises ConfigurationError for unknown and used ones."""
@@ -224,8 +214,8 @@ def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
 class Outcome:
     """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`.
 
-    ``lost`` and ``gained`` are positions of the pairs in which only A does, only B. ``p`` is of the exact McNemar
-    (sign) test, uncorrected; None if too few differ for a test, :data:`.judged.MIN_SCENES`.
+    ``lost`` and ``gained`` are positions of the pairs in which only A does, only B. ``p`` is of the exact sign test
+    (McNemar), uncorrected; None if too few differ for a test, :data:`.judged.MIN_SCENES`.
     """
 
     group: Group
@@ -234,12 +224,8 @@ class Outcome:
     after: int
     lost: Any
     gained: Any
+    for_worse: bool
     p: float | None
-
-    @property
-    def for_worse(self) -> bool:
-        """Whether more pairs lose it than gain it."""
-        return len(self.lost) > len(self.gained)
 
 
 def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
@@ -249,8 +235,9 @@ def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
             a, b = does(group.a).to_numpy(), does(group.b).to_numpy()
             lost, gained = group.positions[a & ~b], group.positions[b & ~a]
             if differing := len(lost) + len(gained):
-                p = sign_test(len(gained), len(lost)) if differing >= MIN_SCENES else None
-                yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, p)
+                p, worse = sign_test(len(gained), len(lost)), len(lost) > len(gained)
+                p_value = p if differing >= MIN_SCENES else None
+                yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, worse, p_value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,12 +254,8 @@ class Shift:
     better: int
     worse: int
     differences: Array
+    for_worse: bool
     p: float | None
-
-    @property
-    def for_worse(self) -> bool:
-        """Whether more pairs got worse than better."""
-        return self.worse > self.better
 
 
 def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
@@ -287,8 +270,8 @@ def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float)
         moved = np.abs(b - a) > np.maximum(tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric))
         found = paired(b[moved], a[moved], better=metric.better or "less")
         if found.n:
-            p = found.p if found.n >= MIN_SCENES else None
-            yield Shift(group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], p)
+            p, worse = found.p if found.n >= MIN_SCENES else None, found.losses > found.wins
+            yield Shift(group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], worse, p)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -162,8 +162,7 @@ class Measured:
 
 def _in_period(record: RunRecord) -> Array:
     """(N, m) least clearance of each sampling period, at its beginning and inside."""
-    least: Array = np.minimum(record.trajectory.clearance, record.trajectory.between_clearance)
-    return least
+    return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
 
 
 def mean_while(values: Array, when: BoolArray) -> Array:
@@ -171,14 +170,12 @@ def mean_while(values: Array, when: BoolArray) -> Array:
     common = min(len(values), len(when))
     count = when[:common].sum(axis=0)
     total = np.where(when[:common], values[:common], 0.0).sum(axis=0)
-    mean: Array = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-    return mean
+    return cast(Array, np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))
 
 
 def first_active(t: Array, active: BoolArray) -> Array:
     """(m,) when each row acts (N, m) for the first time [s]; NaN where it never does."""
-    first: Array = np.where(active.any(axis=0), t[active.argmax(axis=0)], np.nan)
-    return first
+    return np.where(active.any(axis=0), t[active.argmax(axis=0)], np.nan)
 
 
 def over(values: Array, how: Callable[[Array], Any]) -> float:
@@ -193,9 +190,7 @@ def longest_run(flags: BoolArray) -> int:
 
 def _intervals(flags: BoolArray) -> list[tuple[int, int]]:
     """Begin and end of each stretch of flags (N,)."""
-    if not flags.any():
-        return []
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 

@@ -19,7 +19,7 @@ from .rates import (
     rate_of,
 )
 from .tables import compare_laws, costs, medians, rates
-from .text import p_text, rate_text, rounded, with_interval
+from .text import rate_text, with_interval
 
 __all__ = [
     "LAW",
@@ -41,7 +41,6 @@ __all__ = [
     "mcnemar",
     "median",
     "medians",
-    "p_text",
     "paired",
     "profile",
     "ranks",
@@ -49,7 +48,6 @@ __all__ = [
     "rate_of",
     "rate_text",
     "rates",
-    "rounded",
     "simultaneous",
     "verdict",
     "with_interval",

@@ -7,11 +7,6 @@ import math
 from .rates import Rate
 
 
-def rounded(value: float, low: float, high: float) -> str:
-    """A value with as many decimals as its interval supports: two digits of half the interval's width."""
-    return _decimals(value, _places((high - low) / 2.0, value))
-
-
 def with_interval(value: float, low: float, high: float, factor: float = 1.0, unit: str = "") -> str:
     """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not known is said so."""
     value, low, high = factor * value, factor * low, factor * high
@@ -42,11 +37,6 @@ def rate_text(rate: Rate) -> str:
     places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
     low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
     return f"{counted}: {share} % ({level}: {low} to {high} %)"
-
-
-def p_text(p: float) -> str:
-    """A p-value: ``p = 0.012``, ``p < 0.001``."""
-    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
 def _most(share: float) -> str:

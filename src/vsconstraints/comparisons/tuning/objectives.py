@@ -49,9 +49,7 @@ FAILED = Outcome("failed", False, REFERENCE)
 
 
 class Judged(NamedTuple):
-    """All outcomes of a setting: mean of each objective over the runs that have it, its worst value if none does; share
-    of runs with a violation; how many runs there are, and how many converge.
-    """  # noqa: D205
+    """Means of a setting's objectives, share of runs with a violation, and how many runs there are and converge."""
 
     point: Point
     violations: float
@@ -85,7 +83,7 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 
 
 def judged(outcomes: Sequence[Outcome]) -> Judged:
-    """All outcomes of one setting; the result does not depend on rounding order."""
+    """All outcomes of one setting; an objective that no run has is at its worst. The order of runs does not matter."""
     point = []
     for i, worst in enumerate(REFERENCE):
         values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]

@@ -58,9 +58,7 @@ class Searched:
 
 @dataclass(frozen=True)
 class Budget:
-    """What every law gets alike: settings per tuner seed, the default included; tuner seeds 0, 1, …; training scenes of
-    each family; share of runs that may violate a constraint.
-    """  # noqa: D205
+    """What every law gets alike: settings per tuner seed, seeds, scenes of each family, share of violating runs."""
 
     evaluations: int = 40
     seeds: int = 3

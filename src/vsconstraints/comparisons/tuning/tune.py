@@ -261,12 +261,10 @@ def tune(
 
     Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions depend only on earlier
     results: not on the number of processes, nor on where an earlier call was ended. Settings that are stored in the
-    folder are not run again.
+    folder are not run again. ``workers`` is the maximum number of processes, ``command`` is for the manifest.
 
-    ``workers`` is the maximum number of processes (:func:`vsconstraints.comparisons.runs.machine.process_count`),
-    ``command`` what the user typed, for the manifest. Raises ConfigurationError if a package is missing, no training
-    scene is found, or the folder holds something else; StorageError if evaluations cannot be written: what could be
-    stays.
+    Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds something else;
+    StorageError if evaluations cannot be written: what could be stays.
     """
     demand("tune")
     with locked(folder, "a tuning"):
