@@ -69,6 +69,7 @@ other_packages = (
     "types",
 )
 autodoc_default_options = {"exclude-members": "Case"}
+suppress_warnings = ["ref.python"]  # in aliases of types, names that two modules define
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
     # compiled when imported, and defined by what they stand for
@@ -83,11 +84,16 @@ nitpick_ignore = [
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.classes.Base"),  # type variables
     ("py:class", "vsconstraints.comparisons.runs.folder.Line"),
+    ("py:class", "vsconstraints.comparisons.experiment.Own"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.laws.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
+    ("py:class", "Random"),  # aliases of types
+    ("py:class", "Lens"),
+    ("py:class", "Formula"),
+    ("py:class", "MarkdownIt"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers

@@ -218,10 +218,10 @@ def test_predictions_are_believed_alike_in_both_forms(settings: str, monkeypatch
     step.evaluate(0.3, setup.q0, setup.qd0)
     q = setup.q0 + 0.02 * rng.normal(size=(5, 6))
     t, qd = 0.3 + 0.02 * np.arange(5), rng.normal(size=q.shape)
-    compiled = Model(step, sensor.expected, spoil)
+    compiled = Model(step, sensor, spoil)
     with monkeypatch.context() as patch:
         patch.setattr("vsconstraints.control.evaluator.Evaluator.bound", lambda step: None)
-        defined = Model(step, sensor.expected, spoil)
+        defined = Model(step, sensor, spoil)
     assert compiled.compiled() is not None
     assert defined.compiled() is None
     mine, theirs = compiled.along(t, q, qd), defined.along(t, q, qd)

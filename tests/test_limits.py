@@ -161,7 +161,7 @@ def test_the_compiled_step_and_the_definition_have_the_same_box(case):
         rows, defined = step.evaluate(0.0, q, qd).rows, define(step, setup.scene.evaluate(0.0, q, qd)).rows
         for name in ("qdd_min", "qdd_max"):
             np.testing.assert_allclose(getattr(rows, name), getattr(defined, name), rtol=1e-12)
-            by_hand = joint_box(q, qd, step.last_command, setup.limits.arrays(robot, setup.Ts))
+            by_hand = joint_box(q, qd, step.last_command, setup.limits.arrays(robot.ranges, setup.Ts))
         np.testing.assert_allclose([rows.qdd_min, rows.qdd_max], by_hand, rtol=1e-12)
 
 

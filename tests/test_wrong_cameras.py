@@ -163,10 +163,10 @@ def test_predictions_through_a_lens_are_alike_in_both_forms(monkeypatch: pytest.
     step, sensor = there.control(), there.sensor()
     step.evaluate(0.0, there.q0, there.qd0)
     q, qd = there.q0 + 0.02 * rng.normal(size=(5, 6)), rng.normal(size=(5, 6))
-    mine = Model(step, sensor.expected).along(np.arange(5) * 0.02, q, qd)
+    mine = Model(step, sensor).along(np.arange(5) * 0.02, q, qd)
     with monkeypatch.context() as patch:
         patch.setattr("vsconstraints.control.evaluator.Evaluator.bound", lambda step: None)
-        theirs = Model(step, sensor.expected).along(np.arange(5) * 0.02, q, qd)
+        theirs = Model(step, sensor).along(np.arange(5) * 0.02, q, qd)
     for part in ("phi", "Lg", "J", "b", "pixels"):
         np.testing.assert_allclose(getattr(mine, part), getattr(theirs, part), rtol=1e-9, atol=1e-9, err_msg=part)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from itertools import count
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer import Argument, Option
@@ -18,7 +18,6 @@ from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
 
 if TYPE_CHECKING:
-    from ..comparisons.evidence import Finished, Progress
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
 
@@ -56,8 +55,8 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
     from ..scenarios.families.family import summarised
 
     done = count(1)
-    with progress(f"drawing {family.name}") as show:
-        summary = summarised(family, scenes, half, seed, lambda: show(next(done), scenes))
+    with progress() as show:
+        summary = summarised(family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes))
     accepted, attempts = len(summary.found), sum(scene.attempts for scene in summary.scenes)
     console.print(f"{family.name}: {family.title}\n  conditions: {', '.join(family.conditions)}")
     console.print(
@@ -108,42 +107,36 @@ def evidence(
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
     part = Shard.parsed(shard)
-    with ExitStack() as stack:
-        if cluster is None:
-            workers = processes(jobs)
-        else:
-            from ..comparisons.evidence.cluster import cluster as connected
+    workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
+    if cluster is not None:
+        from ..comparisons.evidence.cluster import cluster as connected
 
-            workers = stack.enter_context(connected(cluster, chosen.identities))
-        # an unknown way to keep trajectories is an error before anything runs
-        plan = Plan(part, cast("Kept", keep), run_limit, fresh, workers)
-        bar = stack.enter_context(progress("scenes"))
-
-        def show(state: Progress) -> None:
-            bar(state.done, state.scenes)
-
-        finished = collect(chosen, out, plan, command=typed_command(), on_progress=show)
-    _print_finished(finished)
-    if plan.shard.of == 1:
-        console.print(write_report(out, wanted))
-    if finished.progress.all_failed:
-        errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
-        raise typer.Exit(NOTHING_DONE)
-
-
-def _print_finished(finished: Finished) -> None:
-    progress, out = finished.progress, finished.folder
-    for kind, failed in progress.failed.items():
-        errors.print(f"{' · '.join(kind)}: {failed} of {progress.of_kind[kind]} runs failed, {progress.reasons[kind]}")
-    if progress.stored_before:
-        console.print(f"{progress.stored_before} of {progress.scenes} scenes were stored in {out} already.")
+        workers = connected(cluster, chosen.identities)
+    with workers as opened, progress() as show:
+        finished = collect(
+            chosen,
+            out,
+            Plan(part, cast("Kept", keep), run_limit, fresh, opened),
+            command=typed_command(),
+            on_progress=lambda now: show("scenes", now.done, now.scenes),
+        )
+    state = finished.progress
+    for kind, failed in state.failed.items():
+        errors.print(f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, {state.reasons[kind]}")
+    if state.stored_before:
+        console.print(f"{state.stored_before} of {state.scenes} scenes were stored in {out} already.")
     if finished.interrupted:
-        stored = f"{progress.done} of {progress.scenes} scenes are stored in {out}"
+        stored = f"{state.done} of {state.scenes} scenes are stored in {out}"
         stop(finished.interrupted, f"{stored}; the same command continues")
     console.print(
-        f"{progress.done - progress.stored_before} scenes, {progress.runs} runs in {finished.wall_time:.1f} s: "
+        f"{state.done - state.stored_before} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
+    if part.of == 1:
+        console.print(write_report(out, wanted))
+    if state.all_failed:
+        errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
+        raise typer.Exit(NOTHING_DONE)
 
 
 def merge(
@@ -193,12 +186,8 @@ def tune(
     chosen = Campaign.load(campaign).select(family or (), controller or (), settings=settings or ())
     problem = Problem(chosen, Budget(evaluations, seeds, scenes, violations))
     note_processes(jobs)
-    with progress("starting", out) as bar:
-
-        def show(what: str, done: int, total: int) -> None:
-            bar(done, total, what)
-
-        bar(0)
+    with progress(out) as show:
+        show("starting")
         tuning = run(problem, out, workers=jobs, command=typed_command(), on_progress=show)
         write_tuning(tuning, out)
     for law in tuning.laws:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -55,12 +56,8 @@ def reproduce(
     chosen_claims(claim or ())
     note_processes(jobs)
     result, findings, drawn = None, {}, {}
-    with progress("starting", out) as bar:
-
-        def show(what: str, done: int, total: int) -> None:
-            bar(done, total, what)
-
-        bar(0)
+    with progress(out) as show:
+        show("starting")
         if not figure and not claim:
             result = run(out, workers=jobs, on_progress=show, command=typed_command(), formats=written)
         if figure:
@@ -107,9 +104,9 @@ def study(
     if not (studies := [name for name in chosen if name in STUDIES]):
         return
     note_processes(jobs)
-    with progress("studying", out) as show:
-        show(0)
-        results = run_studies(studies, out, jobs, on_progress=show, formats=written)
+    with progress(out) as show:
+        show("studying")
+        results = run_studies(studies, out, jobs, on_progress=partial(show, "studying"), formats=written)
     for name, result in results.items():
         console.print(f"{STUDIES[name].title} ({figure_file(out, name, written)})")
         for sentence in result.sentences:

@@ -70,11 +70,12 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
     if campaign and wanted.replays:
         raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
     write: Callable[..., Path]
-    with progress("writing the report" if campaign else "drawing figures") as show:
+    with progress() as show:
         if campaign:
-            write = partial(write_evidence_report, tuning=tuning, on_written=show)
+            write = partial(write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report"))
         else:
-            write = partial(write_comparison, all_figures=wanted.all_figures, replays=wanted.replays, on_drawn=show)
+            write = partial(write_comparison, all_figures=wanted.all_figures, replays=wanted.replays)
+            write = partial(write, on_drawn=partial(show, "drawing figures"))
         report = write(folder, figures=wanted.figures, formats=formats, trust=wanted.trust, on_remark=note)
     if wanted.latex:
         console.print(f"Tables for LaTeX: {write_tables(report)}")
@@ -103,6 +104,7 @@ def compare(
     from ..comparisons import Suite, keep_trajectories
     from ..comparisons import compare as run
     from ..comparisons.runs.folder import demand_keep, locked
+    from ..reports.results import reason_kind
 
     kept = demand_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
@@ -112,13 +114,19 @@ def compare(
     note_processes(jobs)
     context.with_resource(locked(out, "a comparison"))
     failures, done = Counter[str](), count(1)
-    with progress("comparing") as show:
+    with progress() as show:
 
         def finished(spec: RunSpec, score: Score, stored: bool) -> None:
-            show(next(done), total)
-            _print_first_failure(spec, score, failures)
+            show("comparing", next(done), total)
+            status, reason = score.result["status"], score.result["reason"]
+            if status in ("failed", "aborted"):
+                # the first time for each scenario, law and kind of reason
+                name = f"{spec.name} · {spec.controller.name}"
+                failures[f"{name}: {status}, {reason_kind(reason)}"] += 1
+                if failures[f"{name}: {status}, {reason_kind(reason)}"] == 1:
+                    errors.print(f"{name} · trial {spec.trial}: {status}, {reason}")
 
-        show(0, total)
+        show("comparing", 0, total)
         command = typed_command()
         result = run(chosen, out, workers=jobs, limit=run_limit, fresh=fresh, command=command, on_finished=finished)
     for failure, times in failures.items():
@@ -141,19 +149,6 @@ def compare(
     if result.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; the report says why")
         raise typer.Exit(NOTHING_DONE)
-
-
-def _print_first_failure(spec: RunSpec, score: Score, failures: Counter[str]) -> None:
-    """Print why a run failed, once for each scenario, law and kind of reason; all are counted."""
-    from ..reports.results import reason_kind
-
-    status, reason = score.result["status"], score.result["reason"]
-    if status in ("failed", "aborted"):
-        name = f"{spec.name} · {spec.controller.name}"
-        failure = f"{name}: {status}, {reason_kind(reason)}"
-        failures[failure] += 1
-        if failures[failure] == 1:
-            errors.print(f"{name} · trial {spec.trial}: {status}, {reason}")
 
 
 def report(
@@ -208,6 +203,7 @@ def verify(folder: Folder) -> None:
 
     Exit code 1 if something was changed, is missing, unfinished or carries no checksum; 2 if the folder cannot be read.
     """
+    from ..comparisons.runs.files import check_sums
     from ..comparisons.runs.folder import kind_of
 
     # a manifest that cannot be read does not say what it is of
@@ -215,7 +211,9 @@ def verify(folder: Folder) -> None:
     if kind is None or kind == "a tuning":
         raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     try:
-        contents, problems = _verify_campaign(folder) if kind == "evidence" else _verify_comparison(folder)
+        contents, files, problems = _campaign(folder) if kind == "evidence" else _comparison(folder)
+        wrong, remark = check_sums(folder, files)
+        problems = [*wrong, *([remark] if remark and not wrong else []), *problems]
     except ConfigurationError as error:
         contents, problems = "", [str(error)]
     for problem in problems:
@@ -225,22 +223,14 @@ def verify(folder: Folder) -> None:
     console.print(f"{folder} is whole: {contents}.")
 
 
-def _wrong_files(folder: Path, files: Sequence[Path]) -> list[str]:
-    from ..comparisons.runs.files import check_sums
-
-    problems, remark = check_sums(folder, files)
-    return problems or [text for text in (remark,) if text]
-
-
-def _verify_comparison(folder: Path) -> tuple[str, list[str]]:
-    """What a comparison holds, and its problems; raises ConfigurationError if it cannot be loaded."""
+def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
+    """What a comparison holds, its files and what is missing; raises ConfigurationError if it cannot be loaded."""
     from ..comparisons import StoredComparison
     from ..comparisons.record import run_file
     from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
-    results = Results(StoredComparison.load(folder, trust=True))  # nothing of it is built
-    problems = _wrong_files(folder, stored_files(folder))
+    results, problems = Results(StoredComparison.load(folder, trust=True)), []  # nothing of it is built
     if results.finished < results.planned:
         problems.append(f"{results.finished} of {results.planned} runs have a line in results.csv")
     for line in (line for law in results.controllers for line in results.all_runs(law)):
@@ -248,22 +238,21 @@ def _verify_comparison(folder: Path) -> tuple[str, list[str]]:
         path = run_file(folder, *key)
         if path.is_file() and results.stored.run(*key) is None:
             problems.append(f"{path.name} cannot be read")
-    return f"{results.finished} runs of {len(results.scenarios)} scenarios", problems
+    return f"{results.finished} runs of {len(results.scenarios)} scenarios", stored_files(folder), problems
 
 
-def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
-    """What a campaign holds, and its problems; raises ConfigurationError if it cannot be loaded."""
+def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
+    """What a campaign holds, its files and what is missing; raises ConfigurationError if it cannot be loaded."""
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
     from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
 
     evidence = Evidence.load(folder, trust=True)  # nothing of it is built
-    problems = _wrong_files(folder, stored_files(folder))
     configuration, shard = evidence.manifest["configuration"], Shard(*evidence.manifest.get("shard", (1, 1)))
     facts = [each.facts for each in shards(folder)]
-    if lost := missing_scenes(configuration, facts, shard.scenes(configuration["scenes"])):
-        problems.append(f"scenes {lost} are not there")
-    return f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of {len(evidence.families)} families", problems
+    lost = missing_scenes(configuration, facts, shard.scenes(configuration["scenes"]))
+    contents = f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of {len(evidence.families)} families"
+    return contents, stored_files(folder), [f"scenes {lost} are not there"] if lost else []
 
 
 def print_laws(folder: Path) -> None:

@@ -112,10 +112,10 @@ def frames(
         loaded = loaded.with_override("sensor", "images")
     setup = loaded.setup(trial, seed)
     law = ControllerSpec.called(controller, folder=Path()).make()
-    with progress("simulating") as show:
-        show(0)
+    with progress() as show:
+        show("simulating")
         run = simulate(setup, law)
         total, written = setup.photographer().settings.number(float(run.t[-1])) + 1, count(1)
-        images = write_frames(setup, run, out, lambda: show(next(written), total, "writing images"))
+        images = write_frames(setup, run, out, lambda: show("writing images", next(written), total))
     console.print(f"{run.status}{': ' if run.reason else ''}{run.reason}")
     console.print(f"{images} images: {out}")

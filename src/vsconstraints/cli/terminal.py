@@ -19,7 +19,7 @@ errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_w
 
 NOTHING_DONE, USAGE_ERROR = 1, 2
 
-Show = Callable[..., None]  #: shows progress: how many are done, of how many if that is known, and of what
+Show = Callable[..., None]  #: shows progress: of what, how many are done, and of how many if that is known
 
 
 def note(*remarks: str) -> None:
@@ -49,15 +49,15 @@ def stop(signal: int, what: str) -> NoReturn:
 
 
 @contextmanager
-def progress(what: str, folder: Path | None = None) -> Iterator[Show]:
+def progress(folder: Path | None = None) -> Iterator[Show]:
     """A bar, from the first call of what it yields on; an interrupt says that ``folder`` keeps finished runs."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=errors)
-    task = bar.add_task(what, total=None)
+    task = bar.add_task("", total=None)
 
-    def show(done: int, total: int | None = None, what: str = what) -> None:
+    def show(what: str, done: int = 0, total: int | None = None) -> None:
         bar.start()
         bar.update(task, completed=done, total=total, description=what)
 

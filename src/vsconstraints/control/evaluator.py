@@ -163,7 +163,7 @@ class Evaluator:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.known, self.believes = known, not known and constraints.has_unknown_motion(scene)
         self._settings = {"known": known, "limits": limits, "period": period}
-        self._limits = limits.arrays(scene.robot, period) if limits.any else None
+        self._limits = limits.arrays(scene.robot.ranges, period) if limits.any else None
         self.packed = Packed(scene, constraints, task, known, self._limits)
         step = self.packed.step
         self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip

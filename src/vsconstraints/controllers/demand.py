@@ -42,7 +42,7 @@ class Demand(Part, ABC):
     #: c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
     #: :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
     formula: ClassVar[Callable[..., Any]]
-    uses: ClassVar[tuple[str, ...]] = ()  #: Which of :data:`USES` the formula uses.
+    uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` the formula uses.
     #: Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
     remembers: ClassVar[tuple[float, ...]] = ()
     #: Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
@@ -93,7 +93,7 @@ class Demand(Part, ABC):
 
     @property
     def used(self) -> tuple[str, ...]:
-        """Which of :data:`USES` it uses, what looking one period ahead takes included."""
+        """Which of ``USES`` it uses, what looking one period ahead takes included."""
         return tuple(dict.fromkeys((*self.uses, *(AHEAD if self.ahead else ()))))
 
     @property

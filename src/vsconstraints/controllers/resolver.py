@@ -68,7 +68,7 @@ class Resolver(Part, ABC):
     purpose
         What it asks of demands: see :mod:`vsconstraints.formulas.row`.
     uses
-        Which of :data:`USES` it uses.
+        Which of ``USES`` it uses.
     measures
         Whether its commands report what they leave unmet.
     answers

@@ -1,4 +1,4 @@
-"""Formulas, each once, for NumPy and for compiled code: elementwise but for the loops of :mod:`.plans`.
+"""Formulas, each once, for NumPy and for compiled code: elementwise.
 
 A formula takes numbers or arrays, coordinates one by one, and returns the same shape, several as a tuple. It uses
 arithmetic and elementwise functions of NumPy. No ``if`` depends on a coordinate, since arrays have no truth value:

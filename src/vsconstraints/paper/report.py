@@ -22,8 +22,6 @@ from .figures import FIGURES
 from .studies import STUDIES, data_file, figure_file
 from .verdicts import VERDICTS, Claim, Finding, all_claims
 
-Findings = Sequence[tuple[Claim, Finding]]
-
 COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
 DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report.toml").read_text(encoding="utf-8"))
@@ -65,24 +63,29 @@ def write_report(
 ) -> None:
     """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
-    Parameters
-    ----------
-    result
-        The findings.
-    missing
-        By figure the reason why it could not be drawn; an empty text if it was.
-    studies
-        Results by name, or the reason why there are none.
-    command
-        What the user typed.
+    ``missing`` has by figure the reason why it could not be drawn, an empty text if it was; ``studies`` their results
+    by name, or the reason why there are none; ``command`` is what the user typed.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
+    summary = []
+    for number, group in numbered.items():
+        counts = Counter(finding.verdict for _, finding in group)
+        summary.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
+    summary.append([bold("all"), *(bold(str(count)) if count else "" for count in result.counts.values())])
+    headings = ["", "where", "the paper says", "measured here", "verdict"]
+    facts = {**machine(), **package_versions(), "git commit": git_commit()}
+    lines = [[name, plain(str(value))] for name, value in facts.items() if value]
+    lines += [["command", code(" ".join(command))]] if command else []
+    lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
     text = render(
         "reproduction.md",
         topics=TOPICS,
-        summary=summary_table(result, numbered),
-        claims={number: claims_table(result, group) for number, group in numbered.items()},
+        summary=Table(["claims", *VERDICTS], summary),
+        claims={
+            number: Table(headings, [_line(result, *one) for one in group], text_columns=5)
+            for number, group in numbered.items()
+        },
         rules=Table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in findings], text_columns=2),
         figures=FIGURES,
         missing=missing,
@@ -95,14 +98,11 @@ def write_report(
         reconstructed=reconstructed(),
         differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
         problems=result.problems,
-        machine=machine_table(result, command),
+        machine=Table(["what", "value"], lines, text_columns=2),
     )
     write_pages(result.report, text)
-    lines = [
-        (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text)
-        for claim, finding in findings
-    ]
-    write_table(result.folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in lines])
+    cells = [(one.key, one.where, one.sentence, one.rule, found.verdict, found.text) for one, found in findings]
+    write_table(result.folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in cells])
 
 
 def differences() -> str:
@@ -110,41 +110,17 @@ def differences() -> str:
     return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
 
 
-def summary_table(result: Reproduction, numbered: Mapping[int, Findings]) -> str:
-    """How many claims of each number have each verdict."""
-    lines = []
-    for number, group in numbered.items():
-        counts = Counter(finding.verdict for _, finding in group)
-        lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
-    total = [bold(str(count)) if count else "" for count in result.counts.values()]
-    return Table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
-
-
-def claims_table(result: Reproduction, findings: Findings) -> str:
-    """The claims of one number with their verdicts; sections of the paper link to our counterparts of their figures."""
-    lines = []
-    for claim, finding in findings:
-        figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
-        shown = claim.figure and (result.folder / figure).exists()
-        lines.append(
-            [
-                f'<a id="{claim.key}"></a>{claim.key}',
-                f"[{claim.where}]({figure})" if shown else claim.where,
-                plain(claim.sentence),
-                plain(finding.text),
-                finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
-            ]
-        )
-    return Table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
-
-
-def machine_table(result: Reproduction, command: Sequence[str]) -> str:
-    """Machine, versions, command and wall time."""
-    facts = {**machine(), **package_versions(), "git commit": git_commit()}
-    lines = [[name, plain(str(value))] for name, value in facts.items() if value]
-    lines += [["command", code(" ".join(command))]] if command else []
-    lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
-    return Table(["what", "value"], lines, text_columns=2)
+def _line(result: Reproduction, claim: Claim, finding: Finding) -> list[str]:
+    """A claim and its verdict; the section of the paper links to our counterpart of its figure."""
+    figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
+    shown = claim.figure and (result.folder / figure).exists()
+    return [
+        f'<a id="{claim.key}"></a>{claim.key}',
+        f"[{claim.where}]({figure})" if shown else claim.where,
+        plain(claim.sentence),
+        plain(finding.text),
+        finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
+    ]
 
 
 def reconstructed() -> str:

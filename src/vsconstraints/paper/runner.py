@@ -47,7 +47,7 @@ def reproduce(
     Parameters
     ----------
     folder
-        Where report.md, claims.csv and figures go; created if missing.
+        Where report.md, claims.csv and figures go; created if missing, else ConfigurationError is raised.
     workers
         Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
@@ -56,11 +56,6 @@ def reproduce(
         What the user typed, for the report.
     formats
         File formats of the figures; the report shows the first.
-
-    Raises
-    ------
-    ConfigurationError
-        if the folder cannot be created.
     """
     started = time.perf_counter()
     figures = figures_folder(folder)
@@ -89,28 +84,11 @@ def redraw(
     on_progress: Progress = silent,
     formats: Formats = PNG,
 ) -> dict[Path, str]:
-    """Redraw some figures of the paper, simulating only the runs that they show.
+    """Redraw figures by the paper's numbers into ``folder/figures``, simulating only the runs that they show.
 
-    Parameters
-    ----------
-    numbers
-        The paper's figure numbers.
-    folder
-        Figures are written to its subfolder ``figures``, created if missing.
-    controller
-        A law instead of the paper's: a name, or ``module:Class``. It becomes part of the file's name.
-    workers, on_progress, formats
-        See :func:`reproduce`.
-
-    Returns
-    -------
-    dict
-        By each figure's file the reason why it could not be drawn; an empty text if it was.
-
-    Raises
-    ------
-    ConfigurationError
-        for a number without a figure, an invalid law, and if the folder cannot be created.
+    ``controller`` is a law instead of the paper's, a name or ``module:Class``, and becomes part of the file's name; for
+    the others see :func:`reproduce`. Returns by each figure's file the reason why it could not be drawn, an empty text
+    if it was. Raises ConfigurationError for a number without a figure, an invalid law, and as :func:`reproduce`.
     """
     figures = chosen_figures(numbers, controller)
     place = figures_folder(folder)
@@ -125,26 +103,10 @@ def redraw(
 def check(
     keys: Sequence[str], folder: Path, *, workers: int | None = None, on_progress: Progress = silent
 ) -> dict[Claim, Finding]:
-    """Measure some claims of the paper, on the runs and studies that they need.
+    """Measure claims by number (``"5"``) or key (``"5d"``), on the runs and studies that they need.
 
-    Parameters
-    ----------
-    keys
-        Numbers, such as ``"5"`` for all of its claims, or keys, such as ``"5d"``.
-    folder
-        Where figures and tables of studies go, if a claim needs any.
-    workers, on_progress
-        See :func:`reproduce`.
-
-    Returns
-    -------
-    dict
-        In the order of the report.
-
-    Raises
-    ------
-    ConfigurationError
-        for an unknown claim, and if the folder cannot be created.
+    Figures and tables of studies go to the folder; for the others see :func:`reproduce`. Returns findings in the order
+    of the report. Raises ConfigurationError for an unknown claim, and as :func:`reproduce`.
     """
     claims = chosen_claims(keys)
     needs = [need for claim in claims for need in claim.needs]
@@ -224,17 +186,14 @@ def draw_figures(
     for number, figure in figures.items():
         runs = [available[need] for need in figure.needs]
         missing = [f"{need}: {run}" for need, run in zip(figure.needs, runs, strict=True) if not isinstance(run, Run)]
-        if missing:
-            why[number] = missing[0]
-        else:
+        why[number] = missing[0] if missing else ""
+        if not missing:
             calls[number] = (figure, folder / figure.file_in(formats), *runs)
-    write = partial(Figure.write, formats=formats)
-    for number, answer in run_all(write, calls, workers=workers, on_progress=on_progress).items():
-        why[number] = answer.reason if isinstance(answer, Failure) else ""
-    for number, reason in why.items():
-        if reason:  # no older figure stays in its place
-            for suffix in formats:
-                (folder / figures[number].file_in((suffix,))).unlink(missing_ok=True)
+    answers = run_all(partial(Figure.write, formats=formats), calls, workers=workers, on_progress=on_progress)
+    why |= {number: answer.reason for number, answer in answers.items() if isinstance(answer, Failure)}
+    for number in filter(why.__getitem__, why):  # no older figure stays in its place
+        for suffix in formats:
+            (folder / figures[number].file_in((suffix,))).unlink(missing_ok=True)
     return why
 
 

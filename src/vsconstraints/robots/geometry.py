@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -37,6 +37,20 @@ def vector(value: object, length: int, what: str) -> Array:
     if not np.isfinite(array).all():
         raise InvalidInput(f"{what} must be finite, not {array}")
     return array
+
+
+def demand_sign(of: object, what: str, *, positive: Iterable[str] = (), zero_or_more: Iterable[str] = ()) -> None:
+    """Raise InvalidInput that names a field unless it has finite numbers of that sign, one or several, or is None."""
+    for names, sign in ((positive, "positive"), (zero_or_more, "zero or more")):
+        for name in names:
+            value = getattr(of, name)
+            try:
+                numbers = np.atleast_1d(np.array(np.inf if value is None else value, dtype=np.float64))
+            except (TypeError, ValueError):
+                numbers = np.empty(0)
+            right = np.isfinite(numbers) & (numbers > 0.0 if sign == "positive" else numbers >= 0.0)
+            if value is not None and (numbers.ndim != 1 or not len(numbers) or not right.all()):
+                raise InvalidInput(f"{what}{name} must be {sign}, not {shown(value)}")
 
 
 @dataclass(frozen=True, slots=True)

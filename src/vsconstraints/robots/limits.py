@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -14,18 +13,6 @@ from ..formulas.limits import JointLimits
 from ..rows import Array
 
 PerJoint = float | Sequence[float] | None  #: One number for all joints, n of them, or no limit.
-
-
-class Ranged(Protocol):
-    """What limits need to know of a robot: n joints, with ranges and speeds (n,)."""
-
-    q_min: Array
-    q_max: Array
-    qd_max: Array
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +48,14 @@ class ActuatorLimits:
         """(n,) a limit by its name, infinite where there is none; raises as :func:`per_joint`."""
         return per_joint(f"the limit of {name}", getattr(self, name), n)
 
-    def arrays(self, robot: Ranged, period: float | None) -> JointLimits:
-        """What formulas take, for a robot sampled with T_s [s].
+    def arrays(self, ranges: tuple[Array, Array, Array], period: float | None) -> JointLimits:
+        """What formulas take, for a robot with :attr:`.Robot.ranges` that is sampled with T_s [s].
 
         Raises ConfigurationError if there is not one limit for each joint, and InvalidInput if T_s is not positive.
         """
         if period is None or not 0.0 < period < math.inf:
             raise InvalidInput(f"limits of actuators need the sampling period in seconds, period=..., not {period}")
-        acceleration, jerk = (self.of_joint(name, robot.n) for name in ("acceleration", "jerk"))
-        ranges = robot.q_min.copy(), robot.q_max.copy(), robot.qd_max.copy()
+        acceleration, jerk = (self.of_joint(name, len(ranges[0])) for name in ("acceleration", "jerk"))
         return JointLimits(acceleration, jerk * period, *ranges, int(self.ranges), float(period))
 
 

@@ -80,6 +80,11 @@ class Robot:
         return int(self.model.nv)
 
     @property
+    def ranges(self) -> tuple[Array, Array, Array]:
+        """(n,) q_min, q_max and qd_max, copied."""
+        return self.q_min.copy(), self.q_max.copy(), self.qd_max.copy()
+
+    @property
     def prismatic(self) -> tuple[bool, ...]:
         """Which of the n joints move along a line."""
         return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
@@ -146,11 +151,10 @@ class Robot:
             Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
             ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
         """
-        arm = read_urdf(urdf, tip, locked or {}, package_dirs)
-        if limits.effort is None and np.isfinite(arm.effort).any():
-            limits = replace(limits, effort=arm.effort.tolist())
-        name = name or arm.model.name
-        return cls(arm.model, arm.tip_frame, name, arm.q_min, arm.q_max, arm.qd_max, arm.source, limits)
+        model, frame, source, (low, high, speed, effort) = read_urdf(urdf, tip, locked or {}, package_dirs)
+        if limits.effort is None and np.isfinite(effort).any():
+            limits = replace(limits, effort=effort.tolist())
+        return cls(model, frame, name or model.name, low, high, speed, source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
         """The collision geometry of the URDF's links, in this robot's model; read anew by every call.

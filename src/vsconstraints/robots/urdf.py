@@ -37,22 +37,13 @@ class UrdfSource:
     positions: Array  #: Its coordinates then.
 
 
-class UrdfArm(NamedTuple):
-    """What a URDF file says of an arm: its model, the frame of its tip, its limits (n,), and where it comes from."""
-
-    model: pin.Model
-    tip_frame: int
-    q_min: Array
-    q_max: Array
-    qd_max: Array
-    source: UrdfSource
-    effort: Array
-
-
 def read_urdf(
     path: str | Path, tip: str | None, locked: Mapping[str, float], package_dirs: Sequence[str | Path] | None
-) -> UrdfArm:
-    """The arm of a URDF file; see :meth:`vsconstraints.Robot.from_urdf` for parameters and errors."""
+) -> tuple[pin.Model, int, UrdfSource, tuple[Array, Array, Array, Array]]:
+    """The arm of a URDF file, the frame of its tip, where it comes from, and limits: see :meth:`.Robot.from_urdf`.
+
+    Limits (n,) are the least and greatest coordinates, speeds, and efforts, infinite where there is none.
+    """
     source = Path(path)
     file = _urdf_file(source)
     try:
@@ -93,7 +84,7 @@ def read_urdf(
     )
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
-    return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
+    return model, model.getFrameId(tip), origin, (lower, upper, speed, effort)
 
 
 def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:

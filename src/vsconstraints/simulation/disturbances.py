@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InvalidInput
-from ..robots.geometry import Vector3, vector
+from ..robots.geometry import Vector3, demand_sign, vector
 from ..robots.limits import per_joint
 from ..rows import Array
 
@@ -53,19 +53,16 @@ class Disturbances:
             named = field.name in ("gradient_error_rows", "seed")
             if not named and not np.isfinite(getattr(self, field.name)).all():
                 raise InvalidInput(f"disturbance {field.name} must be finite, not {getattr(self, field.name)}")
-        for name in ("gradient_error", "acceleration_noise", "time_constant", "pixel_noise", "image_period", "delay"):
-            if getattr(self, name) < 0:
-                raise InvalidInput(f"disturbance {name} must be zero or more, not {getattr(self, name)}")
+        for name in ("focal_factor", "principal_point_error"):
+            if len(getattr(self, name)) != 2:
+                raise InvalidInput(f"disturbance {name} must be two numbers, not {getattr(self, name)}")
+        least = "gradient_error", "acceleration_noise", "time_constant", "pixel_noise", "image_period", "delay"
+        factors = "depth_factor", "focal_factor", "marker_distance_factor"
+        demand_sign(self, "disturbance ", positive=factors, zero_or_more=least)
         if self.delay != int(self.delay):
             raise InvalidInput(f"disturbance delay is a whole number of image periods, not {self.delay}")
         if not 0.0 <= self.lost_frames < 1.0:
             raise InvalidInput(f"disturbance lost_frames is a probability below 1, not {self.lost_frames}")
-        for name in ("depth_factor", "focal_factor", "marker_distance_factor"):
-            if (np.asarray(getattr(self, name)) <= 0.0).any():
-                raise InvalidInput(f"disturbance {name} must be positive, not {getattr(self, name)}")
-        for name in ("focal_factor", "principal_point_error"):
-            if len(getattr(self, name)) != 2:
-                raise InvalidInput(f"disturbance {name} must be two numbers, not {getattr(self, name)}")
         for name in ("mount_translation_error", "mount_rotation_error"):
             vector(getattr(self, name), 3, f"disturbance {name}")
         if not self.gradient_error_signs or not set(self.gradient_error_signs) <= {-1.0, 1.0}:

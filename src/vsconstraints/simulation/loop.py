@@ -125,10 +125,10 @@ class _Run:
         self.ended: Ended = ""
         self.reason, self.compiled, self.law = "", False, 0
         loop = None
-        if self.setup.disturbances.sensing:
-            self.sensor.expected.write(self.control.packed.step)
+        believe = self.sensor if self.setup.disturbances.sensing else None
+        if believe is not None:
+            believe.write(self.control.packed.step)
         try:
-            believe = self.sensor.expected if self.setup.disturbances.sensing else None
             wrong = self.gradient_error if self.gradient_error.any else None
             restart(controller, self.setup.Ts, lambda: self.control.model(believe, wrong))
             loop = self._compiled_loop(by_public_call)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -23,8 +23,6 @@ from ..vision.measurement import Measurement
 from ..vision.pose_estimate import estimated_pose
 from ..vision.scene import Scene
 from .disturbances import VISIBILITY, Disturbances
-
-__all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_pixels", "shown_to"]
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
@@ -75,20 +73,6 @@ def ideal_pixels(camera: Camera, pixels: Array) -> Array:
 def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
     """(..., 2) normalised coordinates by a believed camera of what is at these ideal pixels of the true one."""
     return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
-
-
-@dataclass(frozen=True, slots=True)
-class Expectation:
-    """What would be believed of a state to come: seen in the believed scene, at once and without noise."""
-
-    scene: Scene  #: The believed one.
-    depth_factor: float
-
-    def write(self, step: Step) -> None:
-        """Let a compiled step believe the same."""
-        write_camera(step, self.scene.camera)
-        step.markers[:] = self.scene.markers
-        step.camera["depth_factor"] = self.depth_factor
 
 
 class Sensor:
@@ -170,10 +154,11 @@ class Sensor:
             raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
         return Measurement(pixels, Z, k * self._Ts, camera)
 
-    @property
-    def expected(self) -> Expectation:
-        """What would be believed of a state to come."""
-        return Expectation(self.believed, self.disturbances.depth_factor)
+    def write(self, step: Step) -> None:
+        """Let a compiled step believe what would be seen of a state to come: at once and without noise."""
+        write_camera(step, self.camera)
+        step.markers[:] = self.believed.markers
+        step.camera["depth_factor"] = self.disturbances.depth_factor
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of what was seen."""

@@ -13,6 +13,7 @@ from ..control import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
+from ..robots.geometry import demand_sign
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
 from ..rows.factors import AS_THEY_ARE, RowFactors
@@ -50,9 +51,7 @@ class Tolerances:
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"tolerance {name} must be positive, not {value}")
+        demand_sign(self, "tolerance ", positive=vars(self))
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ class Setup:
 
     def plant(self) -> Plant:
         """The robot, at its start; raises ConfigurationError if an arm with mass is also described by eq. (6)."""
-        limits = self.limits.arrays(self.scene.robot, self.Ts) if self.limits.any else None
+        limits = self.limits.arrays(self.scene.robot.ranges, self.Ts) if self.limits.any else None
         if self.dynamics is None:
             return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
         if self.actuation != "acceleration":

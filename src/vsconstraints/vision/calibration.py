@@ -12,7 +12,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,20 +40,8 @@ MAX_SHOWN = 30  #: Characters of a value that a message shows.
 Calibrated = Mapping[str, Any]  #: The table of a file.
 
 
-class Calibration(NamedTuple):
-    """What a calibration file says of a camera: (W, H), (F_u, F_v), and the principal point by pixels' edges [px].
-
-    The distortion is None if the file has no coefficients, or only zeros.
-    """
-
-    size_px: tuple[float, float]
-    focal_px: tuple[float, float]
-    principal_point_px: tuple[float, float]
-    distortion: Distortion | None
-
-
-def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> Calibration:
-    """What a file of OpenCV or ROS says.
+def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> dict[str, Any]:
+    """What a file of OpenCV or ROS says, as arguments of :class:`.Camera`; without distortion if that is zero.
 
     ``size`` (2,) [px] and ``model`` of :class:`.Distortion` are what holds where a file does not say how large images
     were, as those of OpenCV's stereo sample do not, nor ``distortion_model`` (ROS) or ``fisheye_model`` (OpenCV's
@@ -85,7 +73,8 @@ def read_calibration(path: str | Path, model: str | None = None, size: Vector2 |
             f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {side[0]:g} × {side[1]:g} px: "
             "is the matrix one for another image size?"
         )
-    return Calibration(side, (float(K[0]), float(K[4])), principal_point, _distortion(table, where, model))
+    distortion, focal = _distortion(table, where, model), (float(K[0]), float(K[4]))
+    return {"size_px": side, "focal_px": focal, "principal_point_px": principal_point, "distortion": distortion}
 
 
 def _table(path: Path, where: str) -> Calibrated:

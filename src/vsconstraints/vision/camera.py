@@ -75,13 +75,13 @@ class Camera:
         ``distortion_model`` which lens coefficients are of if the file does not say, ``brown-conrady`` if None. Raises
         ConfigurationError if the file cannot be used, or is one for another image size.
         """
-        found = read_calibration(calibration, distortion_model, size_px)
-        if size_px is not None and tuple(size_px) != found.size_px:
+        camera = cls(**read_calibration(calibration, distortion_model, size_px))
+        if size_px is not None and tuple(size_px) != camera.size_px:
             raise ConfigurationError(
-                f"{calibration} is a calibration of images of {found.size_px[0]:g} × {found.size_px[1]:g} px, not of "
+                f"{calibration} is a calibration of images of {camera.size[0]:g} × {camera.size[1]:g} px, not of "
                 f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
             )
-        return cls(found.focal_px, found.size_px, found.principal_point_px, distortion=found.distortion)
+        return camera
 
     def mounted(
         self,

@@ -78,7 +78,7 @@ class Measurement:
 
 
 def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, correction: Array, slip: Array) -> str:
-    """What of a measurement cannot be right, and what it may be; see :func:`innovation`, with ``seen`` (M, 2) [px]."""
+    """What of a measurement cannot be right, and what it may be; by ``formulas.innovation``; ``seen`` (M, 2) [px]."""
     image, shape, position, orientation, age, speed = innovation[:6]
     beyond, said = innovation[:6] > bounds, []
     if beyond[0] or beyond[1]:

@@ -77,7 +77,7 @@ DAMPED, FREE = Rest(), Rest(damping=0.0)
 
 
 class VisualTask:
-    """Tracks a visual feature towards goals that change at given times; :mod:`.visual_task` evaluates it.
+    """Tracks a visual feature towards goals that change at given times, evaluated by compiled code.
 
     b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the goal itself, or moves
     towards it as the goal's reference says. ∂s/∂t, in ė and in the last term, is that of a target whose motion is known

@@ -21,7 +21,6 @@ PARAMETERS = (0.1, 0.2, 0.4)
 APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)
 WITHOUT_DRIFT = ControllerSpec("vsconstraints.paper.claims.general:WithoutDrift")
 BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
-
 TARGET, OCCLUDER, SPHERE = (RunSpec(name) for name in ("moving-target", "moving-occluder", "moving-sphere"))
 #: Where both scenarios with obstacles say that their motion is known: without it the rows take them for static.
 KNOWN = "constraints.0.motion.known"
@@ -69,7 +68,6 @@ def time_constant(run: Run) -> float:
 
 @claim("9a", FOV, CASE, *BLIND)
 def _second_derivatives_not_needed(*runs: Run) -> Finding:
-    """Difference between the law and the law without L_fφ."""
     texts, same = [], []
     for spec, law, blind in zip(BLIND, runs[:2], runs[2:], strict=True):
         if len(law.t) != len(blind.t):
@@ -98,12 +96,12 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
     """Rows along the same motion with and without knowledge of the obstacle's."""
     texts, same, equal = [], [], []
     for spec, run in zip((OCCLUDER, SPHERE), runs, strict=True):
-        uninformed = RunSpec(spec.name, overrides={KNOWN: False}).load().setup()
-        knowing, unknowing = run.setup.world(), uninformed.control()
+        knowing = run.setup.world()
+        unknowing = RunSpec(spec.name, overrides={KNOWN: False}).load().setup().control()
         needed, Lg, phi = np.zeros(2), 0.0, 0.0
         for k in np.flatnonzero((run.trajectory.phi >= 0.0).any(axis=1)):
-            t, q, qd = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
-            informed, blind = knowing.evaluate(t, q, qd).rows, unknowing.evaluate(t, q, qd).rows
+            state = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
+            informed, blind = knowing.evaluate(*state).rows, unknowing.evaluate(*state).rows
             active = informed.phi >= 0.0
             needed = np.maximum(needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (informed, blind)])
             Lg = max(Lg, np.abs(informed.Lg - blind.Lg).max())
@@ -117,13 +115,13 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
 @claim("12a", CASE)
 def _computation_time(case: Run) -> Finding:
     """Wall times of the case study's samples, without the first."""
-    step, rows = case.trajectory.step_time[1:], case.trajectory.rows_time[1:]
+    step, rows, Ts = case.trajectory.step_time[1:], case.trajectory.rows_time[1:], case.sampling_time
     both = step + rows
-    median, law, missed = float(np.median(both)), float(np.median(step)), int((both > case.sampling_time).sum())
+    median, law, missed = float(np.median(both)), float(np.median(step)), int((both > Ts).sum())
     shown: dict[str, Any] = {
         "form": "compiled" if case.trajectory.compiled else "not compiled",
         "rows": np.median(rows),
     }
-    shown |= {"slowest": np.quantile(both, 0.99), "samples": len(both), "Ts": case.sampling_time}
-    in_time = median <= PRINTED_TIME, median <= 0.5 * case.sampling_time
-    return finding("12a", *in_time, shown, median=median, law=law, missed=missed)
+    shown |= {"slowest": np.quantile(both, 0.99), "samples": len(both), "Ts": Ts}
+    values = {"median": median, "law": law, "missed": missed}
+    return finding("12a", median <= PRINTED_TIME, median <= 0.5 * Ts, shown, **values)

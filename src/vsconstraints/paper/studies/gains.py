@@ -19,7 +19,6 @@ from .summary import RunSummary
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
 #: What can be required of a switching gain, and the outcome that is enough for it.
 ENOUGH = {"allowed": "beyond band", "in_band": "band, not sliding", "sliding": "sliding"}
-
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
 
@@ -35,11 +34,8 @@ class SwitchingGain(Sweep):
 
     name = "switching-gain"
 
-    Case = study.case_type("Kp0", "switching_gain")
-    """K_p(0) [1/s²], and u⁺."""
-
     def spec(self, case: Any) -> RunSpec:
-        """The run of a case."""
+        """The run of a case: K_p(0) [1/s²], and u⁺."""
         overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
         return RunSpec("example-2d-fov", overrides=overrides)
 
@@ -65,11 +61,11 @@ class SwitchingGain(Sweep):
             sentences.append(self.sentence("speed", Kp0=Kp0, **found))
         # along its own motion; without an active row there is no bound to exceed
         below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
-        above = [point for point in points if not point["switching_gain"] <= point["bound_12"]]
-        count: dict[str, float] = {"above_bound": len(above), "below_bound": len(below)}
-        for side, some in (("above", above), ("below", below)):
-            for name, outcome in ENOUGH.items():
-                count[f"{side}_bound_{name}"] = sum(_reaches(point, outcome) for point in some)
+        count: dict[str, float] = {"above_bound": len(points) - len(below), "below_bound": len(below)}
+        for name, outcome in ENOUGH.items():
+            count[f"below_bound_{name}"] = sum(_reaches(point, outcome) for point in below)
+            reached = sum(_reaches(point, outcome) for point in points)
+            count[f"above_bound_{name}"] = reached - count[f"below_bound_{name}"]
         return points, numbers | study.keyed(count), [*sentences, self.sentence("bound", **count)]
 
     def figure(self, result: StudyResult) -> Sheet:
@@ -82,13 +78,13 @@ class SwitchingGain(Sweep):
         sheet.legend([*draw.outcome_entries(result.points, self.table["outcomes"]), *bounds.values()], 2)
         (ax,) = sheet.panels(1, height=3.5)
         draw.by_outcome(ax, result.points, "Kp0", "switching_gain", self.table["outcomes"])
-        speeds = sorted(study.grouped(result.points, "Kp0"))
+        by_speed = dict(sorted(study.grouped(result.points, "Kp0").items()))
         for column, look in bounds.items():
-            values = [_bound(study.where(result.points, Kp0=Kp0), column) for Kp0 in speeds]
-            ax.plot(speeds, values, color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4)
-        logarithmic(ax.xaxis, speeds)
+            values = [_bound(own, column) for own in by_speed.values()]
+            ax.plot(list(by_speed), values, color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4)
+        logarithmic(ax.xaxis, list(by_speed))
         logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
-        ax.set_xlim(0.88 * speeds[0], 1.14 * speeds[-1])
+        ax.set_xlim(0.88 * min(by_speed), 1.14 * max(by_speed))
         ax.set_xlabel("gain at zero error Kₚ(0) [1/s²]: faster motion →")
         ax.set_ylabel("switching gain u⁺ [1/s]")
         return sheet
@@ -125,9 +121,6 @@ class SamplingTime(Sweep):
 
     name = "sampling-time"
 
-    Case = study.case_type("scenario", "Ts_ms")
-    """A scenario and its sampling time [ms]."""
-
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         return RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3})
@@ -146,25 +139,18 @@ class SamplingTime(Sweep):
         sentences = []
         for scenario in BAND_SCENARIOS:
             own = [p for p in study.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
-            if not own:
-                continue
-            found = _growth(own)
-            numbers |= study.keyed(found, scenario) | {(scenario, "band", p["Ts_ms"]): p["band"] for p in own}
-            if "exponent" in found:
-                sentences.append(self.sentence("growth", scenario=scenario, **found))
-        slow, fast = (
-            numbers.get((scenario, "band", Ts)) for scenario, Ts in zip(BAND_SCENARIOS, (5.0, 1.0), strict=True)
-        )
+            if own:
+                found = _growth(own)
+                numbers |= study.keyed(found, scenario) | {(scenario, "band", p["Ts_ms"]): p["band"] for p in own}
+                sentences += [self.sentence("growth", scenario=scenario, **found)] * ("exponent" in found)
+        slow, fast = (numbers.get((name, "band", Ts)) for name, Ts in zip(BAND_SCENARIOS, (5.0, 1.0), strict=True))
         if slow is not None and fast is not None:
             sentences.append(self.sentence("fast", fast=fast, slow=slow))
-        rows = [point for point in points if point["row"]]
-        if rows:
+        if rows := [point for point in points if point["row"]]:
             longest = max(rows, key=lambda point: point["longest_run"])
-            found = {
-                "longest_run": longest["longest_run"],
-                "longest_run_ms": longest["longest_run"] * longest["Ts_ms"],
-                "greatest_overshoot": study.greatest(rows, "relative_overshoot"),
-            }
+            found = {"longest_run": longest["longest_run"]}
+            found["longest_run_ms"] = longest["longest_run"] * longest["Ts_ms"]
+            found["greatest_overshoot"] = study.greatest(rows, "relative_overshoot")
             numbers |= study.keyed(found, ROW_SCENARIO)
             sentences.append(self.sentence("rows", **found))
         return points, numbers, sentences

@@ -24,28 +24,22 @@ class GradientErrors(Sweep):
 
     name = "gradient-error"
 
-    Case = study.case_type("scenario", "controller", "gradient_error")
-    """A scenario, a law's name, and c_e."""
-
     def spec(self, case: Any) -> RunSpec:
-        """The run of a case."""
+        """The run of a case: a scenario, a law's name, and c_e."""
         error = {"disturbances": {"gradient_error": case.gradient_error}} if case.gradient_error else {}
         return RunSpec(case.scenario, draw.LAWS[case.controller], error)
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Deviation, violation, settling by scenario, law and error."""
-        points = [
-            study.begun(case, run)
-            | {"deviation_px": pixel_distance(run, results.get(case._replace(gradient_error=0.0), NOT_RUN))}
-            | study.columns(run, "violation", "violated", "settling_time_s", "utilization", "phi_max", "longest_run")
-            for case, run in results.items()
-        ]
+        points: Points = []
         numbers: Numbers = {}
-        for point in points:
-            found = {column: point[column] for column in self.table["measures"]} | {
-                "converged": point["status"] == "converged"
-            }
-            numbers |= study.keyed(found, point["scenario"], point["controller"], point["gradient_error"])
+        for case, run in results.items():
+            exact = results.get(case._replace(gradient_error=0.0), NOT_RUN)
+            point = study.begun(case, run) | {"deviation_px": pixel_distance(run, exact)}
+            names = ("violation", "violated", "settling_time_s", "utilization", "phi_max", "longest_run")
+            points.append(point | study.columns(run, *names))
+            found = {column: points[-1][column] for column in self.table["measures"]}
+            numbers |= study.keyed(found | {"converged": run.status == "converged"}, *case)
         sentences = []
         for scenario, own in study.grouped(points, "scenario").items():
             laws = "; ".join(f"{p['controller']} {self._outcome(p)}" for p in study.where(own, gradient_error=PAPER))

@@ -33,9 +33,6 @@ class NonStatic(Sweep):
 
     name = "non-static"
 
-    Case = study.case_type("scenario", "speed", "switching_gain", "known")
-    """A scenario, the obstacle's speed as a factor, u⁺, and whether its motion is known."""
-
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         overrides = {"constraints": [self._constraint(case)], "duration": self._obstacle(case.scenario)["duration"]}

@@ -32,9 +32,6 @@ class ShrinkingRegion(Sweep):
 
     name = "shrinking-region"
 
-    Case = study.case_type("scenario", "law", "region")
-    """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
-
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         return RunSpec(case.scenario, draw.potential_field(case.law, case.region) if case.region else SLIDING_MODE)
@@ -136,9 +133,6 @@ class Pareto(Sweep):
 
     name = "pareto"
 
-    Case = study.case_type("scenario", "controller", "parameter", "strength")
-    """A scenario, a law's name, its own parameter, and the strength of a potential field."""
-
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         if case.controller == "hierarchical-qp":
@@ -191,30 +185,26 @@ class Pareto(Sweep):
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario; acceleration variation above, violation below."""
-        scenarios, laws = (
-            list(study.grouped(result.points, "scenario")),
-            list(study.grouped(result.points, "controller")),
-        )
+        laws = list(study.grouped(result.points, "controller"))
         points = study.completed(result.points)
         deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
         entries = [*draw.law_entries(laws), draw.entry("front", INK, linewidth=2.0)]
         sheet, panels = draw.scenario_grid(self.table, result.points, entries)
-        for scenario in scenarios:
+        for (column, scenario), ax in panels.items():
             own = study.where(points, scenario=scenario)
-            upper, lower = panels["acceleration_variation", scenario], panels["violation", scenario]
-            best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
-            steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 2.0, "zorder": 3}
-            upper.step([_x(p) for p in best], [p["acceleration_variation"] for p in best], **steps)
             for name in laws:
-                _draw_law(upper, study.where(own, controller=name), "acceleration_variation", name)
-                _draw_law(lower, study.where(own, controller=name), "violation", name)
-            logarithmic(upper.yaxis)
-            logarithmic(lower.yaxis, linear_below=0.01)
-            lower.set_ylim(-0.002, max(2.0 * deepest, 1.0))
-            for ax in (upper, lower):
-                logarithmic(ax.xaxis, ())
-                ax.set_xlim(1.5 * max(map(_x, own), default=1.0), 0.7 * MIN_UNUSED)
-                ax.set_xticks([MIN_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
+                _draw_law(ax, study.where(own, controller=name), column, name)
+            if column == "violation":
+                logarithmic(ax.yaxis, linear_below=0.01)
+                ax.set_ylim(-0.002, max(2.0 * deepest, 1.0))
+            else:
+                best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
+                steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 2.0, "zorder": 3}
+                ax.step([_x(p) for p in best], [p[column] for p in best], **steps)
+                logarithmic(ax.yaxis)
+            logarithmic(ax.xaxis, ())
+            ax.set_xlim(1.5 * max(map(_x, own), default=1.0), 0.7 * MIN_UNUSED)
+            ax.set_xticks([MIN_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
         return sheet
 
 

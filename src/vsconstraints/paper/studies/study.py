@@ -40,8 +40,7 @@ class StudyResult:
 class Study(ABC):
     """A question, the runs that answer it, and one figure; listed in :data:`vsconstraints.paper.studies.STUDIES`."""
 
-    #: As files, headings and readers know it.
-    name: ClassVar[str]
+    name: ClassVar[str]  #: As files, headings and readers know it.
     title: str
     question: str
     claims: tuple[int, ...]  #: Which of the paper's claims it answers, as the reproduction numbers them.
@@ -74,17 +73,19 @@ class Study(ABC):
 class Sweep(Study):
     """A study whose texts and varied values are the table of its name in ``studies.toml``.
 
-    Each table of ``runs`` (``small`` for the small form) is a product: it gives values, or a list of them, for fields
-    of :attr:`Case`, the last one varied first, and may set keys of the scenario (``overrides``).
+    ``varied`` names the fields of :attr:`Case`, None where one does not apply. Each table of ``runs`` (``small`` for
+    the small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and
+    may set keys of the scenario (``overrides``).
     """
 
     Case: ClassVar[Any]
+    table: ClassVar[dict[str, Any]]
 
-    def __init__(self) -> None:
-        self.table = TABLES[self.name]
-        self.title, self.question = self.table["title"], self.table["question"]
-        self.figure_caption, self.claims = self.table["caption"], tuple(self.table["claims"])
-        self.drift_noted = self.table.get("drift", False)
+    def __init_subclass__(cls) -> None:
+        table = cls.table = TABLES[cls.name]
+        cls.Case = namedtuple("Case", table["varied"], defaults=[None] * len(table["varied"]))  # type: ignore[misc]
+        cls.title, cls.question, cls.figure_caption = table["title"], table["question"], table["caption"]
+        cls.claims, cls.drift_noted = tuple(table["claims"]), table.get("drift", False)
 
     @abstractmethod
     def spec(self, case: Any) -> RunSpec:
@@ -105,11 +106,6 @@ class Sweep(Study):
     def sentence(self, key: str, **values: Any) -> str:
         """A sentence of the table with values filled in."""
         return filled(self.table["sentences"][key], **values)
-
-
-def case_type(*names: str) -> Any:
-    """A named tuple of what a study varies; a value is None where it does not apply."""
-    return namedtuple("Case", names, defaults=[None] * len(names))
 
 
 def _text(case: Case) -> str:

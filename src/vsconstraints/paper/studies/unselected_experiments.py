@@ -74,9 +74,6 @@ class UnselectedExperiments(Sweep):
 
     name = "unselected-experiments"
 
-    Case = study.case_type("scenario", "scene", "case")
-    """A scenario, which scene of its geometry, and one of :data:`CASES`."""
-
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]

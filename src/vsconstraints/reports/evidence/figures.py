@@ -24,12 +24,8 @@ MAX_RATIO, TICK_GAP = 100.0, 0.12
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 
 
-class Panel(NamedTuple):
-    """One panel: its title, the laws that it shows, and their profile."""
-
-    title: str
-    laws: tuple[str, ...]
-    profile: Profile
+Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
+Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
 
 
 def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sheet | None:
@@ -40,20 +36,20 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     options: dict[str, Any] = {"height": 1.75, "gap": 0.2, "above": 0.28, "same_y": True}
     options["labels"] = "times the least of the scene", "share of scenes [%]"
     for panels in metrics:
-        finite = [panel.profile.ratios[np.isfinite(panel.profile.ratios)] for panel in panels]
+        finite = [profile.ratios[np.isfinite(profile.ratios)] for _, _, profile in panels]
         # where nearly all curves have come to their end
         last = max([1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))])
         tau, ticks = np.geomspace(1.0, last, 400), [1.0]
         for tick in TICKS:
             if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
                 ticks.append(tick)
-        for ax, panel in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
-            for law, shares in zip(panel.laws, 100.0 * panel.profile.share(tau).T, strict=True):
+        for ax, (title, shown, profile) in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
+            for law, shares in zip(shown, 100.0 * profile.share(tau).T, strict=True):
                 ax.plot(tau, shares, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
             ax.set_xlim(1.0, last)
             ax.set_ylim(0.0, 102.0)
             logarithmic(ax.xaxis, ticks)
-            ax.set_title(panel.title, loc="left", fontsize=8.5, pad=4)
+            ax.set_title(title, loc="left", fontsize=8.5, pad=4)
     sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
     return sheet
 
@@ -70,30 +66,22 @@ PROFILES = Figure(
 NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.0
 
 
-class Diagram(NamedTuple):
-    """One diagram: its title, the laws, and their ranks."""
-
-    title: str
-    laws: tuple[str, ...]
-    ranks: Ranks
-
-
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """One diagram per condition, as Demšar draws them: best left."""
-    shown = [diagram for diagram in diagrams if len(diagram.laws) > 1]
+    shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
     if not shown:
         return None
     look, sheet = looks(laws), Sheet(left=MARGIN, right=MARGIN)
     for diagram in shown:
-        _draw_ranks(sheet, diagram, {law: look[law].colour for law in diagram.laws})
+        _draw_ranks(sheet, *diagram, {law: look[law].colour for law in diagram[1]})
     return sheet
 
 
-def _draw_ranks(sheet: Sheet, diagram: Diagram, colours: dict[str, str]) -> None:
-    count, ranks = len(diagram.laws), diagram.ranks
+def _draw_ranks(sheet: Sheet, title: str, laws: tuple[str, ...], ranks: Ranks, colours: dict[str, str]) -> None:
+    count = len(laws)
     half, bars = -(-count // 2), BAR * len(ranks.groups) + 0.08
     height = bars + NAME_LINE * half + 0.1
-    sheet.text(0.1, sheet.at + 0.1, diagram.title, fontsize=9.0, va="center", color=INK)
+    sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
     ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
     sheet.at += 0.12
     ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1), yticks=[])
@@ -105,7 +93,7 @@ def _draw_ranks(sheet: Sheet, diagram: Diagram, colours: dict[str, str]) -> None
         ax.plot([min(ends) - 0.03, max(ends) + 0.03], [at, at], color=INK, linewidth=3.0, solid_capstyle="butt")
     for place, k in enumerate(sorted(range(count), key=lambda i: float(ranks.means[i]))):
         # a line from the rank down to the law's name beside the diagram
-        law, rank, left = diagram.laws[k], float(ranks.means[k]), place < half
+        law, rank, left = laws[k], float(ranks.means[k]), place < half
         at, end = bars + NAME_LINE * (place if left else count - 1 - place), ax.get_xlim()[not left]
         ax.plot([rank, rank, end], [0.0, at, at], color=colours[law], linewidth=1.3, clip_on=False)
         text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"

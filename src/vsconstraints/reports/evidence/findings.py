@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
-from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics import rate
 from ...controllers.demand import USES
 from ...rows.readable import counted
-from ..markdown import bold, enumeration, first_names
-from ..numbers import of_length
+from ..markdown import enumeration, first_names
 from ..page import render
 from .dataset import Dataset
-from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, names_text, percentage, ranking
+from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, names_text, ranking
 
 #: What may not be available: as controllers state it, and in words.
 INFORMATION: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
@@ -38,10 +36,6 @@ class Finding:
     numbers: Mapping[str, float] = field(default_factory=dict)
     standard: str = "strict"
 
-    def as_data(self) -> dict[str, Any]:
-        """For files."""
-        return asdict(self)
-
 
 def text_of(about: str, **facts: Any) -> str:
     """The sentence of a finding, by the template."""
@@ -58,7 +52,7 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
                 best(ranked),
                 *without_information(dataset, ranked),
                 calmest(dataset, ranked),
-                tolerant(dataset, ranked),
+                best(ranking(dataset, condition, "tolerant success"), "tolerant"),
                 violations(dataset, condition),
                 attainable(dataset, condition),
             ]
@@ -66,26 +60,16 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
     return by_condition
 
 
-def best(ranked: Ranking, begin: str = "", standard: str = "strict") -> Finding:
+def best(ranked: Ranking, standard: str = "strict") -> Finding:
     """Which controllers succeed most often in a condition, and the best that does significantly less often."""
-    leader, follower, share = ranked.leader, ranked.next, ranked.shares[ranked.leader]
-    text = text_of("best", ranked=ranked, begin=begin or condition_text(ranked.condition),
-                   most=percentage(share.high, share.digits))  # fmt: skip
-    about, named, pair = "best", [leader], None
+    follower, about, named, pair = ranked.next, "best", [ranked.leader], None
     if not ranked.hopeless and len(ranked.laws) > 1:
-        about, named = "best" if follower else "alike", named_of(ranked)
-        pair = (leader, follower) if follower else None
-    if standard == "tolerant":
-        about = "tolerant"
+        about, named = "best" if follower else "alike", named_of(ranked.front)
+        pair = (ranked.leader, follower) if follower else None
+    about = about if standard == "strict" else standard
     named += pair[1:] if pair else ()
+    text = text_of(about, ranked=ranked, begin=condition_text(ranked.condition))
     return Finding(text, about, ranked.condition, tuple(named), numbers_of(ranked, named, pair), standard)
-
-
-def tolerant(dataset: Dataset, strict: Ranking) -> Finding:
-    """The same as :func:`best` by the tolerant standard, and whether other controllers are in front by it."""
-    ranked = ranking(dataset, strict.condition, "tolerant success")
-    same = set(ranked.front) == set(strict.front)
-    return best(ranked, f"With {of_length(TOLERANT)} tolerated{'' if same else ', others are best'}", "tolerant")
 
 
 def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
@@ -100,15 +84,14 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         # that those in front need no model goes without saying
         if not spare or len(spare) == len(known) or (in_front and what != INFORMATION[0][0]):
             continue
-        if in_front:
-            text = text_of(about, words=words, in_front=names_text(in_front))
-            several.append(Finding(text, about, ranked.condition, tuple(_named(in_front))))
-            continue
-        own, leader = ranked.among(spare), ranked.leader
-        difference = ranked.differences[leader, own.leader]
-        text = text_of(about, words=words, in_front="", ranked=own, leader=leader, difference=difference)
-        numbers = numbers_of(ranked, named_of(own), (leader, own.leader))
-        several.append(Finding(text, about, ranked.condition, (*named_of(own), leader), numbers))
+        named, numbers, facts = named_of(in_front), dict[str, float](), dict[str, Any]()
+        if not in_front:
+            own, leader = ranked.among(spare), ranked.leader
+            named, pair = [*named_of(own.front), leader], (leader, own.leader)
+            numbers = numbers_of(ranked, named[:-1], pair)
+            facts = {"ranked": own, "leader": leader, "difference": ranked.differences[pair]}
+        text = text_of(about, words=words, in_front=names_text(in_front), **facts)
+        several.append(Finding(text, about, ranked.condition, tuple(named), numbers))
     return several
 
 
@@ -130,23 +113,13 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
 
 
 def violations(dataset: Dataset, condition: str) -> Finding:
-    """Which controllers violate a row least often, by the strict standard, and whether so by the tolerant one."""
+    """Which controllers violate a row least often, by the strict standard."""
     ranked = ranking(dataset, condition, "kept").among(dataset.working(condition))
-    other = ranking(dataset, condition, "tolerant kept").among(ranked.laws)
-    violated = {law: ranked.shares[law].complement for law in named_of(ranked)}
-    more = first_names(ranked.front, MAX_NAMES)[len(violated) :]
-    text = text_of(
-        "violations",
-        ranked=ranked,
-        shares=enumeration([*(f"{bold(law)} {share.text}" for law, share in violated.items()), *more]),
-        others=names_text(other.front) if set(other.front) != set(ranked.front) else "",
-        strict=of_length(NEGLIGIBLE),
-        tolerant=of_length(TOLERANT),
-    )
+    violated = {law: ranked.shares[law].complement for law in named_of(ranked.front)}
     numbers: dict[str, float] = {"scenes": ranked.scenes}
     for law, share in violated.items():
         numbers |= share.numbers("violation", law=law)
-    return Finding(text, "violations", condition, tuple(violated), numbers)
+    return Finding(text_of("violations", shares=violated), "violations", condition, tuple(violated), numbers)
 
 
 def attainable(dataset: Dataset, condition: str) -> Finding | None:
@@ -178,12 +151,11 @@ def _reversal(dataset: Dataset, first: str, other: str) -> Finding | None:
     if not sizes:
         return None
     a, b = max(sizes, key=lambda names: sizes[names])
-    ahead, then = before.differences[a, b], after.differences[b, a]
-    conditions = {"first": condition_text(first, inside=True), "then": condition_text(other, inside=True)}
-    more = counted(len(sizes) - 1, "more pair") if len(sizes) > 1 else ""
-    text = text_of("turned", **conditions, a=a, b=b, ahead=ahead, after=then, scenes=before.scenes_text, more=more)
+    shares = {first: before.differences[a, b], other: after.differences[b, a]}
+    texts = {condition_text(condition, inside=True): share for condition, share in shares.items()}
+    text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
     numbers: dict[str, float] = {"scenes": before.scenes, "families": before.families, "pairs": len(sizes)}
-    for condition, share in ((first, ahead), (other, then)):
+    for condition, share in shares.items():
         numbers |= share.numbers(f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]")
     return Finding(text, "turned", other, (a, b), numbers)
 
@@ -223,14 +195,9 @@ def always_failing(dataset: Dataset) -> list[Finding]:
     return several
 
 
-def _named(laws: Sequence[str]) -> list[str]:
+def named_of(laws: Sequence[str]) -> list[str]:
     """The controllers that a sentence names."""
     return [law for law in first_names(laws, MAX_NAMES) if law in laws]
-
-
-def named_of(ranked: Ranking) -> list[str]:
-    """The controllers in front that a sentence names."""
-    return _named(ranked.front)
 
 
 def numbers_of(ranked: Ranking, laws: Sequence[str], pair: tuple[str, str] | None = None) -> dict[str, float]:

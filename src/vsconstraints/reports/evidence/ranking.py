@@ -166,6 +166,8 @@ class Ranking(NamedTuple):
 
     def cell(self, law: str, complement: bool = False) -> str:
         """How often one succeeds, or does not: bold if significantly the best, ≈ if not significantly worse."""
+        if law not in self.shares:
+            return DASH
         share = self.shares[law]
         text = (share.complement if complement else share).cell
         if len(self.laws) < 2 or law not in self.laws or law not in self.front or (self.hopeless and not complement):
@@ -217,9 +219,12 @@ class PairVerdict(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """For files: what is not finite is None."""
-        return {
-            name: None if isinstance(v, float) and not math.isfinite(v) else v for name, v in self._asdict().items()
-        }
+        return finite(self._asdict())
+
+
+def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """The same for files: None where a number is not finite."""
+    return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in numbers.items()}
 
 
 PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Every controller against every other one.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +14,6 @@ from ...comparisons.runs.files import replaced
 from ...comparisons.statistics import costs, profile, ranks
 from ...errors import ConfigurationError, StorageError
 from ...rows.readable import counted
-from ..markdown import plain
 from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
@@ -22,7 +22,7 @@ from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
 from .figures import CRITICAL_DIFFERENCE, FRONTS, PROFILES, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
-from .ranking import condition_text, ranking, scenes_text
+from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
 
 CLAIMS = "claims.json"
@@ -50,16 +50,6 @@ class Claims(NamedTuple):
 
     findings: tuple[Finding, ...] = ()
     table: tuple[dict[str, Any], ...] = ()
-
-    def as_data(self, dataset: Dataset) -> dict[str, Any]:
-        """For files: what is no number is None."""
-        lines = [{name: None if value != value else value for name, value in line.items()} for line in self.table]
-        return {
-            "sentences": [one.as_data() for one in self.findings],
-            "table": lines,
-            "conclusions": [one.as_data() for one in conclusions(dataset)],
-            "power": [one.as_data() for one in powers(dataset)],
-        }
 
 
 def write_evidence_report(
@@ -98,20 +88,33 @@ def write_evidence_report(
 
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
     """Write the report of evidence that has been read."""
-    claims = claims_of(dataset)
-    parts: dict[str, Callable[[Dataset], Any]] = {"headline": lambda _: _headline(dataset, claims)}
-    if claims.findings:
-        parts |= {"quality": _quality, "failures": _failures, "tuning": _tuning}
-    context: dict[str, Any] = dict.fromkeys(("quality", "failures", "tuning"))
-    for done, (name, part) in enumerate(parts.items()):
+    parts, context = (_claims, _quality, _failures, _tuning), dict[str, Any]()
+    for done, part in enumerate(parts):
         on_written(done, len(parts))
-        context[name] = part(dataset)
+        if done == 0 or context["rankings"]:
+            context |= part(dataset)
     on_written(len(parts), len(parts))
-    report = dataset.folder / "report.md"
+    report, claims = dataset.folder / "report.md", context["claims"]
+    data = {
+        "sentences": [asdict(one) for one in claims.findings],
+        "table": [finite(line) for line in claims.table],
+        "conclusions": [one.as_data() for one in conclusions(dataset)],
+        "power": [one.as_data() for one in powers(dataset)],
+    }
+    context |= {
+        "of_length": of_length,
+        "strict": NEGLIGIBLE,
+        "tolerant": TOLERANT,
+        "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+        "condition_text": condition_text,
+        "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
+        "counted": counted,
+        "machine": _machine(dataset),
+    }
     try:
-        write_pages(report, render("evidence.md", dataset=dataset, **context))
+        write_pages(report, render("evidence.md", dataset=dataset, tables=tables, **context))
         with replaced(dataset.folder / CLAIMS) as file:
-            file.write_text(json.dumps(claims.as_data(dataset), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            file.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise StorageError(f"the report cannot be written to {dataset.folder}: {error}") from error
     return report
@@ -125,53 +128,34 @@ def claims_of(dataset: Dataset) -> Claims:
     gain = tuning_gain(dataset)
     every = [finding for own in by_condition.values() for finding in own]
     every += [*reversals(dataset), *robustness_findings(dataset), *([gain] if gain else []), *always_failing(dataset)]
-    rankings = [ranking(dataset, condition) for condition in by_condition]
+    rankings = _rankings(dataset)
     laws = dict.fromkeys((*rankings[0].laws, *dataset.laws))
     return Claims(tuple(every), tuple(tables.headline_numbers(dataset, rankings, law) for law in laws))
 
 
-def _headline(dataset: Dataset, claims: Claims) -> dict[str, Any]:
-    """What is in every report."""
-    configuration = dataset.configuration
-    rankings = [one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes]
+def _rankings(dataset: Dataset) -> list[Ranking]:
+    return [one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes]
+
+
+def _claims(dataset: Dataset) -> dict[str, Any]:
+    claims, rankings = claims_of(dataset), _rankings(dataset)
     by_condition = [
         " ".join(one.text for one in claims.findings if one.condition == ranked.condition and one.about not in HIDDEN)
         for ranked in rankings
     ]
     return {
-        "title": plain(configuration.get("title") or "Evidence"),
-        "question": plain(configuration.get("question") or ""),
-        "scenes": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
-        "what": f"{counted(len(dataset.laws), 'controller')}, {counted(len(dataset.conditions), 'condition')}",
+        "claims": claims,
+        "rankings": rankings,
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
-        "table": tables.headline_table(dataset, rankings, claims.table),
-        "selection": tables.selection_table(dataset),
         "power": power_table(dataset),
         "conclusions": conclusion_tables(dataset),
-        "conditions": [
-            {
-                "title": condition_text(one.condition),
-                "scenes": one.scenes_text,
-                "success": tables.success_table(dataset, one.condition),
-                "tolerance": tables.tolerance_table(dataset, one.condition),
-                "families": tables.family_tables(dataset, one.condition),
-            }
-            for one in rankings
-        ],
-        "information": tables.information_table(dataset),
-        "scene_table": tables.scenes_table(dataset),
-        "scene_facts": tables.scene_facts(dataset),
-        "strict": of_length(NEGLIGIBLE),
-        "tolerant": of_length(TOLERANT),
-        "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
-        "machine": _machine(dataset),
     }
 
 
 def _quality(dataset: Dataset) -> dict[str, Any]:
     """Figures of all conditions, and one table for each."""
     panels: list[list[Panel]] = []
-    diagrams = []
+    diagrams: list[Diagram] = []
     for metric, words in PROFILED.items():
         panels.append([])
         for condition in dataset.conditions if len(dataset.laws) > 1 else ():
@@ -179,37 +163,29 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
             cost = cost[[law for law in dataset.laws if law in cost.columns]]
             if len(cost):
                 values, laws = cost.to_numpy(float), tuple(cost.columns)
-                panels[-1].append(Panel(f"{words}, {condition}", laws, profile(values)))
+                panels[-1].append((f"{words}, {condition}", laws, profile(values)))
                 if len(panels) == 1:
-                    diagrams.append(Diagram(condition_text(condition), laws, ranks(values)))
+                    diagrams.append((condition_text(condition), laws, ranks(values)))
     shown = (PROFILES, panels), (CRITICAL_DIFFERENCE, diagrams)
     return {
         "figures": [text for figure, data in shown if (text := dataset.picture(figure, data, dataset.laws))],
-        "tables": [table for condition in dataset.conditions if (table := tables.quality_table(dataset, condition))],
+        "quality": [table for condition in dataset.conditions if (table := tables.quality_table(dataset, condition))],
     }
 
 
 def _failures(dataset: Dataset) -> dict[str, Any]:
-    return {
-        "table": tables.failure_table(dataset),
-        "examples": tables.example_table(dataset),
-        "first": next((one["worst"] for one in tables.example_failures(dataset).values()), None),
-        "figures": worst_figures(dataset),
-        "scenes": scene_figures(dataset),
-        "reading": TRACKS.reading,
-    }
+    return {"worst": worst_figures(dataset), "scene_figures": scene_figures(dataset), "reading": TRACKS.reading}
 
 
 def _tuning(dataset: Dataset) -> dict[str, Any]:
-    evaluations, found = (
-        tables.evaluations_of(dataset),
-        {"table": tables.tuning_table(dataset), "fronts": "", "figure": ""},
-    )
-    if evaluations is not None:
-        laws = list(dict.fromkeys(evaluations["law"].astype(str)))
-        found["fronts"] = tables.fronts_table(dataset, evaluations)
-        found["figure"] = dataset.picture(FRONTS, evaluations, laws)
-    return found
+    evaluations = tables.evaluations_of(dataset)
+    if evaluations is None:
+        return {"fronts": "", "fronts_figure": ""}
+    laws = list(dict.fromkeys(evaluations["law"].astype(str)))
+    return {
+        "fronts": tables.fronts_table(dataset, evaluations),
+        "fronts_figure": dataset.picture(FRONTS, evaluations, laws),
+    }
 
 
 def _machine(dataset: Dataset) -> str:

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from ...comparisons.statistics import detectable, simultaneous
 from ...rows.readable import counted
-from ..markdown import Table, bold, enumeration
+from ..markdown import Table, bold
 from ..numbers import DASH, number
 from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
-from .ranking import MAX_NAMES, PairVerdict, PairVerdicts, condition_text, pairwise_verdicts, percentage, scenes_text
+from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts, percentage
 
 #: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
@@ -21,7 +21,7 @@ POWER = 0.8  #: With which a reversal of the reported size would have been detec
 
 
 class Measure(NamedTuple):
-    """What two controllers are compared by: an outcome or a metric, its name in sentences and in headings.
+    """What two controllers are compared by: an outcome or a metric, its name in cells and in headings.
 
     ``margin`` is the smallest reversal that would matter, as a difference or, with ``ratio``, a ratio; ``more``
     whether more is better.
@@ -78,12 +78,6 @@ class Conclusion(NamedTuple):
         pairs = {"first": self.first.as_data(), "other": self.other.as_data()}
         return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
 
-    @property
-    def cell(self) -> str:
-        """The outcome and, unless inconclusive, the difference in the other condition."""
-        word = bold(self.outcome) if self.outcome == "reversed" else self.outcome
-        return word if self.outcome == "inconclusive" else f"{word}, {self.measure.text(self.other)}"
-
 
 class Power(NamedTuple):
     """Which reversals would have been detected, by a measure in a condition with so many conclusions.
@@ -101,17 +95,7 @@ class Power(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """For files: what is not finite is None."""
-        return {**self._asdict(), "detectable": self.detectable if self.detected else None}
-
-    @property
-    def detected(self) -> bool:
-        """Whether any reversal is detectable."""
-        return isfinite(self.detectable)
-
-    @property
-    def text(self) -> str:
-        """The least detectable reversal, for a sentence or a cell."""
-        return f"{percentage(self.detectable, 0)} points" if self.detected else "none"
+        return finite(self._asdict())
 
 
 def conclusions(dataset: Dataset) -> list[Conclusion]:
@@ -125,7 +109,6 @@ def powers(dataset: Dataset) -> list[Power]:
 
 
 def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
-    """All conclusions, and what each condition could have detected."""
     (first, *others), every, powers = dataset.conditions or ("",), list[Conclusion](), list[Power]()
     for condition, measure in product(others, MEASURES):
         before, after = (_verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first)))
@@ -157,36 +140,22 @@ def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) ->
 
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
-    """For each further condition, how many conclusions hold there, and which are reversed."""
+    """For each further condition, how many conclusions hold there, and which reversal of success is detectable."""
     several = []
     for condition in dataset.conditions[1:]:
         own = [one for one in conclusions(dataset) if one.condition == condition]
-        if not own:
-            continue
-        counts = _counts(own)
-        runs = _runs(dataset, condition, dataset.conditions[0])
-        scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
-        numbers: dict[str, float] = {"conclusions": len(own), **counts, "scenes": scenes, "families": families}
-        named = [f"{c.better} before {c.worse} by {c.measure.words}" for c in own if c.outcome == "reversed"]
-        named = [*named[:MAX_NAMES], *([f"{len(named) - MAX_NAMES} more"] if len(named) > MAX_NAMES else [])]
-        power = next((one for one in powers(dataset) if (one.condition, one.measure) == (condition, "success")), None)
-        if power and power.detected:
-            numbers["detectable"] = power.detectable
-        text = text_of(
-            "holds",
-            condition=condition_text(condition, inside=True),
-            conclusions=counted(len(own), "conclusion"),
-            counts=counts,
-            scenes=scenes_text(scenes, families),
-            named=enumeration(named),
-            power=power,
-            power_level=percentage(POWER, 0),
-        )
-        several.append(Finding(text, "holds", condition, (), numbers))
+        if own:
+            runs = _runs(dataset, condition, dataset.conditions[0])
+            scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
+            numbers = {"conclusions": len(own), **_counts(own), "scenes": scenes, "families": families}
+            for power in powers(dataset):
+                if (power.condition, power.measure) == (condition, "success") and isfinite(power.detectable):
+                    numbers["detectable"] = power.detectable
+            several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
     return several
 
 
-def _counts(own: list[Conclusion]) -> dict[str, int]:
+def _counts(own: list[Conclusion]) -> dict[str, float]:
     """How many conclusions have each outcome, and how many inconclusive ones exclude a reversal by the margin."""
     excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
     return {**{name: sum(one.outcome == name for one in own) for name in OUTCOMES}, "reversal_excluded": excluded}
@@ -199,7 +168,8 @@ def power_table(dataset: Dataset) -> Table:
         measure = measures[power.measure]
         own = [one for one in conclusions(dataset) if (one.condition, one.measure) == (power.condition, measure)]
         margin = f"× {number(measure.margin)}" if measure.ratio else counted(round(100.0 * measure.margin), "point")
-        cells = [*map(str, _counts(own).values()), margin, f"{power.scenes:g}", power.text]
+        least = f"{percentage(power.detectable, 0)} points" if isfinite(power.detectable) else "none"
+        cells = [*map(str, _counts(own).values()), margin, f"{power.scenes:g}", least]
         lines.append([f"{measure.words}, {power.condition}", *cells])
     header = ["", "hold", "reversed", "inconclusive", "reversal excluded", "margin", "scenes", "detectable from"]
     return Table(header, lines)
@@ -210,13 +180,12 @@ def conclusion_tables(dataset: Dataset) -> dict[str, Table]:
     first, *others = dataset.conditions or ("",)
     tables = {}
     for measure in MEASURES:
-        pairs: dict[tuple[str, str], dict[str, Conclusion]] = {}
+        lines: dict[tuple[str, str], dict[str, str]] = {}
         for one in conclusions(dataset):
             if one.measure == measure:
-                pairs.setdefault((one.better, one.worse), {})[one.condition] = one
-        lines = []
-        for pair, own in pairs.items():
-            cells = [own[condition].cell if condition in own else DASH for condition in others]
-            lines.append([*pair, measure.text(next(iter(own.values())).first), *cells])
-        tables[measure.title] = Table(["better", "worse", first, *others], lines, 2)
+                line = lines.setdefault((one.better, one.worse), {first: measure.text(one.first)})
+                word = bold(one.outcome) if one.outcome == "reversed" else one.outcome
+                line[one.condition] = word + f", {measure.text(one.other)}" * (one.outcome != "inconclusive")
+        cells = [[*pair, *(line.get(name, DASH) for name in (first, *others))] for pair, line in lines.items()]
+        tables[measure.title] = Table(["better", "worse", first, *others], cells, 2)
     return tables

@@ -6,7 +6,6 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from math import ceil
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,8 +40,6 @@ FAILED_STATUSES = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
 
-EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
-
 
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
     """The unrounded numbers of the headline table's line of a controller."""
@@ -66,7 +63,7 @@ def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Seque
         columns["required information"] = [information_text(dataset.required[law]) for law in laws]
     for one in conditions:
         title = f"{condition_text(one.condition, inside=True)} [%]"
-        columns[title] = [one.cell(law) if law in one.laws else DASH for law in laws]
+        columns[title] = [one.cell(law) for law in laws]
     if room >= 2:
         columns["variation [rad/s³]"] = [number(line["variation"]) for line in numbers]
     columns["call [µs]"] = [number(line["call"]) for line in numbers]
@@ -126,14 +123,8 @@ def family_tables(dataset: Dataset, condition: str) -> list[tuple[str, Table]]:
     for what, column in (("Success", "success"), ("Violated", "kept")) if len(families) > 1 else ():
         for names in np.array_split(np.array(families), ceil(len(families) / MAX_FAMILIES)):
             each = [ranking(dataset, condition, column, [name]) for name in names.tolist()]
-            lines = []
-            for law in dataset.laws:
-                cells = [
-                    (one.cell(law) if what == "Success" else one.among(working).cell(law, complement=True))
-                    if law in one.laws else DASH
-                    for one in each
-                ]  # fmt: skip
-                lines.append([law, *cells])
+            each = each if what == "Success" else [one.among(working) for one in each]
+            lines = [[law, *(one.cell(law, complement=what != "Success") for one in each)] for law in dataset.laws]
             parts.append((what, Table(["law", *names.tolist()], lines)))
     return parts
 
@@ -172,8 +163,8 @@ def failure_table(dataset: Dataset) -> Table:
         columns = (bad[name].fillna("").astype(str) for name in ("status", "violated", "reason"))
         kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
         named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
-        rest = len(bad) - sum(n for _, n in named)
-        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in [*named, ("others", rest)] if n]
+        named += [("others", len(bad) - sum(n for _, n in named))]
+        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in named if n]
         lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
     return Table(["law", "runs without success", "how"], lines, 3)
 
@@ -201,11 +192,11 @@ def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
 
 def example_table(dataset: Dataset) -> Table:
     """The typical and the worst failure of each controller."""
-    lines = []
-    for law, examples in example_failures(dataset).items():
-        for name, run in examples.items():
-            where = f"{run['family']} {run['scene']}, {run['condition']}"
-            lines.append([law, name, where, str(run["status"]), _reason(dataset, run)])
+    lines = [
+        [law, name, f"{run['family']} {run['scene']}, {run['condition']}", str(run["status"]), _reason(dataset, run)]
+        for law, examples in example_failures(dataset).items()
+        for name, run in examples.items()
+    ]
     return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
 
 
@@ -234,26 +225,19 @@ def tuning_table(dataset: Dataset) -> Table:
         ranked = ranking(dataset, condition)
         for law, name in dataset.tuned.items():
             if {law, name} <= set(ranked.laws):
-                gain = ranked.differences[name, law].cell
-                cells = ranked.shares[law].cell, ranked.shares[name].cell
-                lines.append(
-                    [condition_text(condition), law, *cells, "≈ " * (not ranked.significant(name, law)) + gain]
-                )
+                gain = "≈ " * (not ranked.significant(name, law)) + ranked.differences[name, law].cell
+                lines.append([condition_text(condition), law, *(ranked.shares[n].cell for n in (law, name)), gain])
     return Table(["condition", "law", "default", "tuned", "difference"], lines, 2)
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
     """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if unreadable."""
-    if dataset.tuning is None or not (dataset.tuning / EVALUATIONS).is_file():
-        return None
-    return _read(dataset.tuning / EVALUATIONS, {"law", "chosen", "options", "feasible"})
+    return _tuning_data(dataset, "evaluations.parquet", {"law", "chosen", "options", "feasible"})
 
 
 def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> Table:
     """What tuning evaluated for each controller, how well, and the setting that was chosen."""
-    path = (dataset.tuning or Path()) / HYPERVOLUMES
-    volumes = _read(path, {"law", "hypervolume"}) if path.is_file() else None
-    lines = []
+    volumes, lines = _tuning_data(dataset, "hypervolumes.parquet", {"law", "hypervolume"}), []
     for law in dict.fromkeys(evaluations["law"].astype(str)):
         own = evaluations[evaluations["law"] == law]
         chosen = own[own["chosen"].astype(bool)]
@@ -265,9 +249,11 @@ def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> Table:
     return Table(["law", "evaluations", "feasible", "hypervolume", "chosen setting"], lines)
 
 
-def _read(path: Path, columns: set[str]) -> pd.DataFrame:
+def _tuning_data(dataset: Dataset, name: str, columns: set[str]) -> pd.DataFrame | None:
     import pandas as pd
 
+    if dataset.tuning is None or not (path := dataset.tuning / name).is_file():
+        return None
     try:
         data = pd.read_parquet(path)
     except UNREADABLE as error:

@@ -54,6 +54,9 @@ def compare(
     Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
     process of its own kind; what cannot be copied there runs in this process, and a warning says so.
 
+    Raises ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials would all be the
+    same run. A law that fails costs its own runs, whose status is then ``failed``.
+
     Parameters
     ----------
     laws
@@ -71,9 +74,6 @@ def compare(
         A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
     progress
         Whether to show how many runs are done, in a terminal or a notebook.
-
-    Raises ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials would all be the
-    same run. A law that fails costs its own runs, whose status is then ``failed``.
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()

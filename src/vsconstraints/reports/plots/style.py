@@ -43,7 +43,7 @@ LOOKS = {
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
     """A look for each controller, which depends on its name alone as far as possible.
 
-    Names in :data:`LOOKS` look the same in every figure. Any other name has a preferred colour and marker, and others
+    Names in ``looks.toml`` look the same in every figure. Any other name has a preferred colour and marker, and others
     only where one of ``controllers`` has these. A tuned law has the colour of the law it was tuned from, dashed.
     """
     result = {name: LOOKS[name] for name in controllers if name in LOOKS}

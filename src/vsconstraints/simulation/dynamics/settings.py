@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ...robots.geometry import Vector3, vector
+from ...robots.geometry import Vector3, demand_sign, vector
 from ...robots.limits import per_joint
 from ...rows import Array
 
@@ -33,8 +33,7 @@ class Payload:
     radius: float = 0.0  #: [m].
 
     def __post_init__(self) -> None:
-        for name in ("mass", "radius"):
-            _demand(f"plant.payload: {name}", getattr(self, name), least=0.0)
+        demand_sign(self, "plant.payload: ", zero_or_more=("mass", "radius"))
         vector(self.centre, 3, "plant.payload: centre")
 
     def inertia(self) -> pin.Inertia:
@@ -51,8 +50,7 @@ class Rods:
     radius: float  #: [m].
 
     def __post_init__(self) -> None:
-        for name in ("mass_per_length", "radius"):
-            _demand(f"plant.rods: {name}", getattr(self, name))
+        demand_sign(self, "plant.rods: ", positive=("mass_per_length", "radius"))
 
     def inertia(self, end: Array) -> pin.Inertia:
         """Of the rod from the origin to ``end`` (3,) [m]."""
@@ -75,9 +73,8 @@ class Friction:
     stribeck_speed: Number = 0.05  #: v_s [rad/s or m/s].
 
     def __post_init__(self) -> None:
-        for name in ("viscous", "coulomb", "static"):
-            _demand(f"plant: friction: {name}", getattr(self, name), least=0.0)
-        _demand("plant: friction: stribeck_speed", self.stribeck_speed)
+        several = "viscous", "coulomb", "static"
+        demand_sign(self, "plant: friction: ", zero_or_more=several, positive=("stribeck_speed",))
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
         """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than Coulomb's."""
@@ -132,10 +129,12 @@ class ArmDynamics:
             raise InvalidInput(
                 f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not {shown(self.substeps)}"
             )
-        for name in ("bandwidth", "mass_factor", "effort", "speed"):
-            _demand(f"plant: {name}", getattr(self, name))
-        for name in ("payload_factor", "dead_time", "lag", "rotor_inertia"):
-            _demand(f"plant: {name}", getattr(self, name), least=0.0)
+        demand_sign(
+            self,
+            "plant: ",
+            positive=("bandwidth", "mass_factor", "effort", "speed"),
+            zero_or_more=("payload_factor", "dead_time", "lag", "rotor_inertia"),
+        )
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise InvalidInput(f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}")
 
@@ -176,17 +175,3 @@ class MujocoDynamics(ArmDynamics):
 
 #: Types of plants that scenario files know; without any, commands are carried out as eq. (6) says.
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
-
-
-def _demand(name: str, value: Number | None, least: float | None = None) -> None:
-    """Raise InvalidInput that names a setting unless its numbers are finite, and positive or not below ``least``."""
-    if value is None:
-        return
-    try:
-        numbers = np.atleast_1d(np.array(value, dtype=np.float64))
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    enough = (numbers > 0.0 if least is None else numbers >= least).all()
-    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all() or not enough:
-        bound = "positive" if least is None else "zero or more"
-        raise InvalidInput(f"{name} must be {bound}, not {shown(value)}")

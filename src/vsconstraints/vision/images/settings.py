@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-
 from ...errors import InvalidInput, shown, unknown_name
+from ...robots.geometry import demand_sign
 
 DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
@@ -43,14 +42,10 @@ class ImageSettings:
             raise unknown_name("detector of sensor", self.detector, get_args(DetectorName))
         if isinstance(self.depth, str) and self.depth not in get_args(DepthName):
             raise unknown_name("depth of sensor", self.depth, get_args(DepthName))
-        for name in ("rate_hz", "light", "tag_side_m", "patience_s", "depth"):
-            value = getattr(self, name)
-            if not (value is None or isinstance(value, str) or (np.isfinite(value) and value > 0.0)):
-                raise InvalidInput(f"sensor: {name} must be positive, not {shown(value)}")
-        for name in ("latency_s", "noise", "blur_px", "exposure_s", "rolling_s"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInput(f"sensor: {name} must be zero or more, not {shown(value)}")
+        depth = () if isinstance(self.depth, str) else ("depth",)
+        positive = "rate_hz", "light", "tag_side_m", "patience_s", *depth
+        least = "latency_s", "noise", "blur_px", "exposure_s", "rolling_s"
+        demand_sign(self, "sensor: ", positive=positive, zero_or_more=least)
         for name in ("exposure_s", "rolling_s"):
             if getattr(self, name) > 1.0 / self.rate_hz:
                 raise InvalidInput(
