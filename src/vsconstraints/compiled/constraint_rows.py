@@ -131,15 +131,7 @@ def point_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None
 
 
 def image_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int) -> WriteRows:
-    """Rows on where markers are in the image, from a formula.
-
-    Parameters
-    ----------
-    formula, curvature
-        See :class:`vsconstraints.constraints.by_formula.ByFormula`.
-    count
-        Number of parameters.
-    """
+    """Rows on where markers are in the image, from a formula of so many parameters: see :class:`.ByFormula`."""
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)

@@ -110,17 +110,7 @@ def singular(M: Array, s: Array, U: Array) -> Array:
 
 @inner
 def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, float]:
-    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of rows of J, and write ∂w/∂q (n,).
-
-    Parameters
-    ----------
-    T
-        (3, n, 6) of :func:`tip_twists`.
-    first, count
-        The rows that count.
-    slope
-        Where ∂w/∂q goes.
-    """
+    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of J, and write ∂w/∂q (n,); T (3, n, 6) is :func:`tip_twists`'."""
     n = T.shape[1]
     wide = count <= n
     c, l = min(count, n), max(count, n)  # noqa: E741

@@ -128,16 +128,7 @@ def make_part(
 ) -> Any:
     """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and kept on disk.
 
-    Parameters
-    ----------
-    template
-        A function of a module of this package that returns a function which calls the formulas.
-    formulas
-        Elementwise functions, see :mod:`vsconstraints.formulas`; None where there is none.
-    constants
-        What else the template is made with, such as the number of parameters of a formula.
-    signature, options, from_python
-        See :func:`.compiled`.
+    ``formulas`` are elementwise functions, or None where there is none; the last three are those of :func:`.compiled`.
     """
     function = template(*formulas, *constants)
     if compiler.internals is None:

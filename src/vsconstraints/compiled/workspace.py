@@ -316,16 +316,9 @@ _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()  #: By 
 
 
 class Workspace:
-    """A structure of arrays and numbers as compiled functions take it; its arrays are not copied.
+    """A structure (a named tuple) as compiled functions take it, by its address; its arrays are not copied.
 
     Functions that take one look whether it is of the right kind. It lives as long as whoever uses it holds it.
-
-    Attributes
-    ----------
-    structure
-        The named tuple.
-    address
-        Where compiled code reads it, for fields of other structures.
     """
 
     __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ..robots.geometry import Pose, Vector3, vector
 from ..robots.meshes import mesh_files
 from ..robots.robot import Robot
 from .base import demand_positive
+from .by_formula import Keyed
 from .link_points import FIXED, segments
 from .meshes import convex
 
@@ -52,7 +53,7 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
     collision geometry and no radius, or a mesh cannot be read.
     """
     if link_radius is None:
-        return _hulls(_Links.of(robot))
+        return _hulls(Keyed(_made_of(robot), robot))
     demand_positive(link_radius, "radius of the links")
     bodies = {}
     for segment in segments(robot):
@@ -64,28 +65,17 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
     return tuple(bodies.values())
 
 
-@dataclass(frozen=True)
-class _Links:
-    """A URDF arm's links: equal where the files, their dates and the joints that are locked are."""
-
-    files: tuple[tuple[Path, int], ...]
-    folders: tuple[str, ...]
-    joints: tuple[str, ...]
-    positions: tuple[float, ...]
-    robot: Robot = field(compare=False)
-
-    @classmethod
-    def of(cls, robot: Robot) -> _Links:
-        source = robot.source
-        if source is None:
-            return cls((), (), (), (), robot)
-        try:
-            changed = source.path.stat().st_mtime_ns
-            paths = source.path, *_meshes(source.path, source.package_dirs, changed)
-            files = tuple((path, path.stat().st_mtime_ns) for path in paths)
-        except OSError:  # gone, which is said where it is read
-            files = ()
-        return cls(files, source.package_dirs, robot.joint_names, tuple(source.positions.tolist()), robot)
+def _made_of(robot: Robot) -> tuple[object, ...]:
+    """What a URDF arm's links depend on: its files with their dates, and the joints that are locked."""
+    source = robot.source
+    if source is None:
+        return ()
+    try:
+        paths = source.path, *_meshes(source.path, source.package_dirs, source.path.stat().st_mtime_ns)
+        files = tuple((path, path.stat().st_mtime_ns) for path in paths)
+    except OSError:  # gone, which is said where it is read
+        files = ()
+    return files, source.package_dirs, robot.joint_names, tuple(source.positions.tolist())
 
 
 @lru_cache(maxsize=16)
@@ -95,9 +85,9 @@ def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, .
 
 
 @lru_cache(maxsize=16)
-def _hulls(links: _Links) -> tuple[Body, ...]:
+def _hulls(links: Keyed) -> tuple[Body, ...]:
     """The collision geometry of links, made convex: read once, since reading takes as long as a run."""
-    robot = links.robot
+    robot: Robot = links.of
     parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
     for solid in robot.collision_geometry().geometryObjects:
         link = robot.model.frames[solid.parentFrame].name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,14 @@ class Form(NamedTuple):
     motion: Motion | None = None
     gradients: Array | float = 0.0
     offsets: Array | float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Keyed:
+    """Something that is equal to another one of the same key: what cached functions are called with."""
+
+    key: tuple[Any, ...]
+    of: Any = field(compare=False)
 
 
 class ByFormula:

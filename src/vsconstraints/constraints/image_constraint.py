@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import Polylines, zero_lines
-from .by_formula import Form
+from .by_formula import Form, Keyed
 
 
 class ImageConstraint(PositionConstraint):
@@ -96,7 +94,7 @@ class ImageConstraint(PositionConstraint):
             corners = tuple(tuple(end.tolist()) for end in ends)
         place = None if self.frame is None else tuple(tuple(part.ravel().tolist()) for part in self.frame)
         said = self.formula, self.parameters, self.margin, place
-        return _outline(_Curve(tuple(image_size), corners, said, self))
+        return _outline(Keyed((tuple(image_size), corners, *said), self))
 
     def found(self, image_size: tuple[float, float], moved: Array | None) -> Polylines:
         """The curve wherever it is in the image with these displacements (k, 2)."""
@@ -114,18 +112,9 @@ class ImageConstraint(PositionConstraint):
         return np.broadcast_to(self.evaluated(u[None, :], v[:, None])[0], (len(v), len(u))) + self.margin
 
 
-@dataclass(frozen=True, slots=True)
-class _Curve:
-    """Where a curve is looked for, displaced between two corners, and what is said of σ: equal if the curves are."""
-
-    image_size: tuple[float, ...]
-    corners: tuple[tuple[float, ...], ...]
-    said: tuple[Any, ...]
-    constraint: ImageConstraint = field(compare=False)
-
-
 @lru_cache(maxsize=32)
-def _outline(curve: _Curve) -> Polylines:
+def _outline(curve: Keyed) -> Polylines:
     """The curve of a constraint, which is kept: finding one takes as long as a thousand control steps."""
-    W, H = curve.image_size
-    return curve.constraint.found((W, H), np.array(curve.corners) if curve.corners else None)
+    constraint: ImageConstraint = curve.of
+    image_size, corners = curve.key[:2]
+    return constraint.found(image_size, np.array(corners) if corners else None)

@@ -18,23 +18,38 @@ from .base import Constraint, RowBlock, Trace, demand_numbers, to_first_order
 from .by_formula import Form, differences_along
 
 
-class JointConstraint(Constraint):
+class RowsOfJoints(Constraint):
+    """Rows on joint coordinates or speeds, by a function of them and its gradient."""
+
+    linear: ClassVar[bool] = False
+    """Whether the gradient is the same everywhere: then the rows are compiled."""
+    _compiled: ClassVar[tuple[str, str]]  #: The compiled rows, and the method that gives the value.
+
+    @abstractmethod
+    def gradient(self, y: Array) -> Array:
+        """(..., r, n) gradient at y (..., n)."""
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows that say that they are linear, as they are at rest."""
+        rows, value = self._compiled
+        if not (self.linear and self.says("linear", (value, "gradient", "curvature", "rows"))):
+            return None
+        rest = np.zeros(scene.robot.n)
+        return Form(rows, gradients=self.gradient(rest), offsets=getattr(self, value)(rest))
+
+
+class JointConstraint(RowsOfJoints):
     """Constraints on joint coordinates y = q (n,): r values of one vector.
 
     An own one gives ``kind``, :meth:`labels`, :meth:`sigma`, :meth:`gradient` and :meth:`characteristic_length`.
     """
 
     unit = "rad"
-    linear: ClassVar[bool] = False
-    """Whether the gradient is the same everywhere: then the rows are compiled."""
+    _compiled = "joint_rows", "sigma"
 
     @abstractmethod
     def sigma(self, q: Array) -> Array:
         """(..., r) σ at q (..., n): positive where forbidden."""
-
-    @abstractmethod
-    def gradient(self, q: Array) -> Array:
-        """(..., r, n) ∂σ/∂q at q (..., n)."""
 
     def curvature(self, q: Array, qd: Array) -> Array:
         """(r,) q̇ᵀ H q̇ for each row; by central differences of the gradient unless a subclass knows it."""
@@ -46,27 +61,19 @@ class JointConstraint(Constraint):
         g = self.gradient(q)
         return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
 
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Rows that say that they are linear, as they are at rest."""
-        if not (self.linear and self.says("linear", ("sigma", "gradient", "curvature", "rows"))):
-            return None
-        rest = np.zeros(scene.robot.n)
-        return Form("joint_rows", gradients=self.gradient(rest), offsets=self.sigma(rest))
-
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
         return to_first_order(self.sigma(trace.q), self.gradient(trace.q))
 
 
-class SpeedConstraint(Constraint):
+class SpeedConstraint(RowsOfJoints):
     """Constraints on joint speeds y = q̇ (n,), which have relative degree one as they are: φ(q̇) ≤ 0.
 
     An own one gives ``kind``, :meth:`labels`, :meth:`phi`, :meth:`gradient` and :meth:`characteristic_length`.
     """
 
     unit = "rad/s"
-    linear: ClassVar[bool] = False
-    """Whether the gradient is the same everywhere: then the rows are compiled."""
+    _compiled = "speed_rows", "phi"
 
     def __init__(self, *, switching_gain: float) -> None:
         super().__init__(K=1.0, switching_gain=switching_gain)
@@ -75,22 +82,11 @@ class SpeedConstraint(Constraint):
     def phi(self, qd: Array) -> Array:
         """(..., r) φ at q̇ (..., n): positive where forbidden."""
 
-    @abstractmethod
-    def gradient(self, qd: Array) -> Array:
-        """(..., r, n) ∂φ/∂q̇ at q̇ (..., n)."""
-
     def rows(self, state: State, points: slice) -> RowBlock:
         """L_gφ = ∂φ/∂q̇ (eq. 38) and L_fφ = 0 (eq. 34)."""
         qd = state.robot.qd
         phi = self.phi(qd)
         return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
-
-    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Rows that say that they are linear, as they are at rest."""
-        if not (self.linear and self.says("linear", ("phi", "gradient", "curvature", "rows"))):
-            return None
-        rest = np.zeros(scene.robot.n)
-        return Form("speed_rows", gradients=self.gradient(rest), offsets=self.phi(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""

@@ -14,7 +14,7 @@ from ..robots.geometry import Pose
 from ..rows import Array, Command
 from ..vision.camera import Camera
 from .evaluator import Evaluation, Evaluator
-from .model import GradientErrorModel, Model, StateEstimator
+from .model import Model
 
 if TYPE_CHECKING:
     from ..controllers.base import Controller
@@ -31,7 +31,7 @@ class ControlStep(Evaluator):
     _controller: Controller | None = None
     _options: dict[str, Any] | None = None
 
-    def model(self, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None) -> Model:
+    def model(self, estimate: Any = None, gradient_error: Any = None) -> Model:
         """Rows and task at predicted states: see :class:`~vsconstraints.control.model.Model`."""
         return Model(self, estimate, gradient_error)
 

@@ -4,34 +4,15 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import Step
 from ..errors import InvalidInput, SceneError
-from ..rows import Array, Rows
+from ..rows import Array
 from ..vision.tracking import VisualTask
 from .evaluator import Bound, CurrentState, Evaluation, Evaluator
-
-
-class StateEstimator(Protocol):
-    """What a controller believes of the scene."""
-
-    def write(self, step: Step) -> None:
-        """Let a compiled step believe it."""
-
-
-class GradientErrorModel(Protocol):
-    """Wrong gradients in rows: what a controller is given of rows at q̇ (n,), for parts in NumPy and compiled ones."""
-
-    def __call__(self, rows: Rows, qd: Array) -> Rows:
-        """The rows with them."""
-
-    def write(self, step: Step) -> None:
-        """Let a compiled step make such rows."""
-
 
 JUST_BEFORE = 1e-6  #: How long before the next goal [s] the current goal ends.
 
@@ -97,9 +78,7 @@ class Model:
         The compiled step that predicts; None where anything runs in NumPy.
     """
 
-    def __init__(
-        self, of: Evaluator, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None
-    ) -> None:
+    def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:
         self.task: VisualTask = copy(of.visual_task)
         self.task.drift = self.task.velocity = self.task.reference = "exact"
         self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
