@@ -62,7 +62,6 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
     """Write the report of a comparison or of a campaign, with a progress bar; returns where it is."""
     from ..comparisons.runs.folder import kind_of
     from ..reports import write_report as write_comparison
-    from ..reports.evidence import write_evidence_report
     from ..reports.latex import write_tables
     from ..reports.page import where
 
@@ -72,6 +71,8 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
     write: Callable[..., Path]
     with progress() as show:
         if campaign:
+            from ..reports.evidence import write_evidence_report  # needs an extra
+
             write = partial(write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report"))
         else:
             write = partial(write_comparison, all_figures=wanted.all_figures, replays=wanted.replays)
