@@ -31,23 +31,23 @@ BUDGETS = {
     "formulas": Budget(1212, 1300),
     "robots": Budget(1192, 900),
     "vision": Budget(1978, 2000),
-    "compiled": Budget(6714, 3300),
-    "constraints": Budget(2676, 1900),
+    "compiled": Budget(6680, 3300),
+    "constraints": Budget(2628, 1900),
     "qp": Budget(479, 600),
     "controllers": Budget(3162, 2200),
-    "control": Budget(984, 700),
+    "control": Budget(963, 700),
     "simulation": Budget(2508, 2000),
     "scenarios": Budget(2101, 1800),
     "comparisons": Budget(6600, 4000),
     "reports": Budget(7252, 4000),
     "paper": Budget(3988, 2400),
     "arms": Budget(2162, 1300),
-    "cli": Budget(1195, 700),
+    "cli": Budget(1196, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45049, 31_000)
+ALL = Budget(44947, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
