@@ -33,6 +33,7 @@ from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
 from vsconstraints.reports.results import Cell, Results, comparable, marked
+from vsconstraints.reports.scenario import metric_table
 from vsconstraints.reports.selection import MAX_LANES, MAX_PHI, acting_in, hidden_lanes, lane_rows, phi_rows
 from vsconstraints.reports.summary import endings_table, law_table, score_table
 
@@ -885,3 +886,17 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
     assert lines[2].startswith(r"| a\|b ")
     assert "``x`y``" in lines[3]
     assert plain("a*b_c_ <i>\n[x](y)") == r"a\*b_c\_ &lt;i&gt; \[x\](y)"
+
+
+def test_times_of_runs_that_left_none_are_no_table() -> None:
+    """As where a full disk keeps every run from being stored."""
+    line = dict.fromkeys(RESULT_COLUMNS, math.nan) | {"status": "failed", "reason": "no space", "violated": ""}
+    results: Any = SimpleNamespace(
+        controllers=("tracking",),
+        competitors=("tracking",),
+        runs=lambda scenario, name: [line],
+        implementation=lambda name, scenario: "",
+        is_ranked=lambda scenario: False,
+    )
+    assert not metric_table(results, "short", "time")
+    assert metric_table(results, "short", "outcome")
