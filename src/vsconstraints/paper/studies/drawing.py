@@ -1,15 +1,15 @@
-"""Laws that studies compare, and what the figures of studies share: lines by law, panels by scenario, outcomes."""
+"""Laws that studies compare, and what the figures of studies share: panels by scenario, lines by law, outcomes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
 from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec
-from ...reports.plots import INK, Look, Sheet, darker, line, looks
-from .study import grouped, where
+from ...reports.plots import INK, Look, Sheet, darker, line, logarithmic, looks
+from .study import Points, completed, ended_early, grouped, scenario_title, where
 
 
 def potential_field(blend: str, region: float = 0.2, strength: float = 1.0) -> ControllerSpec:
@@ -33,61 +33,53 @@ LAWS: dict[str, ControllerSpec] = {
 }
 
 LOOKS: dict[str, Look] = looks(["tracking", *LAWS])
-SCENARIO_TITLES: dict[str, str] = {
-    "example-2d-fov": "first example",
-    "example-2d-fast-high-gain": "first example, fast",
-    "case-study-6r": "case study",
-    "experiment-1-pbvs": "experiment 1 (PBVS)",
-    "experiment-2-ibvs": "experiment 2 (IBVS)",
-}
 
 
-def scenario_title(scenario: str) -> str:
-    """What figures and sentences call a scenario."""
-    return SCENARIO_TITLES.get(scenario, scenario)
+class Panels:
+    """A figure of panels below a legend: for each of the table's ``measures`` a row, with a column for each scenario.
 
-
-def sentence_start(scenario: str) -> str:
-    """The same at the beginning of a sentence."""
-    title = scenario_title(scenario)
-    return title[:1].upper() + title[1:]
-
-
-def scenario_grid(
-    table: Mapping[str, Any], points: Iterable[dict[str, Any]], entries: Sequence[dict[str, Any]]
-) -> tuple[Sheet, dict[tuple[str, str], Any]]:
-    """A sheet with a legend and, below it, a row of panels for each measure and a column for each scenario.
-
-    Parameters
-    ----------
-    table
-        Of the study: ``measures``, labels by column of the data; and ``layout``, which names the horizontal axis
-        (``below``) and gives the left margin, the height of panels and the gap between columns in inches.
-    points
-        The data, which tell the scenarios.
-    entries
-        Of the legend.
-
-    Returns
-    -------
-    tuple
-        The sheet, and its panels by measure and scenario.
+    ``layout`` of the table gives the left margin, the height of panels and what is between them in inches, and of the
+    horizontal axis the label (``below``), ``limits``, and, if it is logarithmic, ``ticks``; with ``columns`` there is
+    one panel for each measure, and so many in a row. A measure is logarithmic, linear ``linear_below`` a value, unless
+    it is ``linear``; it has a ``label`` or a ``title``, and may have ``ticks``, horizontal ones too (``below``), and a
+    ``margin``, or limits: ``low``, and ``top`` or so many times (``headroom``) what the data reach.
     """
-    layout, scenarios = table["layout"], list(grouped(points, "scenario"))
-    sheet = Sheet(left=layout["left"])
-    sheet.legend(entries)
-    sheet.at += 0.15
-    places = list(product(table["measures"], scenarios))
-    size = {"height": layout["height"], "gap": layout["gap"]}
-    panels = dict(
-        zip(places, sheet.panels(len(places), len(scenarios), **size, labels=(layout["below"], "")), strict=True)
-    )
-    for (measure, scenario), ax in panels.items():
-        if scenario == scenarios[0]:
-            ax.set_ylabel(table["measures"][measure])
-        if measure == next(iter(table["measures"])):
-            ax.set_title(scenario_title(scenario))
-    return sheet, panels
+
+    def __init__(self, table: Mapping[str, Any], points: Iterable[dict[str, Any]], entries: Sequence[Any]) -> None:
+        self.points, self.layout, self.measures = list(points), table["layout"], table["measures"]
+        columns = self.layout.get("columns", 0)
+        scenarios = [None] if columns else list(grouped(self.points, "scenario"))
+        self.sheet = Sheet(left=self.layout["left"])
+        self.sheet.legend(entries, self.layout.get("legend", 3))
+        self.sheet.at += self.layout.get("above", 0.15)
+        places = list(product(self.measures, scenarios))
+        size = {"height": self.layout["height"], "gap": self.layout.get("gap", 0.7)}
+        labels = self.layout["below"], ""
+        axes = self.sheet.panels(len(places), columns or len(scenarios), **size, labels=labels)
+        self.axes: dict[tuple[str, str | None], Any] = dict(zip(places, axes, strict=True))
+
+    def __iter__(self) -> Iterator[tuple[Any, str, Points]]:
+        """Each panel with its measure and its points, to be drawn; after that its axes are scaled."""
+        first = next(iter(self.axes))
+        for (name, scenario), ax in self.axes.items():
+            measure = self.measures[name]
+            if scenario == first[1]:
+                ax.set_ylabel(measure.get("label", ""))
+            title = scenario_title(scenario) if scenario and name == first[0] else measure.get("title", "")
+            ax.set_title(title)
+            yield ax, name, where(self.points, scenario=scenario) if scenario else self.points
+            ticks = measure.get("below", self.layout.get("ticks"))
+            if ticks is not None:
+                logarithmic(ax.xaxis, ticks)
+            if not measure.get("linear"):
+                logarithmic(ax.yaxis, measure.get("ticks"), measure.get("linear_below"))
+            if "limits" in self.layout:
+                ax.set_xlim(*self.layout["limits"])
+            if "margin" in measure:
+                ax.margins(y=measure["margin"])
+            if "low" in measure:
+                reached = measure.get("headroom", 1.0) * ax.get_ylim()[1]
+                ax.set_ylim(measure["low"], max(reached, measure.get("top", 0.0)))
 
 
 def entry(label: str, colour: str, marker: str = "", **look: Any) -> dict[str, Any]:
@@ -103,8 +95,8 @@ def law_entries(names: Iterable[str]) -> list[dict[str, Any]]:
 def joined(
     ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, colour: str, marker: str = "", **look: Any
 ) -> None:
-    """Points joined by a line in their order; those that are not finite are left out."""
-    pairs = [(p[x], p[y]) for p in points if math.isfinite(p[x]) and math.isfinite(p[y])]
+    """Points of completed runs joined by a line in their order; those that are not finite are left out."""
+    pairs = [(p[x], p[y]) for p in completed(points) if math.isfinite(p[x]) and math.isfinite(p[y])]
     if pairs:
         edge = {"markeredgecolor": darker(colour), "markeredgewidth": 0.6}
         line = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, **edge, **look}
@@ -128,7 +120,8 @@ def outcome_entries(points: Iterable[dict[str, Any]], outcomes: Outcomes) -> lis
     return [entry(label, colour, marker, linestyle="none", markersize=7.0) for colour, marker, label in shown]
 
 
-def failed_marks(ax: Any, values: Sequence[float], colour: str, height: float = 0.97) -> None:
-    """Crosses near the upper edge, at the x values of runs that failed."""
+def failed_marks(ax: Any, points: Iterable[dict[str, Any]], x: str, colour: str, shift: float = 0.0) -> None:
+    """Crosses near the upper edge for runs that failed."""
+    values = [point[x] + shift for point in points if ended_early(point)]
     cross = {"marker": "x", "color": colour, "markersize": 6.0, "markeredgewidth": 1.4, "linestyle": "none"}
-    ax.plot(values, [height] * len(values), transform=ax.get_xaxis_transform(), **cross, clip_on=False, zorder=5)
+    ax.plot(values, [0.92] * len(values), transform=ax.get_xaxis_transform(), **cross, clip_on=False, zorder=5)

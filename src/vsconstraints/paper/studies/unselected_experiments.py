@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -65,6 +65,12 @@ def kept_scenes() -> dict[str, Any]:
     return kept
 
 
+def rejected_by_run(points: Points) -> Counter[str]:
+    """Why unselected scenes are not like the experiments', and how many for each reason."""
+    scenes = {point["scene"]: point["rejected"] for point in points if point["scene"] != SHIPPED}
+    return Counter(filter(None, scenes.values()))
+
+
 class UnselectedExperiments(Sweep):
     """Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
 
@@ -73,6 +79,7 @@ class UnselectedExperiments(Sweep):
     """
 
     name = "unselected-experiments"
+    helpers: ClassVar[dict[str, Any]] = {"kept_scenes": kept_scenes, "rejected_by_run": rejected_by_run}
 
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
@@ -89,61 +96,42 @@ class UnselectedExperiments(Sweep):
             cases += [self.Case(scenario, *each) for each in product(scenes, list(CASES)[: 3 if small else 4])]
         return {case: self.spec(case) for case in cases}
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
-        """What every error changes in every scene, and in how many scenes it is little."""
-        points: Points = []
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """Why its scene is not like the experiment's, and how it differs from the run without an error."""
+        experiment = next(one for one in EXPERIMENTS if one.scenario == case.scenario)
+        exact = results.get(case._replace(case=EXACT))
+        reason = "no run without an error" if exact is None else why_not(experiment, exact)
+        return {"rejected": reason, **compared(experiment, run, exact or NOT_RUN)}
+
+    def numbers(self, points: Points) -> Numbers:
+        """In how many scenes every error changes little."""
         numbers: Numbers = {}
-        sentences = []
-        for experiment in EXPERIMENTS:
-            name = experiment.scenario
-            rejected: Counter[str] = Counter()
-            accepted: Points = []
-            for scene in dict.fromkeys(case.scene for case in results if case.scenario == name):
-                runs = {case.case: run for case, run in results.items() if case[:2] == (name, scene)}
-                exact = runs.get(EXACT, NOT_RUN)
-                reason = why_not(experiment, exact) if EXACT in runs else "no run without an error"
-                rejected[reason] += scene != SHIPPED and bool(reason)
-                lines = [
-                    {"scenario": name, "scene": scene, "case": case, "rejected": reason}
-                    | compared(experiment, run, exact)
-                    for case, run in runs.items()
-                ]
-                points += lines
-                accepted += [line for line in lines if not reason and line["case"] != EXACT]
-            counts = counted(accepted)
-            title = draw.sentence_start(name)
-            by_geometry = kept_scenes()[name]["rejected"]
-            reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
-            by_run = ", ".join(f"{count} ({reason})" for reason, count in (+rejected).items()) or "none"
-            draws = sum(by_geometry.values())
-            sentences.append(self.sentence("rejected", title=title, draws=draws, reasons=reasons, runs=by_run))
-            for case, found in counts.items():
-                numbers |= study.keyed(found, name, case)
-            for case, (_, _, shown) in self.table["looks"].items():
-                if case in counts:
-                    sentences.append(self.sentence("case", title=title, shown=shown, **counts[case]))
-        return points, numbers, sentences
+        for scenario, own in study.grouped(points, "scenario").items():
+            accepted = [point for point in own if not point["rejected"] and point["case"] != EXACT]
+            for case, found in counted(accepted).items():
+                numbers |= study.keyed(found, scenario, case)
+        return numbers
 
     def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
-        present = {case: look for case, look in self.table["looks"].items() if study.where(result.points, case=case)}
+        looks, panels = self.table["looks"], self.table["panels"]
+        present = [case for case in looks if study.where(result.points, case=case)]
         sheet = Sheet(left=0.95)
-        sheet.legend([draw.entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
-        kinds = list(product(EXPERIMENTS, self.table["panels"].items()))
-        columns = len(kinds) // len(EXPERIMENTS)
-        panels = sheet.panels(len(kinds), columns, height=1.7, gap=0.4, same_y=True)
+        sheet.legend([draw.entry(looks[case][2], looks[case][0], linestyle=looks[case][1]) for case in present])
+        places = list(product(EXPERIMENTS, panels.items()))
+        axes = sheet.panels(len(places), len(panels), height=1.7, gap=0.4, same_y=True)
         sheet.at += 0.15
-        for i, (ax, (experiment, (column, (label, ticks, wanted)))) in enumerate(zip(panels, kinds, strict=True)):
+        for ax, (experiment, (column, (label, ticks, wanted))) in zip(axes, places, strict=True):
             own = study.where(result.points, scenario=experiment.scenario, rejected="")
-            for case, (colour, dash, _) in present.items():
-                _distribution(ax, study.where(own, case=case), column, colour, dash)
+            for case in present:
+                _distribution(ax, study.where(own, case=case), column, *looks[case][:2])
             ax.axvline(wanted, **REFERENCE, zorder=2)
             logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
             ax.set_xlim(ticks[0], ticks[-1])
             ax.set_ylim(-3.0, 103.0)
-            if i % columns == 0:
-                ax.set_ylabel(f"{draw.scenario_title(experiment.scenario)}\nscenes with less [%]")
-            if i >= len(panels) - columns:
+            if column == next(iter(panels)):
+                ax.set_ylabel(f"{study.scenario_title(experiment.scenario)}\nscenes with less [%]")
+            if experiment == EXPERIMENTS[-1]:
                 ax.set_xlabel(label)
         return sheet
 
@@ -178,8 +166,6 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
     track, (fastest, rms) = pixel_distance(run, exact), speed_difference(run, exact)
     good = run.status == "converged" and bool(share) and min(share.values()) >= 0.0
     return {
-        "status": run.status,
-        "reason": run.reason,
         "row": nearest,
         "clearance_share": share.get(nearest, math.nan),
         "track_px": track,
