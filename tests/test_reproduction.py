@@ -610,7 +610,7 @@ def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[in
 
 def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     missing = Figure("fig-19", "Fig. 19", "not there", planar.draw_fov, (RunSpec("no-such-scenario"),))
-    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", planar.draw_bowl, (RunSpec("example-2d-fast"),))
+    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", FIGURES[6].draw, (RunSpec("example-2d-fast"),))
     few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
     told: list[tuple[str, int, int]] = []
     result = reproduce(
