@@ -26,7 +26,7 @@ from vsconstraints.paper.claims.experiments import Difference
 from vsconstraints.paper.figures import FIGURES, planar
 from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult
-from vsconstraints.paper.studies.study import Numbers, keyed
+from vsconstraints.paper.studies.points import Numbers, keyed
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew

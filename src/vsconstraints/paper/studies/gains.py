@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.plots import INK, REFERENCE, Sheet, line
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .points import Numbers, Points
+from .study import Sweep
 from .summary import RunSummary
 
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
@@ -55,37 +54,18 @@ class SwitchingGain(Sweep):
     def numbers(self, points: Points) -> Numbers:
         """For every speed the bounds and the smallest gains that are enough; and how many runs above (12) are so."""
         numbers: Numbers = {}
-        for Kp0, own in study.grouped(points, "Kp0").items():
-            numbers |= study.keyed({name: _bound(own, name) for name in ("bound_12", "bound_sampled")}, Kp0)
+        for Kp0, own in data.grouped(points, "Kp0").items():
+            numbers |= data.keyed({name: _bound(own, name) for name in ("bound_12", "bound_sampled")}, Kp0)
             for name, outcome in ENOUGH.items():
-                smallest = study.smallest_enough(own, "switching_gain", partial(_reaches, outcome=outcome))
+                smallest = data.smallest_enough(own, "switching_gain", partial(_reaches, outcome=outcome))
                 numbers[Kp0, f"smallest_{name}"] = smallest
         # along its own motion; without an active row there is no bound to exceed
         below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
         above = [point for point in points if point not in below]
         for side, own in (("above_bound", above), ("below_bound", below)):
             count = {f"{side}_{name}": sum(_reaches(p, outcome) for p in own) for name, outcome in ENOUGH.items()}
-            numbers |= study.keyed({side: len(own), **count})
+            numbers |= data.keyed({side: len(own), **count})
         return numbers
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """Switching gain against speed; one marker per run, coloured by its outcome."""
-        bounds = {
-            "bound_12": draw.entry("bound (12)", INK),
-            "bound_sampled": draw.entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
-        }
-        outcomes = self.table["outcomes"]
-        panels = draw.Panels(
-            self.table, result.points, [*draw.outcome_entries(result.points, outcomes), *bounds.values()]
-        )
-        for ax, column, points in panels:
-            draw.by_outcome(ax, points, "Kp0", column, outcomes)
-            for name, look in bounds.items():
-                values = {Kp0: _bound(own, name) for Kp0, own in sorted(study.grouped(points, "Kp0").items())}
-                ax.plot(
-                    *zip(*values.items(), strict=True), color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4
-                )
-        return panels.sheet
 
 
 def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
@@ -95,8 +75,8 @@ def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
 
 def _bound(points: Points, column: str) -> float:
     """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
-    sliding = study.where(points, outcome="sliding")
-    return study.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
+    sliding = data.where(points, outcome="sliding")
+    return data.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
 
 
 class SamplingTime(Sweep):
@@ -132,43 +112,17 @@ class SamplingTime(Sweep):
         """How bands grow, for each scenario; how far and how long the rows of the case study are above zero."""
         numbers: Numbers = {}
         for scenario in BAND_SCENARIOS:
-            own = [p for p in study.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
+            own = [p for p in data.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
             if own:
-                numbers |= study.keyed(_growth(own), scenario)
+                numbers |= data.keyed(_growth(own), scenario)
                 numbers |= {(scenario, "band", point["Ts_ms"]): point["band"] for point in own}
         if rows := [point for point in points if point["row"]]:
             longest = max(rows, key=lambda point: point["longest_run"])
             found = {"longest_run": longest["longest_run"]}
             found["longest_run_ms"] = longest["longest_run"] * longest["Ts_ms"]
-            found["greatest_overshoot"] = study.greatest(rows, "relative_overshoot")
-            numbers |= study.keyed(found, ROW_SCENARIO)
+            found["greatest_overshoot"] = data.greatest(rows, "relative_overshoot")
+            numbers |= data.keyed(found, ROW_SCENARIO)
         return numbers
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """Band, overshoot by row, samples in a row."""
-        looks = self.table["looks"]
-        by_row = study.grouped(result.points, "row")
-        by_scenario = study.grouped(by_row.pop("", []), "scenario")
-        runs = {name: (by_scenario[name], looks[name]) for name in BAND_SCENARIOS if name in by_scenario}
-        rows = dict(zip(by_row, looks["rows"], strict=False))
-        entries = []
-        for scenario, (own, look) in runs.items():
-            gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
-            entries.append(draw.entry(f"{study.scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *look))
-        entries += [draw.entry(row, *look) for row, look in rows.items()]
-        entries += [line("Tₛ u⁺ (43)", **REFERENCE), draw.entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
-        panels = draw.Panels(self.table, result.points, entries)
-        for ax, column, _ in panels:
-            for own, (colour, marker) in runs.values():
-                draw.joined(ax, own, "Ts_ms", column, colour, marker)
-                if column == "band":
-                    draw.joined(ax, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
-                    draw.joined(ax, own, "Ts_ms", "band_expected", colour, linestyle=":")
-            for row, look in rows.items():
-                draw.joined(ax, by_row[row], "Ts_ms", column, *look, markersize=4.5)
-            if column == "relative_overshoot":
-                ax.axhline(1.0, **REFERENCE)
-        return panels.sheet
 
 
 def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
@@ -191,6 +145,6 @@ def _growth(points: Points) -> dict[str, float]:
         "least_excess": (band / bound).min(),
         "greatest_excess": (band / bound).max(),
         "greatest_share_of_expected": (band / expected).max(),
-        "longest_run": study.greatest(points, "longest_run"),
+        "longest_run": data.greatest(points, "longest_run"),
     }
     return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})

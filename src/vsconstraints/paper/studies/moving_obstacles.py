@@ -10,17 +10,15 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
 from ...scenarios import Scenario
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .points import Numbers, Points
+from .study import Sweep
 from .summary import RunSummary
 
 #: Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about what it moves by in a
 #: sampling period.
 KEPT = 0.005
-KNOWN, UNKNOWN = ("#0072B2", "o"), ("#D55E00", "s")  #: Colour and marker of runs with a known and an unknown velocity.
 
 
 class NonStatic(Sweep):
@@ -77,51 +75,25 @@ class NonStatic(Sweep):
         """For every speed the bound, the smallest gain that is enough, the cost of not knowing."""
         numbers: Numbers = {}
         above: Points = []
-        for scenario, at_all in study.grouped(points, "scenario").items():
-            for speed, own in study.grouped(at_all, "speed").items():
+        for scenario, at_all in data.grouped(points, "scenario").items():
+            for speed, own in data.grouped(at_all, "speed").items():
                 found = _at_speed(own)
-                numbers |= study.keyed(found, scenario, speed)
-                above += [p for p in study.where(own, known=True) if p["switching_gain"] > found["bound_12"]]
+                numbers |= data.keyed(found, scenario, speed)
+                above += [p for p in data.where(own, known=True) if p["switching_gain"] > found["bound_12"]]
         above = [point for point in above if point["outcome"] != "failed"]
-        kept = study.where(above, outcome="kept")
-        return numbers | study.keyed({"above_bound": len(above), "above_bound_kept": len(kept)})
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """One column per obstacle; gains above, depths below."""
-        outcomes = self.table["outcomes"]
-        marks = draw.outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], outcomes)
-        entries = [*marks, draw.entry("bound (12)", INK), draw.entry("velocity known", *KNOWN)]
-        entries += [draw.entry("velocity unknown", *UNKNOWN), line("K times the speed", **REFERENCE)]
-        panels = draw.Panels(self.table, result.points, entries)
-        for ax, column, points in panels:
-            obstacle = self.table["obstacles"][points[0]["scenario"]]
-            ax.set_ylabel(obstacle[column])
-            ax.margins(x=0.08)
-            known, unknown = (study.where(points, known=known) for known in (True, False))
-            if column == "switching_gain":
-                bounds = {p["speed"]: result.numbers[p["scenario"], p["speed"], "bound_12"] for p in known}
-                draw.by_outcome(ax, known, "speed", column, outcomes)
-                ax.plot(sorted(bounds), [bounds[speed] for speed in sorted(bounds)], color=INK, linewidth=1.8, zorder=4)
-                logarithmic(ax.yaxis, sorted(study.grouped(points, "switching_gain")))
-                continue
-            tried = {(point["speed"], point["switching_gain"]) for point in unknown}
-            same = [point for point in known if (point["speed"], point["switching_gain"]) in tried]
-            draw.joined(ax, unknown, "speed", column, *UNKNOWN)
-            draw.joined(ax, same, "speed", column, *KNOWN)
-            none = {"speed": 0.0, "depth_expected": 0.0, "status": ""}
-            draw.joined(ax, [none, *unknown], "speed", "depth_expected", INK, **REFERENCE)
-        return panels.sheet
+        kept = data.where(above, outcome="kept")
+        return numbers | data.keyed({"above_bound": len(above), "above_bound_kept": len(kept)})
 
 
 def _at_speed(points: Points) -> dict[str, float]:
     """Numbers about one obstacle at one speed; the bound (12) is that of the known run with the largest gain."""
-    known = study.where(points, known=True)
-    unknown = next(iter(study.where(points, known=False)), {"switching_gain": math.nan, "depth": math.nan})
-    same = study.where(known, switching_gain=unknown["switching_gain"])
+    known = data.where(points, known=True)
+    unknown = next(iter(data.where(points, known=False)), {"switching_gain": math.nan, "depth": math.nan})
+    same = data.where(known, switching_gain=unknown["switching_gain"])
     largest = max(known, key=lambda point: float(point["switching_gain"]))
     return {
         "bound_12": largest["bound_12"],
-        "smallest_kept": study.smallest_enough(known, "switching_gain", lambda point: point["outcome"] == "kept"),
+        "smallest_kept": data.smallest_enough(known, "switching_gain", lambda point: point["outcome"] == "kept"),
         "depth_known": same[0]["depth"] if same else math.nan,
         "depth_unknown": unknown["depth"],
         "depth_expected": largest["depth_expected"],

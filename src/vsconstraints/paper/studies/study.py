@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product, takewhile
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.numbers import largest
 from ...reports.plots import Figure, Sheet
-from ..texts import ENVIRONMENT, filled
+from ..texts import filled
+from .drawing import sweep_figure
+from .points import TABLES, Numbers, Points, about
 from .summary import RunSummary
 
-#: Texts and varied values of the shipped studies, by name; and what scenarios are called, under ``titles``.
-TABLES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
 Case = Hashable  #: Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply.
-Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
-#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured.
-Numbers = dict[tuple[str | float, ...], float]
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,8 @@ class Sweep(Study):
     ``varied`` names the fields of :attr:`Case`, None where one does not apply. Each table of ``runs`` (``small`` for
     the small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and
     may set keys of the scenario (``overrides``). ``columns`` are those of the data, behind the case; ``sentences`` is a
-    template, a sentence a line, of the points, the table, the numbers :func:`about` something, and ``helpers``.
+    template, a sentence a line, of the points, the table, the numbers :func:`about` something, and ``helpers``. The
+    figure is that of :func:`.drawing.sweep_figure`.
     """
 
     Case: ClassVar[Any]
@@ -145,65 +141,11 @@ class Sweep(Study):
         context = {"points": points, "table": self.table, "about": partial(about, numbers), **self.helpers}
         return points, numbers, filled(self.table["sentences"], **context).splitlines()
 
+    def figure(self, result: StudyResult) -> Sheet:
+        """See :class:`Study`."""
+        return sweep_figure(self.table, list(result.points), result.numbers)
+
 
 def _text(case: Case) -> str:
     parts = case if isinstance(case, tuple) else (case,)
     return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)
-
-
-def scenario_title(scenario: str) -> str:
-    """What figures call a scenario, and sentences that do not begin with it."""
-    return str(TABLES["titles"].get(scenario, scenario))
-
-
-def grouped(points: Iterable[dict[str, Any]], column: str) -> dict[Any, Points]:
-    """Points by their value in a column, in the order in which the values come."""
-    groups: dict[Any, Points] = {}
-    for point in points:
-        groups.setdefault(point[column], []).append(point)
-    return groups
-
-
-def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
-    """Points whose columns have these values."""
-    return [point for point in points if all(point[column] == value for column, value in values.items())]
-
-
-def ended_early(point: Mapping[str, Any]) -> bool:
-    """Whether a point's run failed or was aborted."""
-    return point["status"] in ("failed", "aborted")
-
-
-def completed(points: Iterable[dict[str, Any]]) -> Points:
-    """Points of runs that neither failed nor were aborted."""
-    return [point for point in points if not ended_early(point)]
-
-
-def keyed(values: Mapping[str, float], *key: str | float) -> Numbers:
-    """Numbers by name as numbers about something."""
-    return {(*key, name): float(value) for name, value in values.items()}
-
-
-def about(numbers: Numbers, *key: str | float) -> dict[str | float, float]:
-    """Numbers about something by name: what :func:`keyed` made of them."""
-    return {name: value for (*first, name), value in numbers.items() if tuple(first) == key}
-
-
-def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
-    """Greatest finite value of a column; NaN if there is none."""
-    return largest([point[column] for point in points])
-
-
-def smallest_enough(points: Iterable[Mapping[str, Any]], column: str, good: Callable[[Any], bool]) -> float:
-    """Smallest value of a column from which on every point is good; NaN if that of the greatest value is not."""
-    downwards = sorted(points, key=lambda point: point[column], reverse=True)
-    return min((float(point[column]) for point in takewhile(good, downwards)), default=math.nan)
-
-
-def sentence_start(scenario: str) -> str:
-    """What sentences call a scenario that they begin with."""
-    title = scenario_title(scenario)
-    return title[:1].upper() + title[1:]
-
-
-ENVIRONMENT.filters |= {one.__name__: one for one in (grouped, where, greatest, scenario_title, sentence_start)}

@@ -22,11 +22,11 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
-from ...reports.plots import REFERENCE, Sheet, logarithmic
+from ...reports.plots import REFERENCE, Sheet, line, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .points import Numbers, Points
+from .study import StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
@@ -99,31 +99,31 @@ class UnselectedExperiments(Sweep):
     def numbers(self, points: Points) -> Numbers:
         """In how many scenes every error changes little."""
         numbers: Numbers = {}
-        for scenario, own in study.grouped(points, "scenario").items():
+        for scenario, own in data.grouped(points, "scenario").items():
             accepted = [point for point in own if not point["rejected"] and point["case"] != EXACT]
             for case, found in counted(accepted).items():
-                numbers |= study.keyed(found, scenario, case)
+                numbers |= data.keyed(found, scenario, case)
         return numbers
 
     def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
         looks, panels = self.table["looks"], self.table["panels"]
-        present = [case for case in looks if study.where(result.points, case=case)]
+        present = [case for case in looks if data.where(result.points, case=case)]
         sheet = Sheet(left=0.95)
-        sheet.legend([draw.entry(looks[case][2], looks[case][0], linestyle=looks[case][1]) for case in present])
+        sheet.legend([line(looks[case][2], looks[case][0], looks[case][1]) for case in present])
         places = list(product(KINDS, panels.items()))
         axes = sheet.panels(len(places), len(panels), height=1.7, gap=0.4, same_y=True)
         sheet.at += 0.15
         for ax, (scenario, (column, (label, ticks, wanted))) in zip(axes, places, strict=True):
-            own = study.where(result.points, scenario=scenario, rejected="")
+            own = data.where(result.points, scenario=scenario, rejected="")
             for case in present:
-                _distribution(ax, study.where(own, case=case), column, *looks[case][:2])
+                _distribution(ax, data.where(own, case=case), column, *looks[case][:2])
             ax.axvline(wanted, **REFERENCE, zorder=2)
             logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
             ax.set_xlim(ticks[0], ticks[-1])
             ax.set_ylim(-3.0, 103.0)
             if column == next(iter(panels)):
-                ax.set_ylabel(f"{study.scenario_title(scenario)}\nscenes with less [%]")
+                ax.set_ylabel(f"{data.scenario_title(scenario)}\nscenes with less [%]")
             ax.set_xlabel(label if scenario == [*KINDS][-1] else "")
         return sheet
 
@@ -168,7 +168,7 @@ def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
 def counted(points: Points) -> dict[str, dict[str, float]]:
     """By case, in how many unselected scenes what holds, and in how many there is an effect at all."""
     counts = {}
-    for case, every in study.grouped(points, "case").items():
+    for case, every in data.grouped(points, "case").items():
         own = [point for point in every if point["scene"] != SHIPPED]
         true = {
             name: sum(bool(p[name]) for p in own) for name in ("similar", "satisfactory", "little_speed", "applied")
