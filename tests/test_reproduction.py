@@ -591,7 +591,8 @@ def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
 
 def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
     spec = RunSpec("no-such-scenario")
-    found = runner.run_specs([spec], tmp_path, 1, lambda done, total: None)[spec]
+    figure = Figure("fig-00", "", "", planar.draw_fov, (spec,))
+    found = runner.run_specs(runner.Work(tmp_path, tmp_path, 1), [figure])[spec]
     assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
 
