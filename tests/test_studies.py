@@ -346,6 +346,13 @@ class TestFailures:
             run_studies(["pareto"], tmp_path / "file")
 
 
+def test_obstacles_of_unknown_velocity_are_met_with_the_gain_of_their_scenario():
+    unknown = [case for case in STUDIES["non-static"].runs() if not case.known]
+    shipped = {case.scenario: Scenario.load(case.scenario).tables["constraints"][0] for case in unknown}
+    assert len(unknown) == 5
+    assert all(case.speed and case.switching_gain == shipped[case.scenario]["switching_gain"] for case in unknown)
+
+
 def test_gains_are_scaled_row_by_row():
     assert scaled_gains("case-study-6r", 1.0) == {}
     assert scaled_gains("case-study-6r", 2.0)["constraints.3.switching_gain"] == pytest.approx(0.4)

@@ -37,17 +37,6 @@ class NonStatic(Sweep):
         duration = self.table["obstacles"][case.scenario]["duration"]
         return RunSpec(case.scenario, overrides={"constraints": [self._constraint(case)], "duration": duration})
 
-    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
-        """Every speed with every gain, and with the shipped gain and unknown velocity."""
-        cases = []
-        for table in self.table["small" if small else "runs"]:
-            scenario = table["scenario"]
-            shipped = float(Scenario.load(scenario).tables["constraints"][0]["switching_gain"])
-            for speed in table["speed"]:
-                cases += [self.Case(scenario, speed, gain, True) for gain in table["switching_gain"]]
-                cases += [self.Case(scenario, speed, shipped, False)] * (speed > 0.0)
-        return {case: self.spec(case) for case in cases}
-
     def _constraint(self, case: Any) -> dict[str, Any]:
         """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the meeting time."""
         obstacle = self.table["obstacles"][case.scenario]
