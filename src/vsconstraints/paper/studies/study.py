@@ -139,7 +139,7 @@ class Sweep(Study):
         points = self.points(results)
         numbers = self.numbers(points)
         context = {"points": points, "table": self.table, "about": partial(about, numbers), **self.helpers}
-        return points, numbers, filled(self.table["sentences"], **context).splitlines()
+        return points, numbers, list(filter(None, filled(self.table["sentences"], **context).splitlines()))
 
     def figure(self, result: StudyResult) -> Sheet:
         """See :class:`Study`."""
