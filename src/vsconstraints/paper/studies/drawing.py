@@ -63,20 +63,25 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
     size = {"height": layout["height"], "gap": layout.get("gap", 0.7), "labels": (layout["below"], "")}
     axes = dict(zip(places, sheet.panels(len(places), layout.get("columns", len(scenarios)), **size), strict=True))
     for (name, scenario), ax in axes.items():
-        own = {key: value[scenario] if isinstance(value, dict) else value for key, value in measures[name].items()}
+        own, across = (_in(scenario, given) for given in (measures[name], layout))
         if scenario == scenarios[0] or own != measures[name]:
             ax.set_ylabel(own.get("label", ""))
         ax.set_title(scenario_title(scenario) if scenario and name == next(iter(measures)) else own.get("title", ""))
         for one in series:
             if name in one.layer.get("on", measures):
                 one.draw(ax, layout, name, scenario)
-        _scale(ax, layout, own)
+        _scale(ax, across, own)
     for name in [name for name, measure in measures.items() if measure.get("same")]:
         row = [ax for place, ax in axes.items() if place[0] == name]
         top = max(ax.get_ylim()[1] for ax in row)
         for ax in row:
             ax.set_ylim(top=top)
     return sheet
+
+
+def _in(scenario: str | None, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given for a scenario, or for all of them."""
+    return {key: value[scenario] if isinstance(value, dict) else value for key, value in given.items()}
 
 
 def _scale(ax: Any, layout: Mapping[str, Any], measure: Mapping[str, Any]) -> None:
