@@ -22,6 +22,13 @@ NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0)
 SCRATCH = 4096
 
 
+def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
+    """The function that answers with all that rows and task say, and what it takes before its outputs."""
+    known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
+    of_task = task.J, task.b, task.error, task.error_rate, task.rest
+    return load("laws").follow_whole, workspace, len(rows.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
+
+
 class CompiledLaw:
     """A demand and a resolver for rows of some labels, as compiled functions take them: a ``workspace``.
 
@@ -76,11 +83,9 @@ class CompiledLaw:
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
         laws = load("laws")
-        phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
+        phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
-            known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
-            of_task = task.J, task.b, task.error, task.error_rate, task.rest
-            return laws.follow_whole, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, *known, *of_task
+            return whole_call(self.workspace, rows, task)
         return laws.follow, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
@@ -136,7 +141,7 @@ class BoundLaw:
     """
 
     def __init__(self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
-        self._resolver, self._law, self._rows, self._code = resolver, law, rows, 0
+        self.resolver, self.law, self._rows, self._code = resolver, law, rows, 0
         self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
@@ -150,14 +155,14 @@ class BoundLaw:
 
     def _solve(self) -> int:
         self._code = code = self._function()
-        return 0 if code in self._resolver.answers else code
+        return 0 if code in self.resolver.answers else code
 
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
-        law, qdd, acted = self._law, self.qdd.copy(), self.acted.copy()
+        law, qdd, acted = self.law, self.qdd.copy(), self.acted.copy()
         slack, count = (self.slack.copy(), int(self.count[0])) if law.measures else (NO_SLACK, 0)
         code = self._code if code is None else code
-        command: Command | None = self._resolver.command(code, qdd, acted, law.labels, slack, count)
+        command: Command | None = self.resolver.command(code, qdd, acted, law.labels, slack, count)
         if command is not None and self._rows.qdd_max is not UNKNOWN:
             keep_box(self._rows, command)
         if law.remark and command is not None:
