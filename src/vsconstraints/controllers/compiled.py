@@ -26,7 +26,7 @@ def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
     """The function that answers with all that rows and task say, and what it takes before its outputs."""
     known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
     of_task = task.J, task.b, task.error, task.error_rate, task.rest
-    return load("laws").follow_whole, workspace, len(rows.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
+    return load("laws").follow_whole, workspace, (rows.phi, rows.Lg, rows.Lf, *known), of_task
 
 
 class CompiledLaw:
@@ -82,11 +82,10 @@ class CompiledLaw:
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
-        laws = load("laws")
-        phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             return whole_call(self.workspace, rows, task)
-        return laws.follow, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+        of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
+        return load("laws").follow, self.workspace, of_rows, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -96,10 +95,9 @@ class CompiledLaw:
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             _, _, *arguments = self.call(rows, task)
             code = self._follow[1](*arguments, qdd, acted, slack, count)
-        else:  # as call has it, without a tuple in between, which takes longer
-            phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
-            follow, Lg, Lf = self._follow[0], rows.Lg, rows.Lf
-            code = follow(m, phi, Lg, Lf, gain, scale, J, task.b, qdd, acted, slack, count)
+        else:  # as call has it, without a call in between, which takes longer
+            of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
+            code = self._follow[0](of_rows, J, task.b, qdd, acted, slack, count)
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
