@@ -42,12 +42,12 @@ BUDGETS = {
     "reports": Budget(7254, 4000),
     "paper": Budget(3988, 2400),
     "arms": Budget(2162, 1300),
-    "cli": Budget(1196, 700),
+    "cli": Budget(1193, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45194, 31_000)
+ALL = Budget(45191, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
