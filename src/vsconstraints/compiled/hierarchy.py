@@ -7,17 +7,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from ..rows import Array
 from . import levels
 from .compiler import inner
 from .least_distance import nearest
-from .least_residual import cut, least_residual
+from .least_residual import AIM, ROWS_OF_POINT, cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
-from .linear import ONE, S_ROWS, START, constant, copy
-from .scratch import blank, matrix
+from .linear import S_ROWS, START, constant, copy
+from .scratch import blank, flags, matrix
 from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
@@ -87,14 +85,15 @@ def descend_levels(
     those which level 2 leaves, where the damping has cost it something or no answer has passed the check.
     """
     box, damping, tolerance, strict = priorities
-    n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ONE, qdd.size)
+    n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ROWS_OF_POINT, qdd.size)
+    copy(point, AIM, X, levels.CENTER, n)
     Z, p = matrix(scratch, START, n), n
     equal: Array = Z
     E = equal
     while True:
         if stage == RELAXING:
             f = walls.violation.size
-            code = least_violation(walls.normals[:f], walls.sides[:f], walls.weights, box, qdd)
+            code = least_violation(walls.normals[:f], walls.sides[:f], walls.weights, box, qdd, scratch)
             if code != SOLVED:
                 return code, False, steps
         if stage != HARD:
@@ -102,16 +101,20 @@ def descend_levels(
                 point[0, j] = qdd[j]
         if stage == RELAXING:
             levels.start_from(X, point, box, qdd)
-            equal = levels.settle(walls.normals, walls.sides, walls.weights, box, X, walls.limits, walls.violation)
-            E = equal.copy()
+            equal = levels.settle(
+                walls.normals, walls.sides, walls.weights, box, X, walls.limits, walls.violation, scratch
+            )
+            E = matrix(scratch, equal.shape[0], n)
+            for i in range(equal.shape[0]):
+                copy(E, i, equal, i, n)
         elif stage == STRICT_TASK:
             levels.with_room(walls.normals, walls.limits, point)
-            cutoff = cut(G, n, damping, tolerance)
-            proved = least_residual(G, X, E, walls.normals, walls.limits, point, walls.held, cutoff)
+            cutoff = cut(G, n, damping, tolerance, scratch)
+            proved = least_residual(G, E, walls.normals, walls.limits, point, walls.held, cutoff, scratch)
             levels.start_from(X, point, box, qdd)
             if not proved:
                 return SOLVED, True, steps
-            equal = levels.join(E, walls.normals, walls.held, G)
+            equal = levels.join(E, walls.normals, walls.held, G, scratch)
         if stage != HARD:
             Z, p = levels.find_freedom(equal, X, stage == RELAXING, scratch)
             if p == 0:
@@ -146,7 +149,7 @@ def hierarchy(
     n, box = resolved.qdd.size, priorities.box
     G, X = matrix(scratch, J.shape[0], n + 1), blank(scratch, levels.ROWS_OF_X, n)
     redundant = find_center(J, b, rest, priorities.tolerance, G, X, scratch) < n
-    fixed = np.zeros(demands.c.size, np.bool_)
+    fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, box, X, fixed, resolved)
     if free < 0:
         return SOLVED, 0
