@@ -207,6 +207,16 @@ def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
 
 
 @inner
+def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scratch) -> Array:
+    """Columns of Q of :func:`.pseudoinverse`, as rows: the first ``rank`` span the rows, the others the null space."""
+    Q = blank(scratch, last - first, F.shape[1])
+    for d in range(last - first):
+        Q[d, first + d] = 1.0
+        apply(F, T, rank, Q, d)
+    return Q
+
+
+@inner
 def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) -> tuple[Array, int]:
     """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where there are none.
 
@@ -218,12 +228,7 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
             X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
         return matrix(scratch, START, n), n
     F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
-    p = n - rank
-    Z = blank(scratch, p, n)
-    for d in range(p):
-        Z[d, rank + d] = 1.0
-        apply(F, T, rank, Z, d)
-    return Z, p
+    return columns(F, T, rank, rank, n, scratch), n - rank
 
 
 @in_place
