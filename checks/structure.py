@@ -31,7 +31,7 @@ BUDGETS = {
     "formulas": Budget(1223, 1300),
     "robots": Budget(1192, 900),
     "vision": Budget(1978, 2000),
-    "compiled": Budget(6832, 3300),
+    "compiled": Budget(6842, 3300),
     "constraints": Budget(2628, 1900),
     "qp": Budget(479, 600),
     "controllers": Budget(3321, 2200),
@@ -47,7 +47,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45271, 31_000)
+ALL = Budget(45281, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

@@ -370,6 +370,23 @@ def test_a_row_about_the_hand_of_a_redundant_arm_costs_the_task_what_it_must(bes
         np.testing.assert_array_equal(command.acted, [True, False, False, False, False])
 
 
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+def test_a_row_that_only_the_way_of_the_hand_exceeds_is_met_by_the_rest_of_the_arm(solver):
+    """By hand: the task yields to the first row alone, and the null space then takes the second to its bound."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        J, b, d = random.normal(size=(6, 7)), random.normal(size=6), random.normal(size=7)
+        a, tracking, W = random.normal(size=6) @ J, np.linalg.pinv(J) @ b, np.linalg.pinv(J.T @ J)
+        x = tracking - W @ a * 0.5 / (a @ W @ a)
+        d *= np.sign(d @ (x - tracking))
+        bounds = [a @ tracking - 0.5, 0.5 * d @ (x + tracking)]
+        Z = np.eye(7) - np.linalg.pinv(J) @ J
+        x = x - Z @ d * (d @ x - bounds[1]) / (d @ Z @ d)
+        command = simple([a, d], bounds, J, b, solver=solver)
+        np.testing.assert_allclose(command.qdd, x, atol=(1e-9 if solver == "auto" else 1e-6) * np.linalg.norm(x))
+        assert command.acted.all()
+
+
 @pytest.mark.parametrize("gain", [1e-2, 1e-3, 3e-5, 1e-5])
 def test_nearly_singular_redundant_arms_answer_alike_by_both_descents(gain):
     """Below √damping level 2 does not ask for all that it could get: up to five times as far away otherwise."""

@@ -87,29 +87,39 @@ def solve_stage(
 
 
 @inner
+def moves(normals: Array, i: int, span: Span, row: Array) -> bool:
+    """Whether the null space of the task moves a row of the walls; ``row`` (1, n) is scratch."""
+    n = row.shape[1]
+    copy(row, START, normals, i, n)
+    apply_transposed(span.F, span.T, span.rank, row, START)
+    moved = math.sqrt(dot(row, START, row, START, span.rank, n))
+    return not moved <= MET * length(row, START, n)
+
+
+@inner
 def solve_in_span(
     walls: Walls, G: Array, span: Span, priorities: Priorities, X: Array, point: Array, scratch: Scratch
 ) -> tuple[bool, int]:
     """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about its hand alone.
 
     Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈, and what level 3
-    wants of these, if the null space of the task moves no row that holds it. False, with the walls as they were, if one
-    does, or the task is nearly singular. And the rows that were added.
+    wants of these, if the null space of the task moves no row that holds it. False, with the walls as they were, if it
+    does, or moves one that J†b exceeds, or the task is nearly singular. And the rows that were added.
     """
     box, damping, tolerance, _ = priorities
     n, w = X.shape[1], walls.held.size
     if not span.gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
         return False, 0
-    Q, row = levels.columns(span.F, span.T, span.rank, START, span.rank, scratch), matrix(scratch, ONE, n)
+    row = matrix(scratch, ONE, n)
+    for i in range(w):
+        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(walls.normals, i, span, row):
+            return False, 0
+    Q = levels.columns(span.F, span.T, span.rank, START, span.rank, scratch)
     undamped = Priorities(box, 0.0, tolerance, True)
     code, steps = solve_stage(walls, G, Q, span.rank, undamped, X, point, scratch)
     found = code == SOLVED
     for i in range(w):
-        if walls.held[i] and found:
-            copy(row, START, walls.normals, i, n)
-            apply_transposed(span.F, span.T, span.rank, row, START)
-            moved = math.sqrt(dot(row, START, row, START, span.rank, n))
-            found = moved <= MET * length(row, START, n)
+        found = found and not (walls.held[i] and moves(walls.normals, i, span, row))
     for i in range(0 if found else w):
         walls.held[i], walls.limits[i] = False, walls.sides[i]
     return found, steps
