@@ -56,7 +56,7 @@ FULL = Effort(
     trials=40,
     markers=(4, 10, 25, 63, 159, 400),
     rows=(10, 32, 100, 316, 1000),
-    joints=(3, 6, 12, 20, 30),
+    joints=(3, 6, 7, 12, 20, 30),
     long=True,
 )
 QUICK = Effort(
