@@ -72,13 +72,13 @@ QUICK = Effort(
 )
 TINY = Effort(
     turns=10,
-    scenarios=("case-study-6r",),
+    scenarios=("case-study-6r", "ur5-fov", "panda-fov"),
     duration=0.2,
     repeats=1,
     trials=2,
     markers=(4, 8),
     rows=(10, 20),
-    joints=(3, 6),
+    joints=(6, 7, 30),
     long=False,
 )
 

@@ -83,8 +83,8 @@ TARGETS = (
         for law in ("sliding-mode", "potential-field", "hierarchical-qp")
     ),
     *(
-        Target(f"p99 / median, {law}, {name}", "steps", f"{name}, {law}: p99/median", 3.0, "× median", tail=True)
-        for name in (CASE_STUDY, "panda-fov")
+        Target(f"p99 / median, {law}{of}", "steps", f"{name}, {law}: p99/median", 3.0, "× median", tail=True)
+        for name, of in ((CASE_STUDY, ""), ("panda-fov", ", Panda"))
         for law in ("sliding-mode", "potential-field", "hierarchical-qp")
     ),
 )
