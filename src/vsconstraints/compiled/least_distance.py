@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array, IntArray
 from . import linear as la
 from .compiler import in_place, inner
 from .linear import S_ROWS, START, constant
-from .scratch import matrix
+from .scratch import integers, matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms is met.
@@ -198,7 +196,7 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
     its diagonal in the first row. The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
     """
     p, m = G.shape
-    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), np.empty(p, np.int64)
+    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), integers(scratch, p)
     if not normalise(G, rows, R, S):
         return FAILED, 0
     for j in range(p):

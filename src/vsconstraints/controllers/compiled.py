@@ -18,8 +18,8 @@ from .demand import Demand
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 #: What is handed to laws that write neither, and remember nothing.
 NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0))
-#: Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made.
-SCRATCH = 4096
+#: Numbers of scratch of a law for 32 rows: enough for 30 joints and eight features. Beyond that arrays are made.
+SCRATCH = 32768
 
 
 def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
@@ -73,7 +73,7 @@ class CompiledLaw:
             np.empty_like(memory),
             np.empty(m),
             np.full(1, math.nan),
-            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+            Scratch(np.empty(SCRATCH * (1 + m // 32)), np.zeros(1, COUNT)),
         )
         self.labels, self.remark, self.measures = labels, resolver.remark(labels), resolver.measures
         self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.used})
