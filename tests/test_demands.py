@@ -331,6 +331,16 @@ def test_what_is_learnt_does_not_wind_up_while_the_joint_cannot_follow() -> None
     assert abs(conditioned[-1]) < 1e-9
 
 
+def test_what_conditioned_super_twisting_learns_is_kept_in_bounds_and_forgotten_without_contact() -> None:
+    row = {"phi": 1.0, "period": 0.01, "switching_gain": 2.0, "last_rate": -50.0}
+    demand = ConditionedSuperTwisting()  # T_s k₂ = 0.44
+    assert asked(demand, **row, memory=[-1.99], tracked=5.0) == (-2.0, -2.0)
+    assert asked(demand, **row, memory=[-0.5], tracked=5.0)[1] == pytest.approx(-0.94)
+    assert math.isnan(asked(demand, **row, memory=[-1.99], tracked=-5.0)[1])
+    # at first contact there is nothing yet to learn from
+    assert asked(demand, **row, memory=[math.nan], tracked=5.0)[1] == 0.0
+
+
 def test_conditioning_changes_nothing_where_the_demand_is_met() -> None:
     for period in PERIODS:
         for rate in (2.0, 20.0):
