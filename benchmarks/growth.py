@@ -57,12 +57,15 @@ def measure(effort: Effort) -> Part:
         times = compare({key: step for key, (_, _, step) in named.items()}, turns)
         curves: Curves = {}
         for key, (name, size, _) in named.items():
-            curves.setdefault(name, {})[size] = part.numbers[f"{what}, {key}: ratio"] = times[key].ratio
+            curves.setdefault(name, {})[size] = times[key].ratio
+            part.keep(f"{what}, {key}", times[key])
         lines = []
         for name, curve in curves.items():
             slope, last = slopes(curve)
             part.numbers[f"{what}, {name}: slope"], part.numbers[f"{what}, {name}: last slope"] = slope, last
             lines.append([name, *(digits(curve[size]) for size in sizes), f"{slope:.2f}", f"{last:.2f}"])
+            if what == "joints" and {6, 7} <= {*sizes}:
+                part.numbers[f"{what}, {name}: 7 over 6"] = curve[7] / curve[6]
         part.tables.append(Table([what, *map(str, sizes), "slope", "last"], lines))
     return part
 

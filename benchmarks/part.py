@@ -56,7 +56,7 @@ FULL = Effort(
     trials=40,
     markers=(4, 10, 25, 63, 159, 400),
     rows=(10, 32, 100, 316, 1000),
-    joints=(3, 6, 12, 20, 30),
+    joints=(3, 6, 7, 12, 20, 30),
     long=True,
 )
 QUICK = Effort(
@@ -72,13 +72,13 @@ QUICK = Effort(
 )
 TINY = Effort(
     turns=10,
-    scenarios=("case-study-6r",),
+    scenarios=("case-study-6r", "ur5-fov", "panda-fov"),
     duration=0.2,
     repeats=1,
     trials=2,
     markers=(4, 8),
     rows=(10, 20),
-    joints=(3, 6),
+    joints=(6, 7, 30),
     long=False,
 )
 

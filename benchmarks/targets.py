@@ -49,6 +49,11 @@ TARGETS = (
     Target("sliding mode, case study, state in, command out", "steps", f"{CASE_STUDY}, sliding-mode: ratio", 0.22),
     Target("potential field, the same", "steps", f"{CASE_STUDY}, potential-field: ratio", 0.22),
     Target("potential field with priority, the same", "steps", f"{CASE_STUDY}, potential-field-priority: ratio", 0.22),
+    Target("sliding mode, UR5, the same", "steps", "ur5-fov, sliding-mode: ratio", 0.18),
+    Target("hierarchical QP, UR5, the same", "steps", "ur5-fov, hierarchical-qp: ratio", 0.22),
+    Target("CBF filter, UR5, the same", "steps", "ur5-fov, cbf-filter: ratio", 0.20),
+    Target("hierarchical QP, 30 joints, the same", "growth", "joints, hierarchical-qp, pose, 30: ratio", 1.5),
+    Target("hierarchical QP, 7 joints", "growth", "joints, hierarchical-qp, pose: 7 over 6", 1.3, "× 6 joints"),
     Target("hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.35),
     Target("hierarchical QP, active rows, the same", "steps", f"{CASE_STUDY}, hierarchical-qp-active: ratio", 0.35),
     Target("predictive control, ten blocks, the same", "steps", f"{CASE_STUDY}, predictive: ratio", 15.0),
@@ -78,7 +83,8 @@ TARGETS = (
         for law in ("sliding-mode", "potential-field", "hierarchical-qp")
     ),
     *(
-        Target(f"p99 / median, {law}", "steps", f"{CASE_STUDY}, {law}: p99/median", 3.0, "× median", tail=True)
+        Target(f"p99 / median, {law}{of}", "steps", f"{name}, {law}: p99/median", 3.0, "× median", tail=True)
+        for name, of in ((CASE_STUDY, ""), ("panda-fov", ", Panda"))
         for law in ("sliding-mode", "potential-field", "hierarchical-qp")
     ),
 )

@@ -28,13 +28,13 @@ BUDGETS = {
     "rows": Budget(391, 600),
     "errors": Budget(97, 150),
     "plugins": Budget(325, 250),
-    "formulas": Budget(1212, 1300),
+    "formulas": Budget(1223, 1300),
     "robots": Budget(1192, 900),
     "vision": Budget(1978, 2000),
-    "compiled": Budget(6680, 3300),
+    "compiled": Budget(6842, 3300),
     "constraints": Budget(2628, 1900),
     "qp": Budget(479, 600),
-    "controllers": Budget(3162, 2200),
+    "controllers": Budget(3431, 2200),
     "control": Budget(963, 700),
     "simulation": Budget(2508, 2000),
     "scenarios": Budget(2101, 1800),
@@ -42,12 +42,12 @@ BUDGETS = {
     "reports": Budget(7254, 4000),
     "paper": Budget(3657, 2400),
     "arms": Budget(2162, 1300),
-    "cli": Budget(1196, 700),
+    "cli": Budget(1193, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44618, 31_000)
+ALL = Budget(45057, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
@@ -155,18 +155,23 @@ def room_of(name: str) -> str:
 
 
 def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
-    """Functions with more parameters than allowed; those of commands and of compiled formulas may have more."""
-    found = []
+    """Functions with more parameters than allowed, positional or by keyword; those of commands are options.
+
+    ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are what the list in ``cli/__init__.py`` names.
+    """
+    found, commands = [], set()
+    for node in ast.walk(modules["vsconstraints.cli"].tree) if "vsconstraints.cli" in modules else ():
+        if isinstance(node, ast.Attribute):
+            commands.add(f"vsconstraints.cli.{ast.unparse(node)}")
     for module in modules.values():
         for node in ast.walk(module.tree):
-            if not isinstance(node, ast.FunctionDef):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
                 continue
-            arguments = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
-            count = len(arguments) - (arguments[:1] in (["self"], ["cls"]))
-            marks = " ".join(map(ast.unparse, node.decorator_list))
-            excused = room_of(module.name) == "cli" or "formula" in marks or "compiled" in marks
-            if count > MAX_PARAMETERS and not excused:
-                found.append(f"{count} {module.name}.{node.name}")
+            every, name = node.args, f"{module.name}.{getattr(node, 'name', 'lambda')}"
+            listed = [each.arg for each in (*every.posonlyargs, *every.args, *every.kwonlyargs)]
+            count = len(listed) - (listed[:1] in (["self"], ["cls"])) + sum(map(bool, (every.vararg, every.kwarg)))
+            if count > MAX_PARAMETERS and name not in commands:
+                found.append(f"{count} {name}")
     return sorted(found, key=lambda entry: -int(entry.split()[0]))
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from oracle import resolve
 from scenes import second_slope, slope
@@ -29,6 +30,8 @@ from vsconstraints.controllers import (
     SlidingMode,
 )
 from vsconstraints.controllers.demands import (
+    BackupBarrier,
+    ConditionedSuperTwisting,
     FiniteTimeBarrier,
     Firas,
     GradientRobustBarrier,
@@ -38,6 +41,8 @@ from vsconstraints.controllers.demands import (
     ImplicitSwitchWithDrift,
     InputToStateSafeBarrier,
     OuterLayer,
+    PrescribedTimeBarrier,
+    PublishedFiras,
     ReciprocalBarrier,
     RobustBarrier,
     SampledBarrier,
@@ -52,7 +57,7 @@ from vsconstraints.simulation import simulate
 
 BARRIERS: list[type[Demand]] = [
     Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier, InputToStateSafeBarrier,
-    GradientRobustBarrier, SampledBarrier,
+    GradientRobustBarrier, SampledBarrier, BackupBarrier,
 ]  # fmt: skip
 
 
@@ -72,8 +77,12 @@ SEARCHED: dict[str, dict[str, tuple[float, float, float]]] = {
     "outer-layer": {"layer": (0.05, 0.001, 0.5)},
     "ramp-repulsion": {"region": (0.2, 0.01, 1.0), "exponent": (1.0, 0.5, 4.0), "strength": (1.0, 0.1, 10.0)},
     "firas": {"region": (0.2, 0.01, 1.0), "strength": (0.1, 0.01, 1.0), "contact": (0.1, 0.02, 0.5)},
+    "firas-published": {"region": (0.2, 0.01, 1.0), "eta": (0.05, 0.0001, 10.0)},
     "super-twisting": {"rate": (20.0, 1.0, 100.0)},
     "implicit-super-twisting": {"rate": (20.0, 1.0, 100.0)},
+    "conditioned-super-twisting": {"rate": (20.0, 1.0, 100.0)},
+    "prescribed-time-barrier": {"alpha": (20.0, 1.0, 200.0), "time": (1.0, 0.1, 10.0), "exponent": (2.0, 1.0, 6.0)},
+    "backup-barrier": {"alpha": (20.0, 1.0, 200.0), "braking": (5.0, 0.1, 100.0)},
     "barrier": {"alpha": (20.0, 1.0, 200.0)},
     "reciprocal-barrier": {"alpha": (20.0, 1.0, 200.0)},
     "finite-time-barrier": {"alpha": (2.0, 0.1, 20.0)},
@@ -279,6 +288,66 @@ def test_what_super_twisting_learns_is_kept_in_bounds_and_forgotten_without_cont
         assert asked(kind(), **row, memory=[-1.99], tracked=-5.0)[1] == 0.0
 
 
+def pushed(demand: Demand, period: float, seconds: float, drift: float, box: float = 1.0) -> tuple[Array, Array]:
+    """φ, and its drift's counterpart w at every sample, of a row with u⁺ = 5 and a joint that moves by ±box only."""
+    law = Law(demand, Priority())
+    law.reset(period=period)
+    phi, phis, learnt = 0.3, [], []
+    for _ in range(round(seconds / period)):
+        box_of = {"qdd_min": np.array([-box]), "qdd_max": np.array([box])}
+        rows = replace(Rows(np.array([phi]), np.eye(1), np.zeros(1), np.array([5.0]), ("wall",)), **box_of)
+        v = float(law.command(rows, Task(np.eye(1), np.array([2.5]))).qdd[0])
+        phis.append(phi)
+        learnt.append(float(law.memory[0, 0]))
+        phi += period * (v + drift)
+    return np.array(phis), np.array(learnt)
+
+
+def test_conditioned_super_twisting_is_the_conditioned_algorithm_of_continuous_time() -> None:
+    """u = sat(w − k₁ √|φ| sign φ), ẇ = k₂ sign(u − w) (Seeber and Reichhartinger 2020), integrated by SciPy."""
+    k1, k2, drift = 1.5 * math.sqrt(10.0), 11.0, 0.5
+
+    def flow(_: float, state: Array) -> list[float]:
+        phi, w = state
+        u = min(max(w - k1 * math.copysign(math.sqrt(abs(phi)), phi), -1.0), 1.0)
+        # sign, steep enough for the integrator to pass
+        return [u + drift, k2 * math.tanh(1e3 * (u - w))]
+
+    found, w = pushed(ConditionedSuperTwisting(2.0), 2e-4, 0.9, drift)
+    true = solve_ivp(flow, (0.0, 0.9), [0.3, 0.0], method="LSODA", rtol=1e-8, atol=1e-10, dense_output=True)
+    expected = true.sol(2e-4 * np.arange(len(found)))
+    np.testing.assert_allclose(found, expected[0], atol=2e-3)
+    np.testing.assert_allclose(w, expected[1], atol=2e-2)
+
+
+def test_what_is_learnt_does_not_wind_up_while_the_joint_cannot_follow() -> None:
+    """It goes to what was applied, −1, not to −u⁺ = −5, whose surplus drives φ inside once it is back at its bound."""
+    wound, w = pushed(ImplicitSuperTwisting(2.0), 0.005, 4.0, 0.5)
+    assert w.min() == pytest.approx(-5.0)
+    conditioned, w = pushed(ConditionedSuperTwisting(2.0), 0.005, 4.0, 0.5)
+    assert w.min() >= -1.0 - 1e-12
+    np.testing.assert_allclose(conditioned[:50], wound[:50], atol=1e-12)
+    assert conditioned.min() > 0.25 * wound.min()
+    assert abs(conditioned[-1]) < 1e-9
+
+
+def test_what_conditioned_super_twisting_learns_is_kept_in_bounds_and_forgotten_without_contact() -> None:
+    row = {"phi": 1.0, "period": 0.01, "switching_gain": 2.0, "last_rate": -50.0}
+    demand = ConditionedSuperTwisting()  # T_s k₂ = 0.44
+    assert asked(demand, **row, memory=[-1.99], tracked=5.0) == (-2.0, -2.0)
+    assert asked(demand, **row, memory=[-0.5], tracked=5.0)[1] == pytest.approx(-0.94)
+    assert math.isnan(asked(demand, **row, memory=[-1.99], tracked=-5.0)[1])
+    # at first contact there is nothing yet to learn from
+    assert asked(demand, **row, memory=[math.nan], tracked=5.0)[1] == 0.0
+
+
+def test_conditioning_changes_nothing_where_the_demand_is_met() -> None:
+    for period in PERIODS:
+        for rate in (2.0, 20.0):
+            expected = held(ImplicitSuperTwisting(rate), period, wave)
+            np.testing.assert_allclose(held(ConditionedSuperTwisting(rate), period, wave), expected, rtol=1e-9)
+
+
 # --- FIRAS ---
 
 
@@ -312,6 +381,34 @@ def test_firas_is_finite_at_contact_and_beyond() -> None:
     assert asked(demand, sigma=-0.021, scale=1.0, switching_gain=2.0) > -180.0
     with pytest.raises(InvalidInput, match=r"contact of firas must be less than 1, not 1\.0"):
         Firas(contact=1.0)
+
+
+@given(rho=st.floats(0.01, 1.2), region=st.floats(0.05, 1.0), eta=st.floats(1e-4, 1.0), K=st.sampled_from([0.0, 0.4]))
+def test_firas_as_published_pushes_by_the_slope_of_its_potential(
+    rho: float, region: float, eta: float, K: float
+) -> None:
+    """σ̈ = dU/dρ with U = ½ η (1/ρ − 1/ρ₀)², the same for any u⁺, by differences; of v that is K σ̈, or σ̈ if K = 0."""
+
+    def potential(at: float) -> float:
+        return 0.5 * eta * max(1.0 / at - 1.0 / region, 0.0) ** 2
+
+    # where the push begins, the differences have a kink
+    assume(abs(rho - region) > 1e-5 * region)
+    push = asked(PublishedFiras(region, eta), sigma=-rho * 3.0, scale=3.0, K=K)
+    if rho > region:
+        assert push == math.inf
+        return
+    step = 1e-6 * rho
+    slope = (potential(rho + step) - potential(rho - step)) / (2.0 * step)
+    assert push == pytest.approx((K or 1.0) * 3.0 * slope, rel=1e-4, abs=1e-6 * eta)
+
+
+def test_firas_as_published_grows_without_bound_and_stays_a_number() -> None:
+    known = {"scale": 1.0, "K": 1.0}
+    pushes = [asked(PublishedFiras(), sigma=-rho, **known) for rho in (0.1, 0.01, 0.001, 0.0002, 0.0, -1.0)]
+    assert pushes[0] == pytest.approx(-0.05 * (10.0 - 5.0) * 100.0)
+    assert pushes[3] < 50.0 * pushes[2]
+    assert pushes[3] == pushes[4] == pushes[5] > -math.inf
 
 
 # --- layers ---
@@ -460,6 +557,89 @@ def test_nonlinear_barriers_decay_as_their_functions_say() -> None:
         halfway = decayed(FiniteTimeBarrier(1.5), side, 0.5 * reached)
         assert halfway == pytest.approx(0.25 * side, rel=5e-3)
         assert abs(decayed(FiniteTimeBarrier(1.5), side, reached + 0.05)) < (1.5 * 1e-3) ** 2 * 2.0
+
+
+@pytest.mark.parametrize("start", [1e-6, 0.3, 50.0])
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 5.0])
+def test_a_row_is_back_by_the_prescribed_time_from_any_start(start: float, exponent: float) -> None:
+    """φ is φ₀ e^(−αt) (1 − t/T)^p, with finite commands: zero at T, and never beyond the performance function."""
+    period, T, alpha = 0.01, 0.5, 3.0
+    demand = PrescribedTimeBarrier(alpha, T, exponent)
+    phi, memory = start, 0.0
+    for k in range(70):
+        t = min(k * period, T)
+        assert phi == pytest.approx(
+            start * math.exp(-alpha * t) * (1.0 - t / T) ** exponent, rel=1e-6, abs=1e-12 * start
+        )
+        assert phi <= start * (1.0 - t / T) ** exponent + 1e-12 * start
+        c, memory = asked(demand, phi=phi, Lf=0.7, period=period, memory=[memory])
+        assert abs(c + 0.7) <= phi / period + 1e-12 * start
+        phi += period * (c + 0.7)
+    assert abs(phi) <= 1e-12 * start
+
+
+def test_the_clock_of_the_prescribed_time_begins_at_the_boundary_and_anew_at_its_end() -> None:
+    known = {"Lf": 0.0, "period": 0.01}
+    demand = PrescribedTimeBarrier(3.0, 0.5)
+    assert asked(demand, phi=-0.2, memory=[0.3], **known) == (pytest.approx(0.6), 0.0)
+    for memory, later in ((0.0, 0.01), (0.3, 0.31), (0.495, 0.0), (0.5, 0.0)):
+        c, kept = asked(demand, phi=0.2, memory=[memory], **known)
+        assert kept == pytest.approx(later)
+        assert -20.0 - 1e-9 <= c < -0.6
+    # never less than the barrier, nor does its rate depend on φ
+    assert asked(demand, phi=0.2, memory=[0.1], **known)[0] < asked(Barrier(3.0), phi=0.2, Lf=0.0)
+
+
+def driven(demand: BackupBarrier, sigma: Array, sigma_dot: Array, K: float, T: float, steps: int) -> list[Array]:
+    """σ, σ̇ and σ̈ of double integrators that are pushed outwards as hard as the demand and |σ̈| ≤ a allow."""
+    a, track = demand.braking, []
+    for _ in range(steps):
+        known = {"phi": sigma + K * sigma_dot, "sigma": sigma, "sigma_dot": sigma_dot, "Lf": sigma_dot, "scale": 1.0}
+        second = np.minimum(asked(demand, **known, K=np.full_like(sigma, K), period=T) / K, a)
+        track.append((sigma, sigma_dot, second))
+        sigma, sigma_dot = sigma + T * sigma_dot + 0.5 * T * T * second, sigma_dot + T * second
+    return [np.array(each) for each in zip(*track, strict=True)]
+
+
+@pytest.mark.parametrize("alpha", [5.0, 50.0, 1e6])
+def test_a_backup_barrier_can_always_be_met_by_its_backup(alpha: float) -> None:
+    """From each of 2000 states from which braking by a is enough, no more than a is ever asked, and none crosses."""
+    rng, a = np.random.default_rng(3), 1.5
+    sigma = -rng.uniform(1e-3, 3.0, 2000)
+    sigma_dot = rng.uniform(-1.0, 1.0, 2000) * np.sqrt(2.0 * a * -sigma)
+    sigmas, speeds, seconds = driven(BackupBarrier(alpha, a), sigma, sigma_dot, 0.3, 0.01, 900)
+    assert seconds.min() >= -a * (1.0 + 1e-12)
+    assert sigmas.max() <= 1e-12
+    # H decays by e^(−αT_s) in a period, and no slower where σ̈ ≤ a leaves it to
+    farthest = sigmas + np.maximum(speeds, 0.0) ** 2 / (2.0 * a)
+    assert (farthest[1:] <= math.exp(-alpha * 0.01) * farthest[:-1] + 1e-12).all()
+    assert np.abs(sigmas[-1]).max() < 0.05
+
+
+def test_a_backup_barrier_without_decay_is_the_closed_form_of_del_prete() -> None:
+    """The greatest σ̈ with σ₊ + σ̇₊²/(2a) ≤ 0 after a period (2018), by bisection."""
+    rng, a, T, K = np.random.default_rng(4), 2.0, 0.02, 0.4
+    for _ in range(200):
+        sigma = -rng.uniform(0.02, 2.0)
+        speed = rng.uniform(0.3, 1.0) * math.sqrt(2.0 * a * -sigma)
+        low, high = -a, 1e4
+        for _ in range(100):
+            u = 0.5 * (low + high)
+            w = speed + T * u
+            stops = sigma + T * speed + 0.5 * T * T * u + max(w, 0.0) ** 2 / (2.0 * a) <= 0.0
+            low, high = (u, high) if stops else (low, u)
+        known = {"phi": sigma + K * speed, "sigma": sigma, "sigma_dot": speed, "K": K, "Lf": speed, "scale": 1.0}
+        assert asked(BackupBarrier(1e6, a), **known, period=T) / K == pytest.approx(low, abs=1e-9)
+
+
+def test_rows_outside_a_backup_barrier_return_within_its_braking() -> None:
+    sigma, speed = np.array([0.5, 0.1, 1e-4]), np.array([1.0, -0.2, 0.0])
+    sigmas, _, seconds = driven(BackupBarrier(10.0, 1.5), sigma, speed, 0.3, 0.005, 2000)
+    assert seconds.min() >= -1.5 * (1.0 + 1e-12)
+    assert np.abs(sigmas[-1]).max() < 1e-3
+    speeds = {"phi": np.array([-1.0, 0.5]), "Lf": 0.2, "scale": 1.0, "K": np.zeros(2), "period": 0.01}
+    c = asked(BackupBarrier(10.0), **speeds, sigma=speeds["phi"], sigma_dot=np.zeros(2))
+    np.testing.assert_array_equal(c, asked(Barrier(10.0), phi=speeds["phi"], Lf=0.2))
 
 
 def test_a_robust_barrier_holds_at_every_corner_of_the_disturbance() -> None:

@@ -343,6 +343,64 @@ def test_level_two_is_strict_for_redundant_arms_with_several_rows(solver):
         assert (np.abs(difference[:2]) <= 1e-6 * (1.0 + reference[2])).all(), (seed, difference)
 
 
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+@pytest.mark.parametrize("n", [7, 12, 30])
+@pytest.mark.parametrize("beside", [0.0, 1e-2])
+def test_a_row_about_the_hand_of_a_redundant_arm_costs_the_task_what_it_must(beside, n, solver):
+    """By hand: least ‖J x − b‖ on a·x = c, within the span of J; a row that moves beside it costs the task nothing."""
+    random, tolerance = np.random.default_rng(n), 1e-9 if solver == "auto" else 1e-6
+    for _ in range(20):
+        J, b = random.normal(size=(6, n)), random.normal(size=6)
+        a = random.normal(size=6) @ J
+        a /= np.linalg.norm(a)
+        null = np.eye(n)[0] - np.linalg.pinv(J) @ J[:, 0]
+        a += beside * null / np.linalg.norm(null)
+        tracking = np.linalg.pinv(J) @ b
+        c = a @ tracking - 0.5
+        W = np.linalg.pinv(J.T @ J)
+        x = tracking - W @ a * 0.5 / (a @ W @ a)
+        if beside > 0.0:
+            Z = np.eye(n) - np.linalg.pinv(J) @ J
+            x = tracking - Z @ a * 0.5 / (a @ Z @ a)
+        # others in the span that do not hold, and one beside it
+        others = np.vstack((random.normal(size=(3, 6)) @ J, null))
+        command = simple(np.vstack((a, others)), [c, *(others @ x + 1.0)], J, b, solver=solver)
+        assert command.status == "ok"
+        np.testing.assert_allclose(command.qdd, x, atol=tolerance * np.linalg.norm(x))
+        np.testing.assert_array_equal(command.acted, [True, False, False, False, False])
+
+
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+def test_a_row_that_only_the_way_of_the_hand_exceeds_is_met_by_the_rest_of_the_arm(solver):
+    """By hand: the task yields to the first row alone, and the null space then takes the second to its bound."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        J, b, d = random.normal(size=(6, 7)), random.normal(size=6), random.normal(size=7)
+        a, tracking, W = random.normal(size=6) @ J, np.linalg.pinv(J) @ b, np.linalg.pinv(J.T @ J)
+        x = tracking - W @ a * 0.5 / (a @ W @ a)
+        d *= np.sign(d @ (x - tracking))
+        bounds = [a @ tracking - 0.5, 0.5 * d @ (x + tracking)]
+        Z = np.eye(7) - np.linalg.pinv(J) @ J
+        x = x - Z @ d * (d @ x - bounds[1]) / (d @ Z @ d)
+        command = simple([a, d], bounds, J, b, solver=solver)
+        np.testing.assert_allclose(command.qdd, x, atol=(1e-9 if solver == "auto" else 1e-6) * np.linalg.norm(x))
+        assert command.acted.all()
+
+
+@pytest.mark.parametrize("gain", [1e-2, 1e-3, 3e-5, 1e-5])
+def test_nearly_singular_redundant_arms_answer_alike_by_both_descents(gain):
+    """Below √damping level 2 does not ask for all that it could get: up to five times as far away otherwise."""
+    for seed in range(15):
+        random = np.random.default_rng(seed)
+        U, V = (np.linalg.qr(random.normal(size=(n, n)))[0] for n in (6, 7))
+        J = (U * [1.0, 0.8, 0.6, 0.5, 0.4, gain]) @ V[:6]
+        b, a = J @ random.normal(size=7), random.normal(size=6) @ V[:6]
+        a -= 0.99 * (a @ V[5]) * V[5]
+        c = a @ np.linalg.pinv(J, rcond=1e-9) @ b - 0.5
+        one, other = (simple([a], [c], J, b, solver=solver).qdd for solver in ("auto", "daqp"))
+        np.testing.assert_allclose(one, other, atol=1e-8 * np.linalg.norm(other))
+
+
 @pytest.mark.skipif(not COMPILED, reason="how few steps the compiled solver takes")
 @pytest.mark.parametrize(("n", "pairs"), [(6, 3), (7, 2)])
 @pytest.mark.parametrize("apart", [1e-3, 1e-5, 1e-7])

@@ -160,7 +160,9 @@ def test_every_law_answers_alike_with_its_formula_in_numpy(demand: Demand, resol
         assert found.status == expected.status
         scale = 1.0 + np.linalg.norm(expected.qdd)
         np.testing.assert_allclose(found.qdd, expected.qdd, rtol=0.0, atol=1e-9 * scale)
-        np.testing.assert_array_equal(one.memory, other.memory)
+        # what is learnt from the command of the last sample has its rounding
+        rounding = 1e-9 * scale if "last_rate" in demand.uses else 0.0
+        np.testing.assert_allclose(one.memory, other.memory, rtol=0.0, atol=rounding)
     assert answered >= 15
 
 

@@ -181,7 +181,7 @@ def test_an_arm_runs_a_law_with_its_factors() -> None:
         ({"switching_gain": {"fov": -1.0}}, "switching_gain.fov of a law is a factor"),
         ({"switching_gain": "much"}, "not 'much'"),
         ({"K": {"fov": float("nan")}}, "K.fov of a law"),
-        ({"k": 2.0}, "unknown option of sliding-mode 'k'. Available: K, rank_tolerance, switching_gain"),
+        ({"k": 2.0}, "'k'. Available: K, dead_time, observer, rank_tolerance, switching_gain"),
     ],
 )
 def test_factors_that_cannot_be_used_are_named(options: dict[str, Any], told: str) -> None:

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
@@ -53,6 +55,38 @@ def test_what_is_over_its_budget_is_named(tmp_path, capsys, monkeypatch):
     assert "rows: 5 lines, 2 allowed" in said
     assert "parameters: 9 p.rows.f, 8 allowed" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        "def f(a, b, c, d, e, g, h, i, j):\n    f()",
+        "def f(a, b, c, d, e, g, h, i, *, j):\n    f()",
+        "def f(a, b, c, d, e, g, h, *i, j):\n    f()",
+        "def f(a, b, c, d, e, g, h, i, **j):\n    f()",
+        "async def f(a, b, c, d, e, g, h, i, j):\n    f()",
+        "@formula\ndef f(a, b, c, d, e, g, h, i, j):\n    f()",
+        "@compiled('void()', IN_PLACE)\ndef f(a, b, c, d, e, g, h, i, j):\n    f()",
+        "class A:\n    def f(self, a, b, c, d, e, g, h, i, j):\n        A.f()",
+    ],
+)
+def test_nine_parameters_are_too_many_everywhere(function, tmp_path, capsys):
+    """However they are given, and whatever decorates the function: one fewer is allowed."""
+    (tmp_path / "nine").mkdir()
+    assert package(tmp_path / "nine", a=f"{function}\n") == 1
+    assert "exceeded: parameters: 9 p.a.f, 8 allowed\n" in capsys.readouterr().out
+    (tmp_path / "eight").mkdir()
+    assert package(tmp_path / "eight", a=f"{function}\n".replace("a, ", "")) == 0
+
+
+def test_only_listed_commands_have_more_parameters(tmp_path):
+    many = "def {}(a, b, c, d, e, g, h, i, j):\n    {}()\n"
+    cli = tmp_path / "vsconstraints" / "cli"
+    cli.mkdir(parents=True)
+    for folder, text in ((cli.parent, ""), (cli, "from . import some\n\nGROUPS = {'run': some.run}\n")):
+        (folder / "__init__.py").write_text(text)
+    (cli / "some.py").write_text(many.format("run", "helper") + many.format("helper", "run"))
+    assert structure.long_parameter_lists(structure.read(tmp_path)) == ["9 vsconstraints.cli.some.helper"]
 
 
 def test_what_nothing_refers_to_is_named(tmp_path, capsys):

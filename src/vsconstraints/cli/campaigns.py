@@ -126,8 +126,7 @@ def evidence(
     if state.stored_before:
         console.print(f"{state.stored_before} of {state.scenes} scenes were stored in {out} already.")
     if finished.interrupted:
-        stored = f"{state.done} of {state.scenes} scenes are stored in {out}"
-        stop(finished.interrupted, f"{stored}; the same command continues")
+        stop(finished.interrupted, f"{state.done} of {state.scenes} scenes are stored in {out}")
     console.print(
         f"{state.done - state.stored_before} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"

@@ -136,13 +136,11 @@ def compare(
     if result.stored_before:
         console.print(f"{result.stored_before} of {total} runs were stored in {out} already; --fresh runs them again.")
     if result.interrupted:
-        stored = f"{len(result.scores)} of {total} runs are stored in {out}"
-        stop(result.interrupted, f"{stored}; the same command continues")
+        stop(result.interrupted, f"{len(result.scores)} of {total} runs are stored in {out}")
     try:
         report_file = write_report(out, wanted)
     except INTERRUPTS as interrupt:
-        stored = f"all {total} runs are stored in {out}, the report is not"
-        stop(signal_of(interrupt), f"{stored}; the same command does that")
+        stop(signal_of(interrupt), f"all {total} runs are stored in {out}, the report is not", "does that")
     print_laws(out)
     if kept != "all":
         console.print(f"Trajectories kept: {keep_trajectories(out, kept)} of {total}; --keep {kept}.")

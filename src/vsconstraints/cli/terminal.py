@@ -42,9 +42,9 @@ def note_processes(jobs: int | None) -> None:
         note(f"--jobs {jobs}: there are cores and memory for {used}; {used} used")
 
 
-def stop(signal: int, what: str) -> NoReturn:
-    """End a command that a signal interrupted."""
-    errors.print(f"Interrupted: {what}.")
+def stop(signal: int, what: str, then: str = "continues") -> NoReturn:
+    """End a command that a signal interrupted, and tell what the same command does then."""
+    errors.print(f"Interrupted: {what}; the same command {then}.")
     raise typer.Exit(exit_code(signal))
 
 
@@ -66,7 +66,7 @@ def progress(folder: Path | None = None) -> Iterator[Show]:
     except INTERRUPTS as interrupt:
         if folder is None:
             raise
-        stop(signal_of(interrupt), f"finished runs are kept in {folder}; the same command continues")
+        stop(signal_of(interrupt), f"finished runs are kept in {folder}")
     finally:
         if bar.live.is_started:
             bar.stop()

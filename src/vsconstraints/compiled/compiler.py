@@ -154,11 +154,12 @@ def compiled(
 def in_python(function: F, signature: Any = None) -> F:
     """The function as Python runs it: it checks arrays and numbers if its signature is text, and never warns."""
     _as_compiled(function)
-    checks = _checks(signature) if isinstance(signature, str) and "Tuple" not in signature else []
+    checks = _checks(signature) if isinstance(signature, str) and "UniTuple" not in signature else []
 
     @wraps(function)
     def quiet(*arguments: Any) -> Any:
-        for check, argument in zip(checks, arguments, strict=False):
+        flat = [x for each in arguments for x in (each if isinstance(each, tuple) else (each,))]
+        for check, argument in zip(checks, flat, strict=False):
             if not check(argument):
                 raise TypeError(f"{function.__name__} does not take {argument!r}")
         with np.errstate(all="ignore"):
@@ -168,7 +169,7 @@ def in_python(function: F, signature: Any = None) -> F:
 
 
 def _checks(signature: str) -> list[Callable[[Any], bool]]:
-    """Whether the arguments fit, as the compiler would see it, of a signature without tuples."""
+    """Whether the arguments, and what is in tuples of them, fit as the compiler would see it."""
 
     def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
         if not (constant or dtype):
@@ -179,7 +180,7 @@ def _checks(signature: str) -> list[Callable[[Any], bool]]:
             isinstance(x, np.ndarray) and x.dtype == kind and x.ndim == ndim and (any_layout or x.flags.c_contiguous)
         )
 
-    arguments = signature.partition("(")[2]
+    arguments = signature.partition("(")[2].replace("Tuple", "")
     parts = re.findall(r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments)
     return [check(*part) for part in parts]
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..formulas.row import BOUND, share
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
@@ -13,9 +11,9 @@ from .compiler import compiled, in_place
 from .hierarchy import Priorities, hierarchy
 from .laws import RESOLVER, load_law, within
 from .least_violation import GREATEST, LEAST
-from .linear import finite
+from .linear import copy_vector, finite
 from .resolving import demanded, finished, follow_alone, measurable
-from .scratch import emptied, matrix
+from .scratch import blank, emptied, filled, matrix, vector
 from .walls import Demands, Resolved
 from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
@@ -58,8 +56,11 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         return NEEDS_PYTHON
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     if aim in (NEAREST, SCALED):
-        J, b, rest = np.eye(n), qdd.copy(), rest[:0]
-    weights = law.weights if law.weights.size == m else np.ones(m)
+        J, b, rest = blank(scratch, n, n), vector(scratch, n), rest[:0]
+        copy_vector(b, qdd)
+        for j in range(n):
+            J[j, j] = 1.0
+    weights = law.weights if law.weights.size == m else filled(scratch, m, 1.0)
     priorities = Priorities(box, damping, tolerance, aim == STRICT)
     resolved = Resolved(qdd, answer.slack, answer.acted)
     demands = Demands(rows.Lg, law.asked, rows.scale, weights)

@@ -5,19 +5,19 @@ A pair with :mod:`vsconstraints.controllers.cascade`: ``test_the_two_descents_ag
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..rows import Array
+from ..rows.tolerances import MET
 from . import levels
 from .compiler import inner
 from .least_distance import nearest
-from .least_residual import cut, least_residual
+from .least_residual import AIM, ROWS_OF_POINT, cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
-from .linear import ONE, S_ROWS, START, constant, copy
-from .scratch import blank, matrix
+from .linear import ONE, S_ROWS, START, apply_transposed, constant, copy, copy_vector, dot, length, squares
+from .scratch import blank, flags, matrix
 from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
@@ -39,19 +39,28 @@ class Priorities(NamedTuple):
     strict: bool
 
 
+class Span(NamedTuple):
+    """Reflections of which the first ``rank`` span the rows of the task, and a lower bound of its gain there."""
+
+    F: Array
+    T: Array
+    rank: int
+    gain: float
+
+
 @inner
-def find_center(J: Array, b: Array, rest: Array, tolerance: float, G: Array, X: Array, scratch: Scratch) -> int:
-    """Write J†b of least distance to q̈₀ to X[levels.CENTER] and the task without its null space to G; its rank."""
+def find_center(J: Array, b: Array, rest: Array, tolerance: float, G: Array, X: Array, scratch: Scratch) -> Span:
+    """Write J†b of least distance to q̈₀ to X[levels.CENTER] and the task without its null space to G; its span."""
     n = X.shape[1]
     for i in range(J.shape[0]):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
         for j in range(rest.size):
             G[i, n] -= J[i, j] * rest[j]
-    _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch)
+    F, T, rank, least = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch)
     for j in range(rest.size):
         X[levels.CENTER, j] += rest[j]
-    return rank
+    return Span(F, T, rank, abs(least))
 
 
 @inner
@@ -78,23 +87,69 @@ def solve_stage(
 
 
 @inner
+def moves(normals: Array, i: int, span: Span, row: Array) -> bool:
+    """Whether the null space of the task moves a row of the walls; ``row`` (1, n) is scratch."""
+    n = row.shape[1]
+    copy(row, START, normals, i, n)
+    apply_transposed(span.F, span.T, span.rank, row, START)
+    moved = math.sqrt(dot(row, START, row, START, span.rank, n))
+    return not moved <= MET * length(row, START, n)
+
+
+@inner
+def solve_in_span(
+    walls: Walls, G: Array, span: Span, priorities: Priorities, X: Array, point: Array, scratch: Scratch
+) -> tuple[bool, int]:
+    """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about its hand alone.
+
+    Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈, and what level 3
+    wants of these, if the null space of the task moves no row that holds it. False, with the walls as they were, if it
+    does, or moves one that J†b exceeds, or the task is nearly singular. And the rows that were added.
+    """
+    box, damping, tolerance, _ = priorities
+    n, w = X.shape[1], walls.held.size
+    if not span.gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
+        return False, 0
+    row = matrix(scratch, ONE, n)
+    for i in range(w):
+        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(walls.normals, i, span, row):
+            return False, 0
+    Q = levels.columns(span.F, span.T, span.rank, START, span.rank, scratch)
+    undamped = Priorities(box, 0.0, tolerance, True)
+    code, steps = solve_stage(walls, G, Q, span.rank, undamped, X, point, scratch)
+    found = code == SOLVED
+    for i in range(w):
+        found = found and not (walls.held[i] and moves(walls.normals, i, span, row))
+    for i in range(0 if found else w):
+        walls.held[i], walls.limits[i] = False, walls.sides[i]
+    return found, steps
+
+
+@inner
 def descend_levels(
-    walls: Walls, G: Array, X: Array, redundant: bool, priorities: Priorities, qdd: Array, scratch: Scratch
+    walls: Walls, G: Array, X: Array, span: Span, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
     """Go down the levels from rows that resist: the code, whether levels 2 and 3 may be better met, the iterations.
 
-    x = origin + Z y, in all directions first; if that is in vain in those which the least violations leave; and in
-    those which level 2 leaves, where the damping has cost it something or no answer has passed the check.
+    x = origin + Z y, in all directions first, or in those of the task of a redundant arm; if that is in vain, in those
+    which the least violations leave; and in those which level 2 leaves, where the damping has cost it something or no
+    answer has passed the check.
     """
     box, damping, tolerance, strict = priorities
-    n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ONE, qdd.size)
+    n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ROWS_OF_POINT, qdd.size)
+    copy(point, AIM, X, levels.CENTER, n)
+    if strict and span.rank < n:
+        found, steps = solve_in_span(walls, G, span, priorities, X, point, scratch)
+        if found:
+            copy_vector(qdd, point[0])
+            return SOLVED, False, steps
     Z, p = matrix(scratch, START, n), n
     equal: Array = Z
     E = equal
     while True:
         if stage == RELAXING:
             f = walls.violation.size
-            code = least_violation(walls.normals[:f], walls.sides[:f], walls.weights, box, qdd)
+            code = least_violation(walls.normals[:f], walls.sides[:f], walls.weights, box, qdd, scratch)
             if code != SOLVED:
                 return code, False, steps
         if stage != HARD:
@@ -102,16 +157,20 @@ def descend_levels(
                 point[0, j] = qdd[j]
         if stage == RELAXING:
             levels.start_from(X, point, box, qdd)
-            equal = levels.settle(walls.normals, walls.sides, walls.weights, box, X, walls.limits, walls.violation)
-            E = equal.copy()
+            equal = levels.settle(
+                walls.normals, walls.sides, walls.weights, box, X, walls.limits, walls.violation, scratch
+            )
+            E = matrix(scratch, equal.shape[0], n)
+            for i in range(equal.shape[0]):
+                copy(E, i, equal, i, n)
         elif stage == STRICT_TASK:
             levels.with_room(walls.normals, walls.limits, point)
-            cutoff = cut(G, n, damping, tolerance)
-            proved = least_residual(G, X, E, walls.normals, walls.limits, point, walls.held, cutoff)
+            cutoff = cut(G, n, damping, tolerance, scratch)
+            proved = least_residual(G, E, walls.normals, walls.limits, point, walls.held, cutoff, scratch)
             levels.start_from(X, point, box, qdd)
             if not proved:
                 return SOLVED, True, steps
-            equal = levels.join(E, walls.normals, walls.held, G)
+            equal = levels.join(E, walls.normals, walls.held, G, scratch)
         if stage != HARD:
             Z, p = levels.find_freedom(equal, X, stage == RELAXING, scratch)
             if p == 0:
@@ -125,7 +184,7 @@ def descend_levels(
                 qdd[j] = point[0, j]
         if stage == STRICT_TASK:
             return SOLVED, code != SOLVED, steps
-        if code == SOLVED and not (strict and redundant and levels.damped(G, X, point)):
+        if code == SOLVED and not (strict and span.rank < n and levels.damped(G, X, point)):
             return SOLVED, False, steps
         stage = STRICT_TASK if code == SOLVED or stage == RELAXING else RELAXING
 
@@ -145,13 +204,13 @@ def hierarchy(
     """
     n, box = resolved.qdd.size, priorities.box
     G, X = matrix(scratch, J.shape[0], n + 1), blank(scratch, levels.ROWS_OF_X, n)
-    redundant = find_center(J, b, rest, priorities.tolerance, G, X, scratch) < n
-    fixed = np.zeros(demands.c.size, np.bool_)
+    span = find_center(J, b, rest, priorities.tolerance, G, X, scratch)
+    fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, box, X, fixed, resolved)
     if free < 0:
         return SOLVED, 0
     walls = gather_walls(demands, box, fixed, free, resolved, scratch)
-    code, short, steps = descend_levels(walls, G, X, redundant, priorities, resolved.qdd, scratch)
+    code, short, steps = descend_levels(walls, G, X, span, priorities, resolved.qdd, scratch)
     if code != SOLVED:
         return code, steps
     unmet = report(walls, resolved)

@@ -145,23 +145,22 @@ def fits(x: Array, size: int) -> bool:
     return not wrong
 
 
-#: Signature of a vector that may be read-only, as those of a set of constraints are.
-CONSTANT = "Array(float64, 1, 'C', readonly=True)"
-
+#: Types of a vector, of one that may be read-only as those of a set of constraints are, of a matrix, and of outputs.
+V, CONSTANT, M = "float64[::1]", "Array(float64, 1, 'C', readonly=True)", "float64[:, ::1]"
 OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
 
 
 @checked(LawArrays)
-@compiled(
-    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, float64[:, ::1], "
-    f"float64[::1], {OUTPUTS})",
-    IN_PLACE,
-)
+@compiled(f"int64(int64, Tuple(({V}, {M}, {V}, {CONSTANT}, {CONSTANT})), {M}, {V}, {OUTPUTS})", IN_PLACE)
 def follow(
-    law: int, m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J: Array, b: Array,
+    law: int, of_rows: tuple[Array, ...], J: Array, b: Array,
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
-    """Apply the law at an address, which uses no more than these of m rows and a task; returns its code."""
+    """Apply the law at an address to a task and φ, L_gφ, L_fφ, switching gain and scale of rows; returns its code.
+
+    Rows come as a plain tuple: numba takes four times as long to find the types of a named one.
+    """
+    (phi, Lg, Lf, gain, scale), m = of_rows, load_law(law).asked.size
     none = phi[:0]
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
@@ -173,23 +172,23 @@ def follow(
 
 @checked(LawArrays)
 @compiled(
-    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {', '.join([CONSTANT] * 7)}, float64[:, ::1], "
-    f"float64[::1], {', '.join([CONSTANT] * 3)}, {OUTPUTS})",
+    f"int64(int64, Tuple(({V}, {M}, {V}, {', '.join([CONSTANT] * 7)})), Tuple(({M}, {V}, {', '.join([CONSTANT] * 3)})),"
+    f" {OUTPUTS})",
     IN_PLACE,
 )
 def follow_whole(
-    law: int, m: int, phi: Array, Lg: Array, Lf: Array, sigma: Array, sigma_dot: Array, K: Array, gain: Array,
-    scale: Array, qdd_min: Array, qdd_max: Array, J: Array, b: Array, error: Array, error_rate: Array, rest: Array,
+    law: int, of_rows: tuple[Array, ...], of_task: tuple[Array, ...],
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
-    """As :func:`follow`, with all that rows and task may say."""
-    if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
+    """As :func:`follow`, with every field of :class:`.RowArrays` and of :class:`.TaskArrays`."""
+    rows, task, m = RowArrays(*of_rows), TaskArrays(*of_task), load_law(law).asked.size
+    if rows.phi.size != m or acted.size != m:
         return NEEDS_PYTHON
-    if not (fits(error, b.size) and fits(error_rate, b.size) and fits(rest, qdd.size)):
+    if not (fits(rows.sigma, m) and fits(rows.sigma_dot, m) and fits(rows.K, m) and fits(task.rest, qdd.size)):
         return NEEDS_PYTHON
-    if not bounds(qdd_min, qdd_max, qdd.size):
+    if not (fits(task.error, task.b.size) and fits(task.error_rate, task.b.size)):
         return NEEDS_PYTHON
-    rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
-    task = TaskArrays(J, b, error, error_rate, rest)
-    code: int = apply_law(law, rows, task, Answer(qdd, acted, slack, iterations, phi[:0]))
+    if not bounds(rows.qdd_min, rows.qdd_max, qdd.size):
+        return NEEDS_PYTHON
+    code: int = apply_law(law, rows, task, Answer(qdd, acted, slack, iterations, rows.phi[:0]))
     return code

@@ -1,22 +1,23 @@
-"""The point of a polyhedron nearest to the origin, compiled: a dual active-set method."""
+"""The point of a polyhedron nearest to the origin, compiled: a dual active-set method.
+
+Its steps serve :mod:`.plan_program` too, which has rows of its own.
+"""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array, IntArray
 from . import linear as la
 from .compiler import in_place, inner
 from .linear import S_ROWS, START, constant
-from .scratch import matrix
+from .scratch import integers, matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms is met.
 DEPENDENT = 1e-11  #: A row of unit norm whose part outside the span of the active ones is below this depends on them.
 OPTIMAL = 1e-9  #: Largest error in the optimality conditions, relative to the size of the answer.
-NONE = constant(-1)  #: No row.
+NONE, STUCK = constant(-1), constant(-2)  #: No row; no point meets all of them.
 #: Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made it of unit norm; and
 #: how many of these there are.
 SIDE, EXCESS, MULTIPLIER, SCALE, KINDS = constant(0), constant(1), constant(2), constant(3), constant(4)
@@ -88,6 +89,33 @@ def longest_step(X: Array, q: int) -> tuple[int, float]:
 
 
 @in_place
+def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p: int) -> int:
+    """Move the point (p,) until a row that it exceeds is met, or the multiplier of an active one would turn negative.
+
+    X[turned] is the row's normal in the basis of the QR of the q active ones. Returns which of these is to leave;
+    ``NONE``; or ``STUCK`` if no point meets the row together with them.
+    """
+    la.copy(X, RATIO, X, turned, q)
+    la.solve_upper(F, T, q, X, RATIO)
+    outside = la.dot(X, turned, X, turned, q, p)
+    leaving, step = longest_step(X, q)
+    if math.sqrt(outside) > DEPENDENT:
+        full = excess / outside
+        if full <= step:
+            leaving, step = NONE, full
+        la.copy(X, DIRECTION, X, turned, p)
+        for j in range(q):
+            X[DIRECTION, j] = 0.0
+        la.apply(F, T, q, X, DIRECTION)
+        la.add(X, POINT, -step, X, DIRECTION, START, p)
+    if step == math.inf:
+        return STUCK
+    for j in range(q):
+        X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
+    return leaving
+
+
+@in_place
 def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int) -> int:
     """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how many are left.
 
@@ -100,40 +128,38 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
             X[NEW, j] = G[j, chosen]
             excess += X[NEW, j] * X[POINT, j]
         la.apply_transposed(F, T, q, X, NEW)
-        la.copy(X, RATIO, X, NEW, q)
-        la.solve_upper(F, T, q, X, RATIO)
-        outside = la.dot(X, NEW, X, NEW, q, p)
-        leaving, step = longest_step(X, q)
-        if math.sqrt(outside) > DEPENDENT:
-            full = excess / outside
-            if full <= step:
-                leaving, step = NONE, full
-            la.copy(X, DIRECTION, X, NEW, p)
-            for j in range(q):
-                X[DIRECTION, j] = 0.0
-            la.apply(F, T, q, X, DIRECTION)
-            la.add(X, POINT, -step, X, DIRECTION, START, p)
-        if step == math.inf:
-            return -1
-        for j in range(q):
-            X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
+        leaving = advance(F, T, X, NEW, excess, q, p)
         if leaving < 0:
-            return q
+            return q if leaving == NONE else -1
         q -= 1
         drop(G, F, T, X, active, leaving, q)
 
 
 @in_place
-def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
-    """Compute the point and the multipliers from the q active rows, so that errors do not accumulate."""
-    for j in range(F.shape[0]):
-        X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
+def minimise(F: Array, T: Array, X: Array, q: int) -> None:
+    """Compute point and multipliers anew, so that errors do not add up: X[POINT] has sides of q active rows, then 0."""
     la.solve_lower(F, T, q, X, POINT)
     la.copy(X, FORCE, X, POINT, q)
     la.solve_upper(F, T, q, X, FORCE)
     for j in range(q):
-        X[FORCE, j] = max(0.0, -X[FORCE, j])
+        X[FORCE, j] = -X[FORCE, j]
     la.apply(F, T, q, X, POINT)
+
+
+@in_place
+def clip_forces(X: Array, q: int) -> None:
+    """Multipliers that rounding makes negative are zero."""
+    for j in range(q):
+        X[FORCE, j] = max(0.0, X[FORCE, j])
+
+
+@in_place
+def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
+    """Likewise, from the rows of the problem."""
+    for j in range(F.shape[0]):
+        X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
+    minimise(F, T, X, q)
+    clip_forces(X, q)
 
 
 @in_place
@@ -170,7 +196,7 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
     its diagonal in the first row. The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
     """
     p, m = G.shape
-    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), np.empty(p, np.int64)
+    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), integers(scratch, p)
     if not normalise(G, rows, R, S):
         return FAILED, 0
     for j in range(p):

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import WELL_CONDITIONED
 from . import linear as la
 from .compiler import inner
 from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
-from .levels import CENTER
 from .linear import ONE, S_ROWS, START, WORK, constant
-from .scratch import no_scratch
+from .scratch import blank, integers, matrix
+from .workspace import Scratch
 
 REACHED = 1e-12  #: A step that changes the residual by less than this fraction of its terms is none.
 PUSHING = 1e-9  #: A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient.
-ROW = constant(0)  #: The row of X with the point.
+#: The rows of X: the point, and the task's minimiser without rows; their number.
+ROW, AIM, ROWS_OF_POINT = constant(0), constant(1), constant(2)
 
 
 @inner
@@ -38,22 +37,23 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
 
 
 @inner
-def task_step(G: Array, C: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array) -> float:
+def task_step(G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array, scratch: Scratch) -> float:
     """Write the step of least norm within the null space of q rows and the force of the task; how far G goes by it."""
-    k, n = G.shape[0], X.shape[1]
-    W, moved = np.empty((k, n + 1)), 0.0
+    k, n, taken = G.shape[0], X.shape[1], scratch.taken[0]
+    W, moved = matrix(scratch, k, n + 1), 0.0
     for j in range(n):
         Y[ONE, j] = Y[WORK, j] = 0.0
     for i in range(k):
-        W[i, n] = la.dot(G, i, C, CENTER, START, n) - la.dot(G, i, X, ROW, START, n)
+        W[i, n] = la.dot(G, i, X, AIM, START, n) - la.dot(G, i, X, ROW, START, n)
         la.copy(W, i, G, i, n)
         la.add(Y, WORK, W[i, n], G, i, START, n)
         la.apply_transposed(F, T, q, W, i)
     if q < n:
-        pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, no_scratch())
+        pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, scratch)
         la.apply(F, T, q, Y, ONE)
         for i in range(k):
             moved += la.dot(G, i, Y, ONE, START, n) ** 2
+    scratch.taken[0] = taken
     return math.sqrt(moved)
 
 
@@ -75,22 +75,22 @@ def first_in_the_way(walls: Array, sides: Array, X: Array, Y: Array, order: IntA
 
 @inner
 def least_residual(
-    G: Array, C: Array, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float
+    G: Array, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float, scratch: Scratch
 ) -> bool:
-    """Minimise ‖G (x − C)‖ subject to walls x ≤ sides, with E x staying as it is, from X, which becomes the answer.
+    """Minimise ‖G (x − c)‖ subject to walls x ≤ sides, with E x staying as it is, from x, which becomes the answer.
 
     A primal active-set method. It starts at a point that meets every row, and never leaves these points. On the rows
     that are active it takes the step of eq. (15): the task's step of least norm within their null space. The first row
     in the way becomes active, and where no step is left the one that pulls most the wrong way is let go.
 
-    ``G`` (k, n) or wider is the task, the row ``CENTER`` of ``C`` its minimiser without rows; ``E`` (e, n) or wider,
-    ``walls`` (w, n), ``sides`` (w,), ``X`` (1, n). ``active`` (w,) are the rows that are active at first; then those
-    that hold the task back. Singular values of G within the null space of the active rows below the tolerance times ‖G‖
+    ``G`` (k, n) or wider is the task, ``X`` (2, n) has x and the task's minimiser without rows c; ``E`` (e, n) or
+    wider, ``walls`` (w, n), ``sides`` (w,). ``active`` (w,) are the rows that are active at first; then those that hold
+    the task back. Singular values of G within the null space of the active rows below the tolerance times ‖G‖
     count as zero: the task does not ask for directions that the rows nearly take from it. Returns whether no point has
     a smaller residual.
     """
     n, w = X.shape[1], walls.shape[0]
-    F, T, Y, order = np.empty((n, n)), np.empty((S_ROWS, n)), np.zeros((S_ROWS, n)), np.empty(n, np.int64)
+    F, T, Y, order = matrix(scratch, n, n), matrix(scratch, S_ROWS, n), blank(scratch, S_ROWS, n), integers(scratch, n)
     count, size = 0, math.sqrt(la.squares(G, n))
     for i in range(w):
         if active[i] and count < n:
@@ -108,8 +108,8 @@ def least_residual(
                 left += 1
                 q += 1
         count = left
-        reach = REACHED * size * (la.length(X, ROW, n) + la.length(C, CENTER, n))
-        if task_step(G, C, X, F, T, q, tolerance, Y) <= reach:
+        reach = REACHED * size * (la.length(X, ROW, n) + la.length(X, AIM, n))
+        if task_step(G, X, F, T, q, tolerance, Y, scratch) <= reach:
             noise = PUSHING * la.length(Y, WORK, n) + size * reach
             la.apply_transposed(F, T, q, Y, WORK)
             la.solve_upper(F, T, q, Y, WORK)
@@ -134,10 +134,10 @@ def least_residual(
 
 
 @inner
-def cut(G: Array, n: int, damping: float, tolerance: float) -> float:
+def cut(G: Array, n: int, damping: float, tolerance: float, scratch: Scratch) -> float:
     """Relative gain below which level 2 by itself leaves directions within the rows alone."""
     k = G.shape[0]
-    W = np.empty((k, n))
+    W = matrix(scratch, k, n)
     for i in range(k):
         la.copy(W, i, G, i, n)
     largest = orthogonalise(W, k, START, n)

@@ -139,7 +139,7 @@ def pseudoinverse(
     ``tolerance`` times the largest one of ``whole`` (k', n), which is W where ``first`` is 0.
 
     Returns F, S and the rank; where this is less than p, its number of columns of Q of :func:`factor` span the rows of
-    M. Then, where F and S are the QR of M, a lower bound of its least singular value; 0 where they are not.
+    M. Then a lower bound of its least singular value above that, negative where F and S are not the QR of M itself.
     """
     k, n = W.shape[0], W.shape[1] - 1
     p, rows, tall, size = n - first, k, k >= n - first, math.sqrt(la.squares(whole, n))
@@ -169,7 +169,7 @@ def pseudoinverse(
         la.apply(F, S, rows, S, WORK)
     for j in range(p):
         Y[row, first + j] = S[WORK, j]
-    return F, S, c, least if tall else 0.0
+    return F, S, c, least if tall else -least
 
 
 @inner
@@ -219,7 +219,7 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
     certain, A fewer rows than columns, and J†b is not much larger than the answer.
     """
     n, b = qdd.size, A.shape[0]
-    if b >= n or least == 0.0:
+    if b >= n or least <= 0.0:
         return False
     L, T, size = matrix(scratch, b, n), matrix(scratch, S_ROWS, n), 0.0
     for i in range(b):

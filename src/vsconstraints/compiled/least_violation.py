@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot, length
-from .scratch import no_scratch
-from .workspace import FAILED, SOLVED
+from .scratch import filled, flags, matrix, vector
+from .workspace import FAILED, SOLVED, Scratch
 
 ROUNDING = 1e-13  #: Below this fraction of its terms a row counts as met while iterating.
 #: A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none.
@@ -42,16 +40,18 @@ class Violations(NamedTuple):
 
 
 @inner
-def weigh(A: Array, c: Array, weights: Array) -> Violations:
+def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
     """W A x ≤ W c, with no row reached and no coordinate held."""
     m, n = A.shape
-    B, d, norms = np.empty((m, n)), np.empty(m), np.empty(m)
+    B, d, norms = matrix(scratch, m, n), vector(scratch, m), vector(scratch, m)
     for i in range(m):
         for j in range(n):
             B[i, j] = weights[i] * A[i, j]
         d[i], norms[i] = weights[i] * c[i], length(B, i, n)
-    flags = np.zeros(m, np.bool_), np.zeros(m, np.bool_), np.zeros(m, np.bool_)
-    return Violations(B, d, norms, np.empty(m), np.empty(m), np.empty(m), *flags, np.zeros(n))
+    residual, rounding, change = vector(scratch, m), vector(scratch, m), vector(scratch, m)
+    violated, reached, pulled = flags(scratch, m), flags(scratch, m), flags(scratch, m)
+    held = filled(scratch, n, 0.0)
+    return Violations(B, d, norms, residual, rounding, change, violated, reached, pulled, held)
 
 
 @inner
@@ -73,15 +73,16 @@ def measure(rows: Violations, X: Array) -> tuple[bool, float]:
 
 
 @inner
-def newton_step(rows: Violations, step: Array, Y: Array) -> None:
+def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> None:
     """Write the step that takes the pulled rows to their bounds in the least-squares sense, held coordinates apart."""
     B, held, (m, n) = rows.B, rows.held, rows.B.shape
     count = columns = at = free = 0
+    taken = scratch.taken[0]
     for i in range(m):
         count += rows.pulled[i]
     for j in range(n):
         columns += held[j] == 0.0
-    M = np.empty((count, columns + 1))
+    M = matrix(scratch, count, columns + 1)
     for i in range(m):
         if rows.pulled[i]:
             to = 0
@@ -91,7 +92,8 @@ def newton_step(rows: Violations, step: Array, Y: Array) -> None:
                     to += 1
             M[at, to] = -rows.residual[i]
             at += 1
-    pseudoinverse(M, START, WELL, RANK, M, Y, START, no_scratch())
+    pseudoinverse(M, START, WELL, RANK, M, Y, START, scratch)
+    scratch.taken[0] = taken
     for j in range(n):
         step[0, j] = 0.0 if held[j] != 0.0 else Y[0, free]
         free += held[j] == 0.0
@@ -174,7 +176,7 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
 
 
 @inner
-def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
+def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array, scratch: Scratch) -> int:
     """Minimise ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights), beginning at x, which becomes the minimiser.
 
     The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an exact line
@@ -189,8 +191,8 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
     Returns ``SOLVED``, or ``FAILED`` at the limit of iterations, which only rounding could bring about.
     """
     m, n = A.shape
-    rows, longest = weigh(A, c, weights), np.empty(n)
-    X, step, Y = np.empty((ONE, n)), np.empty((ONE, n)), np.empty((ONE, n))
+    rows, longest = weigh(A, c, weights, scratch), vector(scratch, n)
+    X, step, Y = matrix(scratch, ONE, n), matrix(scratch, ONE, n), matrix(scratch, ONE, n)
     for j in range(n):
         x[j] = min(max(x[j], box[LEAST, j]), box[GREATEST, j])
     last = released_at = math.inf
@@ -201,7 +203,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
         met, value = measure(rows, X)
         if met:
             return SOLVED
-        newton_step(rows, step, Y)
+        newton_step(rows, step, Y, scratch)
         still = CONVERGED * math.sqrt(value)
         stationary, blocked = look_along(rows, step, still)
         if blocked:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..rows import Array, BoolArray
 from .compiler import compiled
-from .least_residual import least_residual
+from .least_residual import ROWS_OF_POINT, least_residual
 from .least_violation import least_violation
-from .levels import CENTER, ORIGIN
 from .linear import copy_vector
+from .scratch import matrix, no_scratch
 
 VECTOR, MATRIX = "float64[::1]", "float64[:, ::1]"
 
@@ -17,7 +15,7 @@ VECTOR, MATRIX = "float64[::1]", "float64[:, ::1]"
 @compiled(f"int64({MATRIX}, {VECTOR}, {VECTOR}, {MATRIX}, {VECTOR})")
 def violate_least(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
     """See :func:`.least_violation`."""
-    code: int = least_violation(A, c, weights, box, x)
+    code: int = least_violation(A, c, weights, box, x, no_scratch())
     return code
 
 
@@ -26,9 +24,10 @@ def track_best(
     G: Array, center: Array, E: Array, walls: Array, sides: Array, x: Array, active: BoolArray, tolerance: float
 ) -> bool:
     """See :func:`.least_residual`: from x (n,), with the task's minimiser ``center`` (n,)."""
-    C, X = np.zeros((int(ORIGIN), x.size)), np.empty((1, x.size))
-    copy_vector(C[CENTER], center)
+    scratch = no_scratch()
+    X = matrix(scratch, ROWS_OF_POINT, x.size)
+    copy_vector(X[1], center)
     copy_vector(X[0], x)
-    proved: bool = least_residual(G, C, E, walls, sides, X, active, tolerance)
+    proved: bool = least_residual(G, E, walls, sides, X, active, tolerance, scratch)
     copy_vector(x, X[0])
     return proved

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array, BoolArray
 from ..rows.tolerances import DEPENDENT, MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
 from .compiler import in_place, inner
@@ -66,7 +64,9 @@ def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scr
 
 
 @inner
-def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, relaxed: Array, violation: Array) -> Array:
+def settle(
+    walls: Array, sides: Array, weights: Array, box: Array, X: Array, relaxed: Array, violation: Array, scratch: Scratch
+) -> Array:
     """What every point that violates least has in common with X[ORIGIN], which does: rows A of equalities, as [A | 0].
 
     Rows ``walls`` (w, n) from m on, those of the box, have no ``weights`` (m,). Writes ``relaxed`` (w,), sides that the
@@ -75,7 +75,7 @@ def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, rel
     """
     w, n = walls.shape
     m = weights.size
-    A, pull = np.zeros((m + n, n + 1)), np.zeros((S_ROWS, n))
+    A, pull = blank(scratch, m + n, n + 1), blank(scratch, S_ROWS, n)
     size, at = length(X, ORIGIN, n), 0
     for i in range(w):
         value, norm = dot(walls, i, X, ORIGIN, START, n), length(walls, i, n)
@@ -182,10 +182,10 @@ def with_room(walls: Array, sides: Array, point: Array) -> None:
 
 
 @inner
-def join(E: Array, walls: Array, held: BoolArray, G: Array) -> Array:
+def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) -> Array:
     """Rows of E, the walls that are held, and the task, of unit norm, as [A | 0]."""
     n, at, size = walls.shape[1], E.shape[0], math.sqrt(squares(G, walls.shape[1]))
-    A = np.zeros((at + walls.shape[0] + G.shape[0], n + 1))
+    A = blank(scratch, at + walls.shape[0] + G.shape[0], n + 1)
     for i in range(at):
         copy(A, i, E, i, n)
     for i in range(walls.shape[0]):
@@ -207,6 +207,16 @@ def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
 
 
 @inner
+def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scratch) -> Array:
+    """Columns of Q of :func:`.pseudoinverse`, as rows: the first ``rank`` span the rows, the others the null space."""
+    Q = blank(scratch, last - first, F.shape[1])
+    for d in range(last - first):
+        Q[d, first + d] = 1.0
+        apply(F, T, rank, Q, d)
+    return Q
+
+
+@inner
 def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) -> tuple[Array, int]:
     """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where there are none.
 
@@ -218,12 +228,7 @@ def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) ->
             X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
         return matrix(scratch, START, n), n
     F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
-    p = n - rank
-    Z = blank(scratch, p, n)
-    for d in range(p):
-        Z[d, rank + d] = 1.0
-        apply(F, T, rank, Z, d)
-    return Z, p
+    return columns(F, T, rank, rank, n, scratch), n - rank
 
 
 @in_place

@@ -21,9 +21,10 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from ..rows.tolerances import ZERO_GRADIENT
+from . import least_distance
 from .compiler import in_place
-from .least_distance import DEPENDENT
-from .linear import START, add, apply, apply_transposed, copy, dot, make_reflection, solve_lower, solve_upper
+from .least_distance import FORCE, NEW, NONE, POINT, advance, clip_forces
+from .linear import START, add, apply_transposed, constant, copy, dot, make_reflection
 from .workspace import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 
 #: π by the greatest distance of a row from the plan without rows; the weaker one where the stronger one fails.
@@ -33,8 +34,8 @@ NEGLIGIBLE = 1e-14  #: Slack by π that is none.
 INDEPENDENT = 1e-12
 #: A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and with slacks.
 MET, MET_SOFT = 1e-11, 1e-6
-#: Rows of the work space, and how many there are.
-POINT, NEW, TURNED, DIRECTION, FORCE, RATIO, SIDE, VECTORS = range(8)
+#: Rows of the work space behind those of :mod:`.least_distance`, and how many there are in all.
+TURNED, SIDE, VECTORS = constant(5), constant(6), 7
 
 
 class Cost(NamedTuple):
@@ -352,27 +353,9 @@ def reach(space: Space, side: float, q: int) -> int:
         over = dot(X, NEW, X, POINT, START, p) - side
         copy(X, TURNED, X, NEW, p)
         apply_transposed(F, T, q, X, TURNED)
-        copy(X, RATIO, X, TURNED, q)
-        solve_upper(F, T, q, X, RATIO)
-        outside = dot(X, TURNED, X, TURNED, q, p)
-        leaving, step = -1, math.inf
-        for j in range(q):
-            if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
-                leaving, step = j, X[FORCE, j] / X[RATIO, j]
-        if math.sqrt(outside) > DEPENDENT:
-            if over <= step * outside:
-                leaving, step = -1, over / outside
-            copy(X, DIRECTION, X, TURNED, p)
-            for j in range(q):
-                X[DIRECTION, j] = 0.0
-            apply(F, T, q, X, DIRECTION)
-            add(X, POINT, -step, X, DIRECTION, START, p)
-        if step == math.inf:
-            return -1
-        for j in range(q):
-            X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
+        leaving = advance(F, T, X, TURNED, over, q, p)
         if leaving < 0:
-            return q
+            return q if leaving == NONE else -1
         q -= 1
         drop(space, leaving, q)
 
@@ -389,23 +372,11 @@ def append(space: Space, row: int, side: float, q: int) -> None:
 
 @in_place
 def minimise(space: Space, q: int) -> None:
-    """Compute the point nearest to the origin on the q active rows, and multipliers, so that errors do not add up."""
-    X, F, T, p = space.work, space.F, space.T, space.p
-    for j in range(p):
+    """Compute the point nearest to the origin on the q active rows, and multipliers."""
+    X = space.work
+    for j in range(space.p):
         X[POINT, j] = X[SIDE, j] if j < q else 0.0
-    solve_lower(F, T, q, X, POINT)
-    copy(X, FORCE, X, POINT, q)
-    solve_upper(F, T, q, X, FORCE)
-    for j in range(q):
-        X[FORCE, j] = -X[FORCE, j]
-    apply(F, T, q, X, POINT)
-
-
-@in_place
-def clip_forces(space: Space, q: int) -> None:
-    """Multipliers that rounding makes negative are zero."""
-    for j in range(q):
-        space.work[FORCE, j] = max(0.0, space.work[FORCE, j])
+    least_distance.minimise(space.F, space.T, X, q)
 
 
 @in_place
@@ -486,7 +457,7 @@ def search(
         append(space, row, side, q)
         q += 1
         minimise(space, q)
-        clip_forces(space, q)
+        clip_forces(space.work, q)
         before, now = now, cost_of(space, penalty, plan)
     return FAILED, q
 
@@ -552,7 +523,7 @@ def soften(
         apply_transposed(space.F, space.T, i, X, TURNED)
         append(space, limits.left.size + 2 * first + i, -penalty, i)
     minimise(space, m)
-    clip_forces(space, m)
+    clip_forces(X, m)
     return m, penalty
 
 

@@ -12,9 +12,10 @@ from ..rows import Array, IntArray
 from ..rows.tolerances import PULLING
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, load_law
+from .least_distance import FORCE
 from .linear import copy_vector
 from .parts import call_int_pointer, load_step, struct_loader
-from .plan_program import FORCE, Cost, Factor, Limits, Space, follow_block, move, plan_best
+from .plan_program import Cost, Factor, Limits, Space, follow_block, move, plan_best
 from .resolving import finished, follow_alone, measurable
 from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..formulas.row import BOUND
 from ..rows import Array, BoolArray
 from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
@@ -16,7 +14,7 @@ from .least_squares import resolve
 from .linear import ONE, START, away, constant, copy, copy_vector, length, squares
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
-from .scratch import blank, emptied, matrix
+from .scratch import blank, emptied, flags, matrix
 from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 #: Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1.
@@ -113,8 +111,8 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     if not demanded(address, law, rows, answer.qdd, BOUND):
         return NEEDS_PYTHON
     W = bounds(law, rows, acted, scratch)
-    held = np.zeros(W.shape[0], np.bool_)
-    kept, saturated, A = held.copy(), matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
+    held, kept = flags(scratch, W.shape[0]), flags(scratch, W.shape[0])
+    saturated, A = matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
     X, nothing = blank(scratch, ROWS_OF_X, n), blank(scratch, 1, b.size)[0]
     copy_vector(X[TRACKING], answer.qdd)
     copy_vector(X[WHOLE], answer.qdd)

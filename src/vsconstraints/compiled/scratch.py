@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rows import Array
+from ..rows import Array, BoolArray, IntArray
 from .compiler import inner
 from .parts import matrix_at
 from .workspace import LawArrays, Scratch
@@ -35,6 +35,29 @@ def blank(scratch: Scratch, rows: int, columns: int) -> Array:
 def vector(scratch: Scratch, size: int) -> Array:
     """Take a vector that holds anything."""
     part: Array = matrix(scratch, 1, size)[0]
+    return part
+
+
+@inner
+def filled(scratch: Scratch, size: int, value: float) -> Array:
+    """Take a vector of one number."""
+    part = vector(scratch, size)
+    for i in range(size):
+        part[i] = value
+    return part
+
+
+@inner
+def integers(scratch: Scratch, size: int) -> IntArray:
+    """Take a vector of integers that holds anything."""
+    part: IntArray = vector(scratch, size).view(np.int64)
+    return part
+
+
+@inner
+def flags(scratch: Scratch, size: int) -> BoolArray:
+    """Take a vector of flags that are not set."""
+    part: BoolArray = filled(scratch, size, 0.0).view(np.bool_)[:size]
     return part
 
 

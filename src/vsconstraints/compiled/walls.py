@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from .compiler import in_place, inner
@@ -14,7 +12,7 @@ from .least_distance import KINDS, MULTIPLIER, SIDE
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ORIGIN
 from .linear import START, copy, copy_vector, dot, length
-from .scratch import blank, matrix, vector
+from .scratch import blank, flags, integers, matrix, vector
 from .workspace import Scratch
 
 
@@ -98,7 +96,7 @@ def gather_walls(
     for j in range(n):
         w += box[GREATEST, j] < math.inf
         w += box[LEAST, j] > -math.inf
-    normals, sides, W, which = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
+    normals, sides, W, which = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), integers(scratch, free)
     violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
     for i in range(c.size):
         if acted[i]:
@@ -114,7 +112,7 @@ def gather_walls(
             if sign * box[end, j] < math.inf:
                 normals[at, j], sides[at] = sign, sign * box[end, j]
                 at += 1
-    limits, held = vector(scratch, w), np.zeros(w, np.bool_)
+    limits, held = vector(scratch, w), flags(scratch, w)
     copy_vector(limits, sides)
     return Walls(normals, sides, limits, held, rows, W, which, violation)
 

@@ -18,6 +18,7 @@ from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsio
 from .goal_governor import GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
+from .observer import OBSERVER, Observed
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
@@ -25,9 +26,10 @@ from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, Sca
 
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
-    "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Pair",
-    "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RowFactors",
-    "Saturation", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges", "make_controller",
+    "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Observed",
+    "Pair", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
+    "Range", "Resolver", "RowFactors", "Saturation", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class",
+    "law_ranges", "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
@@ -50,22 +52,26 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
     """The controller of that name, see :func:`controller_class`, with these keyword arguments.
 
-    ``K`` and ``switching_gain`` are :class:`.RowFactors`, options of every law that has none of that name.
+    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of :class:`.Observed`:
+    options of every law that has none of that name.
     ConfigurationError names the candidates if name or option is unknown.
     """
     law, options = controller_class(name, folder), dict(options or {})
     parameters = inspect.signature(law).parameters
     factors = {key: options.pop(key) for key in FACTORS if key in options and key not in parameters}
+    observer = {key: options.pop(key) for key in OBSERVER if key in options and key not in parameters}
+    if "dead_time" in observer and "observer" not in observer:
+        raise ConfigurationError(f"dead_time of {name} is that of an observer: give its time constant [s], too")
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         for key in options:
             if key not in parameters:
-                raise unknown_name(f"option of {name}", key, (*parameters, *FACTORS))
+                raise unknown_name(f"option of {name}", key, (*parameters, *FACTORS, *OBSERVER))
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
             made = law(**options)
             if factors:
                 made.factors = RowFactors(**{**made.factors.options(), **factors})
-            return made
+            return Observed(made, **observer) if observer else made
     except VsconstraintsError:
         raise
     except (Exception, SystemExit) as error:  # an own law may fail in any way

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ConfigurationError, shown
+from ..formulas.limits import stopping
 from ..formulas.row import Row
 from .demand import Demand
 from .ranges import option
@@ -152,6 +153,61 @@ class FiniteTimeBarrier(WithRate):
     def formula(row: Row, alpha: float) -> Any:
         """−α sign(φ) √(s |φ|) − L_fφ."""
         return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
+
+
+@dataclass(frozen=True)
+class PrescribedTimeBarrier(WithRate):
+    """Rows demand −αφ − L_fφ, and from outside they are back on the boundary a prescribed time T later at most.
+
+    Inside, the barrier Lyapunov function −ln(−φ/s) grows by no more than α. Outside it has no value: from the sample on
+    at which the row is found outside, the gain is α + p/(T − t) (Song, Wang, Holloway and Krstic 2017), so that φ = φ₀
+    e^(−αt) (1 − t/T)^p is zero at T from any start, below the performance function φ₀ (1 − t/T)^p. Of visual servoing
+    with barrier Lyapunov functions and a prescribed time (Robotics 14(12) 190, 2025), which narrows the bounds of a
+    tracking error, this is what a row can have. The decrease is that of a whole period, so that commands are finite; at
+    T the clock starts anew. From afar in a short time commands are large.
+    """
+
+    time: float = option(1.0, "T [s]", (0.1, 10.0))
+    exponent: float = option(2.0, "p; 1 returns straight, larger ones arrive gently", (1.0, 6.0), at_least=1.0)
+
+    name, uses, remembers = "prescribed-time-barrier", ("Lf", "period"), (0.0,)
+
+    @staticmethod
+    def formula(row: Row, alpha: float, time: float, exponent: float) -> Any:
+        """−αφ − L_fφ inside; outside −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ; t, 0 inside and from T on."""
+        share = 1.0 - row.period / np.maximum(time - row.memory[0], row.period)
+        rate = np.where(row.phi > 0.0, (1.0 - np.exp(-alpha * row.period) * share**exponent) / row.period, alpha)
+        later = row.memory[0] + row.period
+        return -rate * row.phi - row.Lf, np.where((row.phi > 0.0) & (later < time), later, 0.0)
+
+
+@dataclass(frozen=True)
+class BackupBarrier(WithRate):
+    """Rows demand that braking by σ̈ = −a can still stop them: the backup barrier function of a braking row.
+
+    The backup policy brakes, so that σ comes as far as H = σ + max(0, σ̇)²/(2a); H, the greatest σ of the backup
+    trajectory, is what has to stay below zero (van Wijk, Das, Molnar, Ames and Burdick 2025, who interpolate between
+    command and backup in closed form: for one row, this bound). Here H decays by e^(−αT_s) in a period, exactly: the
+    demand is never more than −a, so that it can always be met if σ̈ = −a can and nothing drifts, and with α → ∞ it is
+    the closed form of Del Prete (2018). Rows outside demand −αφ − L_fφ, within −a. Rows that are φ itself (K = 0)
+    demand −αφ − L_fφ.
+    """
+
+    braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
+
+    name = "backup-barrier"
+    uses = ("sigma", "sigma_dot", "K", "Lf", "period")
+
+    @staticmethod
+    def formula(row: Row, alpha: float, braking: float) -> Any:
+        """σ̇ + K max(−a, σ̈) − L_fφ, with the greatest σ̈ that has H₊ ≤ e^(−αT_s) H; −αφ − L_fφ where K = 0."""
+        a, direct = braking * row.scale, row.K == 0.0
+        speed = np.maximum(row.sigma_dot, 0.0)
+        farthest = row.sigma + speed * speed / (2.0 * a)
+        second = stopping(np.exp(-alpha * row.period) * farthest - row.sigma, row.sigma_dot, a, row.period)
+        back = (-alpha * row.phi - row.sigma_dot) / (row.K + direct)
+        kept = np.maximum(-a, np.where(row.sigma < 0.0, second, np.minimum(second, back)))
+        return np.where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept) - row.Lf
 
 
 @dataclass(frozen=True)

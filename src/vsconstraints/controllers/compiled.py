@@ -18,8 +18,15 @@ from .demand import Demand
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 #: What is handed to laws that write neither, and remember nothing.
 NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0))
-#: Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made.
-SCRATCH = 4096
+#: Numbers of scratch of a law for 32 rows: enough for 30 joints and eight features. Beyond that arrays are made.
+SCRATCH = 32768
+
+
+def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
+    """The function that answers with all that rows and task say, and what it takes before its outputs."""
+    known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
+    of_task = task.J, task.b, task.error, task.error_rate, task.rest
+    return load("laws").follow_whole, workspace, (rows.phi, rows.Lg, rows.Lf, *known), of_task
 
 
 class CompiledLaw:
@@ -66,7 +73,7 @@ class CompiledLaw:
             np.empty_like(memory),
             np.empty(m),
             np.full(1, math.nan),
-            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+            Scratch(np.empty(SCRATCH * (1 + m // 32)), np.zeros(1, COUNT)),
         )
         self.labels, self.remark, self.measures = labels, resolver.remark(labels), resolver.measures
         self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.used})
@@ -75,13 +82,10 @@ class CompiledLaw:
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
-        laws = load("laws")
-        phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
-            known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
-            of_task = task.J, task.b, task.error, task.error_rate, task.rest
-            return laws.follow_whole, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, *known, *of_task
-        return laws.follow, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+            return whole_call(self.workspace, rows, task)
+        of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
+        return load("laws").follow, self.workspace, of_rows, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -91,10 +95,9 @@ class CompiledLaw:
         if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             _, _, *arguments = self.call(rows, task)
             code = self._follow[1](*arguments, qdd, acted, slack, count)
-        else:  # as call has it, without a tuple in between, which takes longer
-            phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
-            follow, Lg, Lf = self._follow[0], rows.Lg, rows.Lf
-            code = follow(m, phi, Lg, Lf, gain, scale, J, task.b, qdd, acted, slack, count)
+        else:  # as call has it, without a call in between, which takes longer
+            of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
+            code = self._follow[0](of_rows, J, task.b, qdd, acted, slack, count)
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
@@ -136,7 +139,7 @@ class BoundLaw:
     """
 
     def __init__(self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
-        self._resolver, self._law, self._rows, self._code = resolver, law, rows, 0
+        self.resolver, self.law, self._rows, self._code = resolver, law, rows, 0
         self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
@@ -150,14 +153,14 @@ class BoundLaw:
 
     def _solve(self) -> int:
         self._code = code = self._function()
-        return 0 if code in self._resolver.answers else code
+        return 0 if code in self.resolver.answers else code
 
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
-        law, qdd, acted = self._law, self.qdd.copy(), self.acted.copy()
+        law, qdd, acted = self.law, self.qdd.copy(), self.acted.copy()
         slack, count = (self.slack.copy(), int(self.count[0])) if law.measures else (NO_SLACK, 0)
         code = self._code if code is None else code
-        command: Command | None = self._resolver.command(code, qdd, acted, law.labels, slack, count)
+        command: Command | None = self.resolver.command(code, qdd, acted, law.labels, slack, count)
         if command is not None and self._rows.qdd_max is not UNKNOWN:
             keep_box(self._rows, command)
         if law.remark and command is not None:

@@ -10,11 +10,13 @@ import numpy as np
 from ..formulas import formula
 from ..formulas.row import Row
 from .barriers import (
+    BackupBarrier,
     Barrier,
     FiniteTimeBarrier,
     GradientRobustBarrier,
     HighOrderBarrier,
     InputToStateSafeBarrier,
+    PrescribedTimeBarrier,
     ReciprocalBarrier,
     RobustBarrier,
     SampledBarrier,
@@ -96,6 +98,22 @@ def saturated(row: Row, c: Any, integral: Any) -> Any:
     return bound, np.where(row.tracked > bound, kept, 0.0)
 
 
+@formula
+def proper_implicit(row: Row, w: Any, rate: float) -> Any:
+    """w₊ + (x − φ)/T_s, where x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ, and w₊ = w − T_s k₂ sign x.
+
+    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the
+    square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
+    """
+    k1, k2 = gains(row, rate)
+    step, half = row.period * row.period * k2, 0.5 * row.period * k1
+    over = np.maximum(np.abs(row.phi) - step, 0.0)
+    # y without the difference of two numbers that are nearly equal
+    y = over / (half + np.sqrt(half * half + over))
+    after = w - np.minimum(np.maximum(row.phi, -step), step) / row.period
+    return after + (np.sign(row.phi) * y * y - row.phi) / row.period, after
+
+
 @dataclass(frozen=True)
 class SuperTwisting(Demand):
     """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺.
@@ -107,8 +125,8 @@ class SuperTwisting(Demand):
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
 
-    name = "super-twisting"
-    uses, remembers = ("tracked", "period"), (0.0,)
+    name, remembers = "super-twisting", (0.0,)
+    uses: ClassVar[tuple[str, ...]] = ("tracked", "period")
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
@@ -135,18 +153,32 @@ class ImplicitSuperTwisting(SuperTwisting):
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
-        """max(−u⁺, w₊ + (x − φ)/T_s), x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ; w₊ = w − T_s k₂ sign x.
+        """max(−u⁺, w₊ + (x − φ)/T_s); w₊: see :func:`proper_implicit`."""
+        c, after = proper_implicit(row, row.memory[0], rate)
+        return saturated(row, c, after)
 
-        Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the
-        square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
-        """
-        k1, k2 = gains(row, rate)
-        step, half = row.period * row.period * k2, 0.5 * row.period * k1
-        over = np.maximum(np.abs(row.phi) - step, 0.0)
-        # y without the difference of two numbers that are nearly equal
-        y = over / (half + np.sqrt(half * half + over))
-        after = row.memory[0] - np.minimum(np.maximum(row.phi, -step), step) / row.period
-        return saturated(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
+
+@dataclass(frozen=True)
+class ConditionedSuperTwisting(ImplicitSuperTwisting):
+    """Rows demand what :class:`ImplicitSuperTwisting` does, and learn from what was applied: no windup at saturation.
+
+    The conditioning technique (Seeber and Reichhartinger 2020; with the implicit form Seeber and Andritsch 2025), in a
+    form derived here: w₊ = w − T_s k₂ sign(2w₊ − w − u), which is the sign of x where u is the demand, has the solution
+    w₊ = w + clip((u − w)/2, ±T_s k₂). u is L_gφ q̈ of the last sample, as the box and other rows left it. Where that was
+    the demand, this is :class:`ImplicitSuperTwisting`; where it was not, w goes no farther than u.
+    """
+
+    name = "conditioned-super-twisting"
+    uses, remembers = ("tracked", "last_rate", "period"), (np.nan,)
+
+    @staticmethod
+    def formula(row: Row, rate: float) -> Any:
+        """That of :class:`ImplicitSuperTwisting` with w = w₋ + clip((u − w₋)/2, ±T_s k₂); w in contact, else NaN."""
+        step = row.period * gains(row, rate)[1]
+        w = row.memory[0] + np.minimum(np.maximum(0.5 * (row.last_rate - row.memory[0]), -step), step)
+        w = np.minimum(np.maximum(np.where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain)
+        bound = np.maximum(-row.switching_gain, proper_implicit(row, w, rate)[0])
+        return bound, np.where(row.tracked > bound, w, np.nan)
 
 
 # --- potential fields and layers ---
@@ -250,6 +282,31 @@ class Firas(Demand):
         return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
 
 
+@dataclass(frozen=True)
+class PublishedFiras(Demand):
+    """Rows nearer than ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ², less than what tracking does: FIRAS as published.
+
+    Khatib (1986): F = η (1/ρ − 1/ρ₀)/ρ² ∂ρ/∂x where ρ < ρ₀, else 0, acts on a point decoupled as a unit mass, beside
+    the attraction to the goal and its velocity damping, which tracking has here. η is one number for all rows, u⁺ has
+    no part in it, and the push grows without bound at contact; :class:`Firas` scales by u⁺ and stops growing. ρ = −σ as
+    a fraction of the row's scale, and rows that are φ itself, which the article has not, are pushed by φ̇. The article
+    has no force at ρ ≤ 0: ρ counts as ρ₀/1000 there, which no arm can follow.
+    """
+
+    region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
+    eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
+
+    name, uses = "firas-published", ("sigma", "K")
+    relative, everywhere = True, True
+
+    @staticmethod
+    def formula(row: Row, region: float, eta: float) -> Any:
+        """−K s η (1/ρ − 1/ρ₀)/ρ² below what tracking does, where ρ = −σ/s < ρ₀; with 1 for K where K = 0."""
+        rho = np.maximum(-row.sigma / row.scale, 0.001 * region)
+        push = np.where(row.K == 0.0, 1.0, row.K) * row.scale * eta * (1.0 / rho - 1.0 / region) / (rho * rho)
+        return np.where(rho < region, -push, np.inf)
+
+
 # --- without parameters ---
 
 
@@ -268,6 +325,7 @@ class Nothing(Demand):
 #: Demands that files can name, by their ``name``.
 DEMANDS: tuple[type[Demand], ...] = (
     Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
-    Firas, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier,
-    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
+    ConditionedSuperTwisting, Firas, PublishedFiras, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier,
+    PrescribedTimeBarrier, HighOrderBarrier, BackupBarrier, RobustBarrier, InputToStateSafeBarrier,
+    GradientRobustBarrier, SampledBarrier, Nothing,
 )  # fmt: skip

@@ -22,7 +22,7 @@ from ..compiled.workspace import (
 from ..errors import InvalidInput, SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import COUNT, SCRATCH, BoundLaw
+from .compiled import COUNT, SCRATCH, BoundLaw, whole_call
 from .least_norm import RANK_TOLERANCE
 from .ranges import Declared, Range, positive_number, share
 from .resolver import row_weights
@@ -279,9 +279,7 @@ class Planner:
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """See :meth:`.CompiledLaw.call`."""
-        known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
-        of_task = task.J, task.b, task.error, task.error_rate, task.rest
-        return load("laws").follow_whole, self.workspace, len(self.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
+        return whole_call(self.workspace, rows, task)
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The command; raises SolverError where numbers leave the range of floating point."""

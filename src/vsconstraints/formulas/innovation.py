@@ -42,3 +42,14 @@ def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     """
     fresh = np.isnan(before) | (dt <= 0.0)
     return np.where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))
+
+
+@formula
+def observed_drift(drift: Any, change: Any, rate: Any, most: Any, period: Any, time_constant: Any) -> Any:
+    """d̂ ← d̂ + T_s/(T_s + τ) (d − d̂), d = Δσ/T_s − σ̇ within ±``most``: what moves σ beside what the model knows [1/s].
+
+    ``change`` Δσ since the sample before, NaN if there was none, and ``rate`` the mean σ̇ of both. The drift is filtered
+    by a lag of the first order with the ``time_constant`` τ [s], so that a constant one is found without an offset.
+    """
+    seen = np.minimum(np.maximum(change / period - rate, -most), most)
+    return np.where(np.isnan(change), drift, drift + period / (period + time_constant) * (seen - drift))

@@ -1,7 +1,7 @@
 """Lenses: where a pinhole's image of a point really is, and how fast that changes with where it should be.
 
-A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and its coefficients, and gives (x_d, y_d), then ∂x_d/∂x,
-∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both are as OpenCV defines them: modules calib3d and calib3d/fisheye.
+A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and a tuple of all its coefficients, and gives (x_d, y_d), then
+∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both are as OpenCV defines them: modules calib3d and calib3d/fisheye.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ INSIDE = 0.999  #: Share of the reach within which it starts: there is a kink.
 
 
 @formula
-def brown_conrady(
-    x: Any, y: Any, k1: Any, k2: Any, p1: Any, p2: Any, k3: Any, k4: Any, k5: Any, k6: Any
-) -> tuple[Any, Any, Any, Any, Any, Any]:
+def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Radial and tangential distortion: x c + 2 p₁xy + p₂(r² + 2x²) and y c + p₁(r² + 2y²) + 2 p₂xy.
 
     There, c = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
     """
+    k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     s = x * x + y * y
     over, under = 1.0 + s * (k1 + s * (k2 + s * k3)), 1.0 + s * (k4 + s * (k5 + s * k6))
     c = over / under
@@ -46,9 +45,9 @@ def brown_conrady(
 
 
 @formula
-def fisheye(x: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Distortion of the angle from the axis: (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸)."""
-    squared = x * x + y * y
+    (k1, k2, k3, k4), squared = coefficients, x * x + y * y
     r = np.sqrt(squared)
     centre = 1.0 * (r <= 0.0)
     angle = np.arctan(r)
@@ -68,7 +67,7 @@ def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> tuple
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
     share = np.where(r > reach, reach / np.maximum(r, reach), 1.0)
-    X, Y, a, b, c, d = lens(share * x, share * y, *coefficients)
+    X, Y, a, b, c, d = lens(share * x, share * y, coefficients)
     X, Y = X / share, Y / share
     per = beyond / (r * r + (1.0 - beyond))
     u, v = per * (X - (a * x + b * y)), per * (Y - (c * x + d * y))

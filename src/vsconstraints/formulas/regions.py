@@ -68,8 +68,9 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
 
 
 @formula
-def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any) -> Any:
     """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, A the axes along which x is beyond the box; 0 inside."""
+    x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
     rate = x_dot * nx + y_dot * ny + z_dot * nz
     moving = (np.abs(x) > a) * x_dot * x_dot + (np.abs(y) > b) * y_dot * y_dot + (np.abs(z) > c) * z_dot * z_dot

@@ -105,7 +105,7 @@ def _reach(distortion: Distortion) -> float:
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
     with np.errstate(all="ignore"):
-        *_, a, b, c, d = MODELS[distortion.model].lens(x, y, *_filled(distortion))
+        *_, a, b, c, d = MODELS[distortion.model].lens(x, y, _filled(distortion))
         mean, spread = 0.5 * (a + d), np.hypot(0.5 * (a - d), 0.5 * (b + c))
         usable = (mean - spread > 1.0 / MAX_STRETCH) & (mean + spread < MAX_STRETCH)
         folds = ~usable.all(axis=1)

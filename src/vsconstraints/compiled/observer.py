@@ -1,0 +1,79 @@
+"""A law on rows whose drift is observed, compiled: corrects the rows, and asks the law at another address."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..formulas.innovation import observed_drift
+from ..rows import Array
+from .compiler import IN_PLACE, compiled, in_place
+from .laws import RESOLVER, load_law
+from .linear import copy_vector
+from .parts import call_int_pointer, struct_loader
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+
+
+class ObserverArrays(NamedTuple):
+    """An observer of the drift of m rows, and the address of the law that answers."""
+
+    law: int
+    period: float  #: T_s [s].
+    time_constant: float
+    dead_time: float
+    seen: Array  #: (3, m) σ and σ̇ of the sample before, NaN if there was none, and the drift d̂ [1/s].
+    after: Array  #: (3, m) what is remembered of this sample once the law has answered.
+    #: (m,) of the corrected rows.
+    phi: Array
+    Lf: Array
+    sigma: Array
+    sigma_dot: Array
+
+    @classmethod
+    def of(cls, m: int, law: int, period: float, time_constant: float, dead_time: float) -> ObserverArrays:
+        """One that has seen nothing."""
+        seen, rows = np.full((3, m), math.nan), [np.zeros(m) for _ in range(4)]
+        seen[2] = 0.0
+        return cls(law, period, time_constant, dead_time, seen, seen.copy(), *rows)
+
+
+load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
+
+
+@in_place
+def correct(own: ObserverArrays, rows: RowArrays) -> None:
+    """Observe the drift of this sample, and write the rows with it: σ̇ + d̂, and σ after the dead time."""
+    for i in range(own.phi.size):
+        drift = 0.0
+        if rows.K[i] > 0.0:
+            drift = observed_drift(
+                own.seen[2, i], rows.sigma[i] - own.seen[0, i], 0.5 * (rows.sigma_dot[i] + own.seen[1, i]),
+                rows.switching_gain[i], own.period, own.time_constant,
+            )  # fmt: skip
+        own.after[0, i], own.after[1, i], own.after[2, i] = rows.sigma[i], rows.sigma_dot[i], drift
+        late = own.dead_time * drift
+        own.sigma[i] = rows.sigma[i] + late
+        own.sigma_dot[i] = rows.sigma_dot[i] + drift
+        own.phi[i] = rows.phi[i] + late + rows.K[i] * drift
+        own.Lf[i] = rows.Lf[i] + drift
+
+
+@compiled(RESOLVER, IN_PLACE, from_python=False)
+def observe(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.Observed`."""
+    own = load_observer(load_law(address).demand)
+    m = own.phi.size
+    if rows.sigma.size != m or rows.sigma_dot.size != m or rows.K.size != m or rows.phi.size != m:
+        return NEEDS_PYTHON
+    correct(own, rows)
+    corrected = RowArrays(
+        own.phi, rows.Lg, own.Lf, own.sigma, own.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min,
+        rows.qdd_max,
+    )  # fmt: skip
+    code: int = call_int_pointer(load_law(own.law).resolver, (own.law, corrected, task, answer))
+    if code == SOLVED or code >= RELAXED_ROWS:
+        for part in range(3):
+            copy_vector(own.seen[part], own.after[part])
+    return code

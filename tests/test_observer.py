@@ -1,0 +1,128 @@
+"""Observers of drift: what unknown motion adds to rows is found, by any law, and no more than that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import Controller, Observed, Tracking, make_controller
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+PERIOD, K, DRIFT = 0.01, 0.2, 0.7
+TASK = Task(np.eye(1, 2), np.zeros(1))
+
+
+class Listening(Controller):
+    """Keeps the rows that it is asked with."""
+
+    name = "listening"
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        self.rows = rows
+        return Command(np.zeros(2), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
+
+
+def rows_at(t: float, noise: float = 0.0) -> Rows:
+    """A row with σ = −1 + 0.3 t² + DRIFT t of which the model knows all but the drift, and a speed."""
+    sigma, rate = -1.0 + 0.3 * t * t + DRIFT * t + noise, 0.6 * t
+    return Rows(
+        phi=np.array([sigma + K * rate, -0.5]),
+        Lg=np.array([[K, 0.0], [0.0, 1.0]]),
+        Lf=np.array([rate + 0.6 * K, 0.1]),
+        switching_gain=np.array([5.0, 5.0]),
+        labels=("moving", "speed"),
+        sigma=np.array([sigma, -0.5]),
+        sigma_dot=np.array([rate, 0.0]),
+        K=np.array([K, 0.0]),
+    )
+
+
+def asked(observer: float, dead_time: float = 0.0, samples: int = 200, noise: float = 0.0) -> list[Rows]:
+    """Rows that a law with an observer gets."""
+    law, rng, rows = Listening(), np.random.default_rng(1), []
+    observed = Observed(law, observer=observer, dead_time=dead_time)
+    observed.reset(period=PERIOD)
+    for k in range(samples):
+        observed.command(rows_at(k * PERIOD, noise * rng.standard_normal()), TASK)
+        rows.append(law.rows)
+    return rows
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.035])
+def test_a_constant_drift_is_found_and_belongs_to_every_part_of_the_row(dead_time: float) -> None:
+    true, found = rows_at(199 * PERIOD), asked(0.05, dead_time)[-1]
+    sigma = true.sigma[0] + dead_time * DRIFT
+    assert found.sigma_dot[0] == pytest.approx(true.sigma_dot[0] + DRIFT, rel=1e-9)
+    assert found.sigma[0] == pytest.approx(sigma, rel=1e-9)
+    assert found.phi[0] == pytest.approx(sigma + K * found.sigma_dot[0], rel=1e-9)
+    assert found.Lf[0] == pytest.approx(true.Lf[0] + DRIFT, rel=1e-9)
+    for name in ("phi", "sigma", "sigma_dot", "Lf"):
+        assert getattr(found, name)[1] == getattr(true, name)[1]
+
+
+def test_it_is_approached_with_the_time_constant() -> None:
+    tau = 0.2
+    drift = np.array([rows.sigma_dot[0] for rows in asked(tau, samples=100)]) - 0.6 * PERIOD * np.arange(100)
+    k = np.arange(100)
+    assert drift == pytest.approx(DRIFT * (1.0 - (tau / (tau + PERIOD)) ** k), abs=1e-9)
+
+
+def test_noise_passes_as_promised() -> None:
+    tau, s = 0.2, 1e-3
+    drift = [rows.sigma_dot[0] - 0.6 * k * PERIOD for k, rows in enumerate(asked(tau, samples=4000, noise=s))][400:]
+    assert np.std(drift) == pytest.approx(s / tau, rel=0.1)
+
+
+def test_a_jump_counts_as_no_more_than_the_gain() -> None:
+    law = Listening()
+    observed = Observed(law, observer=0.09)
+    observed.reset(period=PERIOD)
+    observed.command(rows_at(0.0), TASK)
+    jumped = rows_at(0.0)
+    observed.command(replace(jumped, sigma=jumped.sigma + 100.0), TASK)
+    assert law.rows.sigma_dot[0] == pytest.approx(5.0 * PERIOD / 0.1)
+
+
+@pytest.mark.parametrize("law", ["hierarchical-qp", "sliding-mode", "potential-field", "cbf-filter"])
+def test_compiled_and_by_calls_alike(law: str) -> None:
+    setup = Scenario.load("moving-sphere").with_override("duration", 0.5).setup()
+    options = {"observer": 0.1, "dead_time": 0.01}
+    whole = simulate(setup, make_controller(law, options))
+    by_calls = simulate(setup, make_controller(law, options), by_public_call=True)
+    assert whole.compiled
+    assert whole.qdd_command == pytest.approx(by_calls.qdd_command, abs=1e-9)
+
+
+def test_it_forgets_at_a_reset() -> None:
+    law = Observed(Listening(), observer=0.05)
+    law.reset(period=PERIOD)
+    for k in range(50):
+        law.command(rows_at(k * PERIOD), TASK)
+    law.reset()
+    law.command(rows_at(0.0), TASK)
+    assert law.law.rows.sigma_dot[0] == 0.0  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("options", [{"observer": 0.0}, {"observer": -1.0}, {"observer": np.nan}, {"dead_time": 0.01}])
+def test_options_that_cannot_be_used_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(ConfigurationError, match="observer"):
+        make_controller("hierarchical-qp", options)
+    with pytest.raises(ConfigurationError, match="dead_time"):
+        make_controller("hierarchical-qp", {"observer": 0.1, "dead_time": -1.0})
+
+
+def test_rows_that_do_not_say_enough_are_refused() -> None:
+    law = Observed(Tracking(), observer=0.1)
+    with pytest.raises(InvalidInput, match="sampling period"):
+        law.command(rows_at(0.0), TASK)
+    law.reset(period=PERIOD)
+    with pytest.raises(InvalidInput, match=r"rows\.sigma_dot"):
+        law.command(replace(rows_at(0.0), sigma_dot=np.empty(0)), TASK)
+    law.command(rows_at(0.0), TASK)
+    with pytest.raises(InvalidInput, match="other rows"):
+        law.command(replace(rows_at(0.0), labels=("another", "speed")), TASK)
