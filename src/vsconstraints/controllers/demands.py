@@ -15,6 +15,7 @@ from .barriers import (
     GradientRobustBarrier,
     HighOrderBarrier,
     InputToStateSafeBarrier,
+    ProbabilisticBarrier,
     ReciprocalBarrier,
     RobustBarrier,
     SampledBarrier,
@@ -269,5 +270,5 @@ class Nothing(Demand):
 DEMANDS: tuple[type[Demand], ...] = (
     Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
     Firas, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier,
-    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
+    ProbabilisticBarrier, InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
 )  # fmt: skip
