@@ -129,7 +129,9 @@ def test_what_saturation_scales_is_the_task_and_not_the_rest(form: str, resolver
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation | SaturationExact)], ids=repr)
+@pytest.mark.parametrize(
+    "resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation | SaturationExact)], ids=repr
+)
 def test_it_moves_the_origin_of_accelerations(resolver: Resolver, form: str) -> None:
     """q̈ − q̈₀ is the answer to the demands less L_gφ q̈₀ and the task less J q̈₀.
 

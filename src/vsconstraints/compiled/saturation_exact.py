@@ -14,7 +14,7 @@ from .laws import RESOLVER, load_law, within
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
 from .levels import CENTER, ROWS_OF_X
-from .linear import ONE, START, add, apply, copy, copy_vector, dot, length
+from .linear import ONE, START, add, apply, copy, dot, length
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, matrix, vector
@@ -68,16 +68,14 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     T = directions(task.J, task.b, tolerance, X, scratch)
     p, whole = T.shape[0], length(X, START, n)
     # rows and the box of q̈ as rows of y, of q̈ = Σ yᵢ Tᵢ, where s = y₀ / ‖J†b‖
-    A, c, scale = matrix(scratch, m + 2 * n, p), vector(scratch, m + 2 * n), vector(scratch, m + 2 * n)
-    for i in range(m):
-        c[i], scale[i] = law.asked[i], max(rows.scale[i], math.sqrt(law.squared[i]))
-        for d in range(p):
-            A[i, d] = dot(rows.Lg, i, T, d, START, n)
-    for j in range(n):
-        for side, sign in ((m + j, 1.0), (m + n + j, -1.0)):
-            c[side], scale[side] = box[GREATEST, j] if sign > 0.0 else -box[LEAST, j], 1.0
-            for d in range(p):
-                A[side, d] = sign * T[d, j]
+    A, c, scale = matrix(scratch, m + 2 * n, p), vector(scratch, m + 2 * n), np.ones(m + 2 * n)
+    for d in range(p):
+        for i in range(m):
+            A[i, d], c[i] = dot(rows.Lg, i, T, d, START, n), law.asked[i]
+            scale[i] = max(rows.scale[i], math.sqrt(law.squared[i]))
+        for j in range(n):
+            A[m + j, d], c[m + j] = T[d, j], box[GREATEST, j]
+            A[m + n + j, d], c[m + n + j] = -T[d, j], -box[LEAST, j]
     bounds, J, free = matrix(scratch, 2, p), blank(scratch, ONE, p), blank(scratch, ONE, p)[0]
     for d in range(p):
         bounds[LEAST, d], bounds[GREATEST, d] = 0.0 if d == 0 else -math.inf, whole if d == 0 else math.inf
@@ -86,19 +84,19 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     J[0, 0], b = 1.0, vector(scratch, 1)
     b[0] = whole
     found = Resolved(vector(scratch, p), vector(scratch, c.size), fixed)
-    priorities = Priorities(bounds, LESS * damping, tolerance, True)
-    code, _ = hierarchy(Demands(A, c, scale, np.ones(c.size)), J, b, free, priorities, found, scratch)
+    priorities, demands = Priorities(bounds, LESS * damping, tolerance, True), Demands(A, c, scale, np.ones(c.size))
+    code, _ = hierarchy(demands, J, b, free, priorities, found, scratch)
     if code not in (SOLVED, SHORT):
         if law.otherwise == 0:
             return INCOMPATIBLE
         answered: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
         return answered
     for j in range(n):
-        X[CENTER, j] = 0.0
-    for d in range(p):
-        add(X, CENTER, found.qdd[d], T, d, START, n)
-    for j in range(n):
-        qdd[j] = min(max(X[CENTER, j], box[LEAST, j]), box[GREATEST, j])
-    copy_vector(answer.acted, fixed)
+        qdd[j] = 0.0
+        for d in range(p):
+            qdd[j] += found.qdd[d] * T[d, j]
+        qdd[j] = min(max(qdd[j], box[LEAST, j]), box[GREATEST, j])
+    for i in range(m):
+        answer.acted[i] = fixed[i]
     answer.iterations[0] = 0
     return finished(law, rows, qdd, code)

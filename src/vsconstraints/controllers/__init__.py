@@ -19,6 +19,7 @@ from .goal_governor import GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import OBSERVER, Observed
+from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
@@ -27,13 +28,14 @@ from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, Sat
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
     "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Observed",
-    "Pair", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
+    "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
     "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking",
     "controller_class", "law_ranges", "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
     SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
+    PathIntegralControl,
 )  # fmt: skip
 
 #: Controllers by the name files and the command line use.

@@ -74,9 +74,7 @@ class ProbabilisticBarrier(WithRate):
 
     violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
     noise: float = option(0.01, "standard deviation of measured φ, a fraction of each row's scale", (1e-4, 0.1))
-    acceleration_noise: float = option(
-        0.01, "standard deviation of each joint's acceleration [rad/s² or m/s²]", (0.001, 10.0)
-    )
+    acceleration_noise: float = option(0.01, "that of each joint's q̈ [rad/s² or m/s²]", (0.001, 10.0))
 
     name, uses = "probabilistic-barrier", ("Lf", "norm")
 

@@ -290,11 +290,8 @@ class SaturationExact(Hierarchy):
     no s is possible, :class:`Hierarchy` answers, with its statuses.
     """
 
-    name, kernel, otherwise = (
-        "saturation-exact",
-        ("saturation_exact", "saturation_exact"),
-        ("hierarchical_qp", "descend"),
-    )
+    name, otherwise = "saturation-exact", ("hierarchical_qp", "descend")
+    kernel = ("saturation_exact", "saturation_exact")
 
 
 #: Resolvers that files can name, by their ``name``.
