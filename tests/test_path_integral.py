@@ -198,9 +198,9 @@ def test_costs_are_those_of_the_formula() -> None:
 
 def test_plans_move_on_in_time() -> None:
     law, _, task = problem(samples=1, horizon=3)
+    planner = law.planner((2, 2))
     # the first plan is the last one, without noise
-    np.testing.assert_array_equal(law.command(Rows.none(2), task).qdd, 0.0)
-    planner = law._planner
+    np.testing.assert_array_equal(planner.solve(Rows.none(2), task).qdd, 0.0)
     planner.mean[:, 0], planner.mean[:, 1] = [1.0, 3.0, 5.0], 0.0
     for after, means in ((0.0, [1.0, 3.0, 5.0]), (0.025, [1.5, 3.5, 5.0]), (0.15, [4.0, 5.0, 5.0]), (0.31, [0.0] * 3)):
         np.testing.assert_allclose(planner.carry_on(after)[:, 0], means, atol=1e-12)
