@@ -17,6 +17,7 @@ from vsconstraints.controllers import (
     Law,
     Priority,
     Saturation,
+    SaturationExact,
     Scaling,
     Tracking,
 )
@@ -90,6 +91,7 @@ def test_a_box_that_holds_nothing_back_changes_no_bit(demand, resolver):
         Filter(metric="task"),
         Saturation(),
         Saturation(scales=False),
+        SaturationExact(),
         Scaling(),
         Hierarchy(solver="daqp"),
         Hierarchy(max_acceleration=0.3),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -42,6 +43,7 @@ from vsconstraints.controllers.demands import (
     InputToStateSafeBarrier,
     OuterLayer,
     PrescribedTimeBarrier,
+    ProbabilisticBarrier,
     PublishedFiras,
     ReciprocalBarrier,
     RobustBarrier,
@@ -49,15 +51,15 @@ from vsconstraints.controllers.demands import (
     SuperTwisting,
     Switch,
 )
-from vsconstraints.errors import InvalidInput
+from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.row import Row
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
 BARRIERS: list[type[Demand]] = [
-    Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier, InputToStateSafeBarrier,
-    GradientRobustBarrier, SampledBarrier, BackupBarrier,
+    Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier, ProbabilisticBarrier,
+    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, BackupBarrier,
 ]  # fmt: skip
 
 
@@ -88,6 +90,12 @@ SEARCHED: dict[str, dict[str, tuple[float, float, float]]] = {
     "finite-time-barrier": {"alpha": (2.0, 0.1, 20.0)},
     "high-order-barrier": {"alpha": (20.0, 1.0, 200.0), "braking": (5.0, 0.1, 100.0)},
     "robust-barrier": {"alpha": (20.0, 1.0, 200.0), "disturbance": (0.1, 0.001, 10.0)},
+    "probabilistic-barrier": {
+        "alpha": (20.0, 1.0, 200.0),
+        "violation_rate": (0.01, 1e-4, 0.2),
+        "noise": (0.01, 1e-4, 0.1),
+        "acceleration_noise": (0.01, 0.001, 10.0),
+    },
     "input-to-state-safe-barrier": {"alpha": (20.0, 1.0, 200.0), "epsilon": (1.0, 0.01, 100.0)},
     "gradient-robust-barrier": {"alpha": (20.0, 1.0, 200.0), "gradient_error": (0.1, 0.001, 1.0)},
     "sampled-barrier": {"alpha": (20.0, 1.0, 200.0), "curvature": (20.0, 0.1, 1000.0)},
@@ -649,6 +657,31 @@ def test_a_robust_barrier_holds_at_every_corner_of_the_disturbance() -> None:
         c = asked(RobustBarrier(5.0, D), phi=phi, Lf=Lf, norm_1=float(np.abs(Lg).sum()))
         worst = max(Lg @ np.array(corner) for corner in itertools.product((-D, D), repeat=4))
         assert Lf + c + worst == pytest.approx(-5.0 * phi)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.05, 0.2])
+@pytest.mark.parametrize(("noise", "acceleration_noise"), [(0.02, 0.001), (1e-4, 0.4), (0.02, 0.4)])
+def test_a_probabilistic_barrier_is_violated_as_often_as_promised(
+    rate: float, noise: float, acceleration_noise: float
+) -> None:
+    """Of a million samples of a row that is held, with noise drawn here: within the exact interval of 99.9 %."""
+    rng, N, alpha, scale, Lg = np.random.default_rng(2), 1_000_000, 5.0, 3.0, np.array([1.0, -2.0, 0.5])
+    phi, Lf = rng.uniform(-1.0, 0.5, N), rng.normal(size=N)
+    measured = phi + noise * scale * rng.standard_normal(N)
+    moved = acceleration_noise * rng.standard_normal((N, 3)) @ Lg
+    demand = ProbabilisticBarrier(alpha, rate, noise, acceleration_noise)
+    v = asked(demand, phi=measured, Lf=Lf, norm=float(np.linalg.norm(Lg)), scale=scale)
+    violated = int((Lf + v + moved > -alpha * phi).sum())
+    interval = scipy.stats.binomtest(violated, N).proportion_ci(0.999, method="exact")
+    assert interval.low <= rate <= interval.high
+    # what is not held is violated less: here tracking asks for no more than half of the time
+    free = np.minimum(v, rng.normal(size=N))
+    assert (Lf + free + moved > -alpha * phi).mean() < rate
+
+
+def test_rates_of_violation_are_refused_that_promise_nothing() -> None:
+    with pytest.raises(ConfigurationError, match=r"violation_rate must be less than 0\.5"):
+        ProbabilisticBarrier(violation_rate=0.5)
 
 
 def test_an_input_to_state_safe_barrier_is_exceeded_by_a_quarter_of_epsilon_d_squared() -> None:

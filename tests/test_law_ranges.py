@@ -37,7 +37,7 @@ LAWS: list[Any] = [
 ]
 """Every name, every demand and every resolver."""
 
-MODEL = ("predictive", "goal-governor")
+MODEL = ("predictive", "goal-governor", "mppi")
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
 
 
@@ -98,6 +98,7 @@ def test_what_is_searched_of_each_law() -> None:
         "implicit-super-twisting": {"rate"},
         "cbf-filter": {"alpha", "metric", "damping"},
         "predictive": {"horizon", "block", "approach", "damping"},
+        "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
     }
     assert law_ranges("law", {"demand": "barrier", "resolver": "saturation"}) == {"alpha": Range(1.0, 200.0)}

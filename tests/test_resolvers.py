@@ -27,6 +27,7 @@ from vsconstraints.controllers import (
     RampRepulsion,
     Resolver,
     Saturation,
+    SaturationExact,
     Scaling,
     Switch,
     Tracking,
@@ -48,6 +49,8 @@ SHARED = (
     Saturation(),
     Scaling(max_acceleration=4.0),
     Saturation(max_acceleration=4.0),
+    SaturationExact(),
+    SaturationExact(max_acceleration=4.0),
 )
 
 

@@ -21,6 +21,7 @@ from vsconstraints.controllers import (
     Law,
     Resolver,
     Saturation,
+    SaturationExact,
     Scaling,
     SlidingMode,
     Tracking,
@@ -117,17 +118,20 @@ def test_of_all_that_does_as_well_for_rows_and_task_it_is_the_nearest(resolver: 
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_what_saturation_scales_is_the_task_and_not_the_rest(form: str) -> None:
+@pytest.mark.parametrize("resolver", [Saturation(), SaturationExact()])
+def test_what_saturation_scales_is_the_task_and_not_the_rest(form: str, resolver: Resolver) -> None:
     """Joint 1 may do 0.4 of what the task wants of it; joint 2 does what it does at rest."""
     task = Task(np.array([[1.0, 0.0]]), np.array([10.0]), rest=np.array([7.0, 3.0]))
     rows = Rows.none(2)
     rows.qdd_min, rows.qdd_max = np.full(2, -4.0), np.full(2, 4.0)
-    command = answered(Law(Written(), Saturation(scales=True)), form, rows, task)
+    command = answered(Law(Written(), resolver), form, rows, task)
     np.testing.assert_allclose(command.qdd, [4.0, 3.0])
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation)], ids=repr)
+@pytest.mark.parametrize(
+    "resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation | SaturationExact)], ids=repr
+)
 def test_it_moves_the_origin_of_accelerations(resolver: Resolver, form: str) -> None:
     """q̈ − q̈₀ is the answer to the demands less L_gφ q̈₀ and the task less J q̈₀.
 

@@ -19,21 +19,23 @@ from .goal_governor import GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import OBSERVER, Observed
+from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
-from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, Scaling
+from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, SaturationExact, Scaling
 
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
     "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Observed",
-    "Pair", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
-    "Range", "Resolver", "RowFactors", "Saturation", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class",
-    "law_ranges", "make_controller",
+    "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
+    "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking",
+    "controller_class", "law_ranges", "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
     SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
+    PathIntegralControl,
 )  # fmt: skip
 
 #: Controllers by the name files and the command line use.

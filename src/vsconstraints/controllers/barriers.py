@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, ClassVar
 
 import numpy as np
@@ -58,6 +59,36 @@ class RobustBarrier(WithRate):
     def formula(row: Row, alpha: float, disturbance: float) -> Any:
         """−αφ − L_fφ − D ‖L_gφ‖₁."""
         return -alpha * row.phi - row.Lf - disturbance * row.norm_1
+
+
+@dataclass(frozen=True)
+class ProbabilisticBarrier(WithRate):
+    """Every row demands −αφ − L_fφ − z s_d: the barrier's condition φ̇ ≤ −αφ is violated with the rate ε at most.
+
+    The chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), by the normal quantile z of 1 − ε. They derive it
+    for the distance of image points from a disc, quadratic in the noise, and within predictive control. Here it is that
+    of any row, linear in the noise, for the present sample: the measured φ has a normal error with the standard
+    deviation ``noise`` × scale, the accelerations one of ``acceleration_noise`` in each joint, independent of each
+    other, so that s_d² = (α noise scale)² + (acceleration_noise ‖L_gφ‖)². Of a row that is held alone the rate is ε,
+    of others less. It is that of each row in each sample, not of a run. Errors of L_fφ and L_gφ are not in it.
+    """
+
+    violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
+    noise: float = option(0.01, "standard deviation of measured φ, a fraction of each row's scale", (1e-4, 0.1))
+    acceleration_noise: float = option(0.01, "that of each joint's q̈ [rad/s² or m/s²]", (0.001, 10.0))
+
+    name, uses = "probabilistic-barrier", ("Lf", "norm")
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """See :class:`.Demand`: with the quantile in place of ε."""
+        return self.alpha, NormalDist().inv_cdf(1.0 - self.violation_rate), self.noise, self.acceleration_noise
+
+    @staticmethod
+    def formula(row: Row, alpha: float, quantile: float, noise: float, acceleration_noise: float) -> Any:
+        """−αφ − L_fφ − z √((α noise × scale)² + (acceleration_noise ‖L_gφ‖)²)."""
+        measured, moved = alpha * noise * row.scale, acceleration_noise * row.norm
+        return -alpha * row.phi - row.Lf - quantile * np.sqrt(measured * measured + moved * moved)
 
 
 @dataclass(frozen=True)

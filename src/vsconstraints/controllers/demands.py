@@ -17,6 +17,7 @@ from .barriers import (
     HighOrderBarrier,
     InputToStateSafeBarrier,
     PrescribedTimeBarrier,
+    ProbabilisticBarrier,
     ReciprocalBarrier,
     RobustBarrier,
     SampledBarrier,
@@ -326,6 +327,6 @@ class Nothing(Demand):
 DEMANDS: tuple[type[Demand], ...] = (
     Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
     ConditionedSuperTwisting, Firas, PublishedFiras, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier,
-    PrescribedTimeBarrier, HighOrderBarrier, BackupBarrier, RobustBarrier, InputToStateSafeBarrier,
-    GradientRobustBarrier, SampledBarrier, Nothing,
+    PrescribedTimeBarrier, HighOrderBarrier, BackupBarrier, RobustBarrier, ProbabilisticBarrier,
+    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
 )  # fmt: skip

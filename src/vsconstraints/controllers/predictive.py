@@ -123,7 +123,7 @@ class PredictiveControl(Controller):
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("horizon", "block"):
-            value = _count(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
+            value = whole_number(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
         elif name in ("approach", "damping"):
             value = positive_number(name, value)
         elif name == "margin":
@@ -132,7 +132,7 @@ class PredictiveControl(Controller):
             value = getattr(Hierarchy(**{name: value}), name)
         super().__setattr__(name, value)
         if name != "_planner":
-            self._planner: Planner | None = None
+            self._planner: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
         """All but addresses, which are those of one process."""
@@ -168,7 +168,8 @@ class PredictiveControl(Controller):
         InvalidInput
             if there is no model or no sampling period, or the model is of other rows.
         """
-        return self._ready(rows, task).solve(rows, task)
+        command: Command = self._ready(rows, task).solve(rows, task)
+        return command
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
@@ -177,22 +178,26 @@ class PredictiveControl(Controller):
         planner = self._ready(rows, task)
         return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
 
-    def _ready(self, rows: Rows, task: Task) -> Planner:
+    def _ready(self, rows: Rows, task: Task) -> Any:
         """What plans for these rows; raises InvalidInput if there is no model of them, or no sampling period."""
         if self.model is None:
             raise InvalidInput(
-                "the law 'predictive' uses a model: ask it by ControlStep.command, or tell it by "
+                f"the law {self.name!r} uses a model: ask it by ControlStep.command, or tell it by "
                 "reset(model=step.model()) of the control step that makes these rows"
             )
         if self.period is None:
             raise InvalidInput(
-                "the law 'predictive' uses the sampling period: tell it by reset(period=...) before the first command"
+                f"the law {self.name!r} uses the sampling period: tell it by reset(period=...) before the first command"
             )
         if rows.labels != self.model.labels or task.J.shape[1] != len(self.model.acceleration):
-            raise InvalidInput("the law 'predictive' has the model of other rows or of another robot")
+            raise InvalidInput(f"the law {self.name!r} has the model of other rows or of another robot")
         if self._planner is None or self._planner.shape != task.J.shape:
-            self._planner = Planner(self, self.model, self.period, task.J.shape)
+            self._planner = self.planner(task.J.shape)
         return self._planner
+
+    def planner(self, shape: tuple[int, int]) -> Any:
+        """What plans for a task of that shape (k, n), once model and period are known."""
+        return Planner(self, self.model, self.period or np.nan, shape)
 
 
 class Planner:
@@ -355,7 +360,7 @@ class Planner:
         return Command(qdd, "relaxed", acted, self.labels, reason=reason)
 
 
-def _count(name: str, value: object, most: int) -> int:
+def whole_number(name: str, value: object, most: int) -> int:
     """The value if it is a whole number from 1 to ``most``; raises InvalidInput otherwise."""
     if not isinstance(value, bool) and isinstance(value, Integral) and 1 <= int(value) <= most:
         return int(value)

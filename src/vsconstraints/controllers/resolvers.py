@@ -279,8 +279,25 @@ class Saturation(Hierarchy):
         return np.append(super().options, float(self.scales))
 
 
+@dataclass(frozen=True, kw_only=True)
+class SaturationExact(Hierarchy):
+    """Of all q̈ with J q̈ = s J J†b that meet all demands in the box: the largest s in [0, 1], then least ‖q̈ − q̈₀‖.
+
+    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), stated as the linear program
+    for s and, behind it, the projection. The published algorithms come to it by letting saturated joints go again by
+    the signs of their multipliers; here it is :class:`Hierarchy` in the coordinates q̈ = s J†b + N z of the null space,
+    where s is the task. :class:`Saturation`, which lets nothing go, finds a smaller s where that would be better. Where
+    no s is possible, :class:`Hierarchy` answers, with its statuses.
+    """
+
+    name, otherwise = "saturation-exact", ("hierarchical_qp", "descend")
+    kernel = ("saturation_exact", "saturation_exact")
+
+
 #: Resolvers that files can name, by their ``name``.
-RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
+RESOLVERS: tuple[type[Resolver], ...] = (
+    Priority, Hierarchy, Filter, Additive, Saturation, SaturationExact, Projection, Scaling,
+)  # fmt: skip
 
 
 def _weight(prefix: str, value: object) -> float:

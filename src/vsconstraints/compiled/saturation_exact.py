@@ -1,0 +1,103 @@
+"""The resolver ``saturation-exact``, compiled: the hierarchy in the coordinates of the task's scale and null space."""
+
+from __future__ import annotations
+
+import math
+
+from ..formulas.row import BOUND
+from ..rows import Array
+from .compiler import compiled, inner
+from .hierarchy import Priorities, hierarchy
+from .laws import RESOLVER, load_law, within
+from .least_squares import CERTAIN, pseudoinverse
+from .least_violation import GREATEST, LEAST
+from .levels import CENTER, ROWS_OF_X
+from .linear import ONE, START, add, apply, copy, dot, length
+from .parts import call_int_pointer
+from .resolving import demanded, finished, follow_alone, measurable
+from .scratch import blank, emptied, filled, flags, matrix, vector
+from .walls import Demands, Resolved, count_resisting
+from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SHORT, SOLVED, Answer, RowArrays, Scratch, TaskArrays
+
+#: The damping over that of the hierarchy: the task has a gain of 1 and nothing else, so that less is not too little.
+LESS = 1e-4
+
+
+@inner
+def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch) -> Array:
+    """Rows (1 + p, n) of unit norm, orthogonal: that of J†b, which is written to X[START], and the null space of J."""
+    k, n = J.shape
+    W = matrix(scratch, k, n + 1)
+    for i in range(k):
+        copy(W, i, J, i, n)
+        W[i, n] = b[i]
+    F, S, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
+    T, size = blank(scratch, ONE + n - rank, n), length(X, START, n)
+    add(T, START, 1.0 / size if size > 0.0 else 0.0, X, START, START, n)
+    for d in range(n - rank):
+        T[1 + d, rank + d] = 1.0
+        apply(F, S, rank, T, 1 + d)
+    return T
+
+
+@compiled(RESOLVER, from_python=False)
+def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.SaturationExact`, whose options are those of the hierarchy.
+
+    ``SOLVED`` or ``SHORT``, ``NEEDS_PYTHON`` where input is refused or numbers leave the range, or the code of the
+    hierarchy, where it has to answer.
+    """
+    law = load_law(address)
+    if not measurable(law, rows, task, answer):
+        return NEEDS_PYTHON
+    tolerance, bound, damping = law.options[0], law.options[1], law.options[2]
+    (m, n), qdd, rest, scratch = rows.Lg.shape, answer.qdd, task.rest, emptied(law)
+    follow_alone(law, task, answer)
+    if not demanded(address, law, rows, qdd, BOUND):
+        return NEEDS_PYTHON
+    X, box, fixed = blank(scratch, ROWS_OF_X, n), matrix(scratch, 2, n), flags(scratch, m + 2 * n)
+    for j in range(n):
+        X[CENTER, j] = qdd[j]
+        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
+    own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
+    if count_resisting(own, box, X, fixed, Resolved(qdd, answer.slack, answer.acted)) < 0:
+        answer.iterations[0] = 0
+        return finished(law, rows, qdd, SOLVED)
+    T = directions(task.J, task.b, tolerance, X, scratch)
+    p, whole = T.shape[0], length(X, START, n)
+    # rows and the box of q̈ as rows of y, of q̈ = Σ yᵢ Tᵢ, where s = y₀ / ‖J†b‖
+    A, c, scale = matrix(scratch, m + 2 * n, p), vector(scratch, m + 2 * n), filled(scratch, m + 2 * n, 1.0)
+    for d in range(p):
+        for i in range(m):
+            A[i, d], c[i] = dot(rows.Lg, i, T, d, START, n), law.asked[i]
+            scale[i] = max(rows.scale[i], math.sqrt(law.squared[i]))
+        for j in range(n):
+            A[m + j, d], c[m + j] = T[d, j], box[GREATEST, j]
+            A[m + n + j, d], c[m + n + j] = -T[d, j], -box[LEAST, j]
+    bounds, J, free = matrix(scratch, 2, p), blank(scratch, ONE, p), blank(scratch, ONE, p)[0]
+    for d in range(p):
+        bounds[LEAST, d], bounds[GREATEST, d] = 0.0 if d == 0 else -math.inf, whole if d == 0 else math.inf
+        for j in range(rest.size):
+            free[d] += T[d, j] * rest[j]
+    J[0, 0], b = 1.0, vector(scratch, 1)
+    b[0] = whole
+    found = Resolved(vector(scratch, p), vector(scratch, c.size), fixed)
+    priorities, demands = (
+        Priorities(bounds, LESS * damping, tolerance, True),
+        Demands(A, c, scale, filled(scratch, c.size, 1.0)),
+    )
+    code, _ = hierarchy(demands, J, b, free, priorities, found, scratch)
+    if code not in (SOLVED, SHORT):
+        if law.otherwise == 0:
+            return INCOMPATIBLE
+        answered: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
+        return answered
+    for j in range(n):
+        qdd[j] = 0.0
+        for d in range(p):
+            qdd[j] += found.qdd[d] * T[d, j]
+        qdd[j] = min(max(qdd[j], box[LEAST, j]), box[GREATEST, j])
+    for i in range(m):
+        answer.acted[i] = fixed[i]
+    answer.iterations[0] = 0
+    return finished(law, rows, qdd, code)

@@ -1,0 +1,151 @@
+"""Model predictive path integral control: of random plans the mean, weighted by their costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..rows import Array, BoolArray, Command, Rows, Task
+from .predictive import Plan, PredictiveControl, whole_number
+from .ranges import Declared, Range, positive_number
+from .resolver import row_weights
+
+MOST = 100_000  #: Samples, and seeds.
+SEEN = ("phi", "sigma", "J", "b", "rest")  #: What is used of predictions.
+
+
+class PathIntegralControl(PredictiveControl):
+    """Model predictive path integral control (MPPI): samples plans around the last one, and takes their weighted mean.
+
+    Information-theoretic MPPI (Williams et al., IEEE Transactions on Robotics 34(6), 2018) without its cost of inputs;
+    for visual servoing Mohamed, Allibert and Martinet (arXiv 2104.04925), whose inputs are velocities of the camera and
+    whose cost is the error of the features. Here plans are of q̈, and the cost is that of :class:`.PredictiveControl`,
+
+        c(u) = Σₖ ‖J uₖ − b‖²/‖J‖² + damping ‖uₖ − q̈₀‖² + penalty Σᵢ max(0, σᵢ(τ + T) − e^(−T/κ) σᵢ(τ))² / (sᵢ T²)²
+
+    with φ and s T for rows on φ itself. S plans u ~ N(ū, noise²) around the last plan ū, the first without noise, are
+    predicted without linearisation, and ū ← Σ w u, w ∝ exp(−c / (2 temperature noise²)). For quadratic costs and S → ∞
+    this minimises c(u) + temperature ‖u − ū‖²: sample by sample it comes to the optimum. Few samples leave noise in the
+    command; rows are not kept for certain; plans that the model cannot predict to their end do not count.
+
+    Parameters
+    ----------
+    samples, temperature, penalty
+        S, from 1 to 100,000; the lower the temperature, the more the best plans count; weight of rows.
+    noise
+        Standard deviation of q̈ in every block [rad/s² or m/s²].
+    seed
+        Of the random numbers, from 1 to 100,000: every reset begins with it, so that runs repeat bit by bit.
+    horizon, block, options
+        As of :class:`.PredictiveControl`.
+    """
+
+    name = "mppi"
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "samples": Range(16, 512, integer=True),
+        "horizon": Range(2, 20, integer=True),
+        "block": Range(5, 25, integer=True),
+        "temperature": Range(0.1, 10.0),
+        "noise": Range(0.02, 2.0),
+        "penalty": Range(0.01, 100.0),
+    }
+
+    def __init__(
+        self, *, samples: int = 64, horizon: int = 3, block: int = 10, temperature: float = 1.0, noise: float = 0.2,
+        penalty: float = 1.0, seed: int = 1, **options: Any,
+    ) -> None:  # fmt: skip
+        super().__init__(**{"horizon": horizon, "block": block, "damping": 1e-3, **options})
+        self.samples, self.temperature, self.noise = samples, temperature, noise
+        self.penalty, self.seed = penalty, seed
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("samples", "seed"):
+            value = whole_number(name, value, MOST)
+        elif name in ("temperature", "noise", "penalty"):
+            value = positive_number(name, value)
+        super().__setattr__(name, value)
+
+    def planner(self, shape: tuple[int, int]) -> Any:
+        """See :class:`.PredictiveControl`."""
+        return Sampler(self, shape)
+
+
+class Sampler:
+    """The last plan of a law for a task of that shape (k, n), and the random numbers to come."""
+
+    compiled = False
+
+    def __init__(self, law: PathIntegralControl, shape: tuple[int, int]) -> None:
+        self.law, self.shape, self.rng = law, shape, np.random.default_rng(law.seed)
+        self.mean, self.made = np.zeros((law.horizon, shape[1])), np.nan
+        self.length = law.block * (law.period or np.nan)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The last plan, if there is one; its last block is repeated."""
+        return None if np.isnan(self.made) else Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
+
+    def carry_on(self, t: float) -> Array:
+        """(H, n) the last plan moved on to the time t [s], by means over the new blocks; zero if there is none."""
+        H, after = len(self.mean), (t - self.made) / self.length
+        if not 0.0 <= after < H:
+            return np.zeros_like(self.mean)
+        share, k = after % 1.0, np.minimum(np.arange(H + 1) + int(after), H - 1)
+        moved: Array = (1.0 - share) * self.mean[k[:-1]] + share * self.mean[k[1:]]
+        return moved
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """The command: see :class:`PathIntegralControl`."""
+        law, now = self.law, self.law.model.present
+        most = np.minimum(law.model.acceleration, np.inf if law.max_acceleration is None else law.max_acceleration)
+        high = most * np.ones_like(self.mean)
+        low = -high
+        if len(rows.qdd_max):
+            low[0], high[0] = np.clip([low[0], high[0]], rows.qdd_min, rows.qdd_max)
+        u = self.carry_on(now.t) + np.zeros((law.samples, 1, 1))
+        u[1:] += law.noise * self.rng.standard_normal(u[1:].shape)
+        cost, exceeded = self.costs(np.clip(u, low, high, out=u), rows, task)
+        known, remark = np.isfinite(cost), law.remark(rows.labels)
+        if not known.any():
+            self.made = np.nan
+            why = "braking: no plan is predicted, since a marker is then not in front of the camera"
+            qdd = np.clip(-now.qd / self.length, low[0], high[0])
+            return Command(qdd, "suboptimal", exceeded, rows.labels, reason=why, remark=remark)
+        w = np.where(known, np.exp((cost[known].min() - cost) / (2.0 * law.temperature * law.noise**2)), 0.0)
+        self.mean, self.made = np.clip(np.einsum("s,skj->kj", w / w.sum(), u), low, high), now.t
+        return Command(self.mean[0].copy(), "ok", exceeded, rows.labels, remark=remark)
+
+    def costs(self, u: Array, rows: Rows, task: Task) -> tuple[Array, BoolArray]:
+        """(S,) c of plans (S, H, n), infinite where the model cannot predict; (m,) which rows any of them exceeds."""
+        law, model, T, (t, q, qd) = self.law, self.law.model, self.length, self.law.model.present
+        S, H, n = u.shape
+        speeds = qd + T * np.cumsum(u, axis=1)
+        places = q + np.cumsum(T * speeds - 0.5 * T * T * u, axis=1)
+        states = np.tile(t + T * np.arange(1, H + 1), S), places.reshape(-1, n), speeds.reshape(-1, n)
+        now, whole, at = model.along(np.array([t]), q[None], qd[None]), np.ones(S, dtype=np.bool_), 0
+        seen = {name: np.zeros((S * H, *getattr(now, name).shape[1:])) for name in SEEN}
+        while at < S * H:
+            part = model.along(*(each[at:] for each in states))
+            for name, array in seen.items():
+                array[at : at + len(part)] = getattr(part, name)
+            # the first state that has none ends its plan
+            end = (at + len(part)) // H
+            whole[end : end + 1], at = False, H * (end + 1)
+
+        def along(name: str, present: Array) -> Array:
+            """(S, H + 1, …) from now on: what the model says otherwise of now than rows and task do stays so."""
+            moved = (seen[name] + (present - getattr(now, name)[0])).reshape(S, H, *present.shape)
+            return np.concatenate((np.broadcast_to(present, (S, 1, *present.shape)), moved), axis=1)
+
+        on_phi = np.asarray(model.K) == 0.0
+        sigma = rows.sigma if len(rows.sigma) else now.sigma[0] + rows.phi - now.phi[0]
+        x = np.where(on_phi, along("phi", rows.phi), along("sigma", sigma)) + law.margin * rows.scale
+        over = np.maximum(x[:, 1:] - np.exp(-1.0 / law.approach) * x[:, :-1], 0.0)
+        over *= np.sqrt(row_weights(rows.labels, law.weights or {})) / (rows.scale * np.where(on_phi, T, T * T))
+        residual = np.einsum("skij,skj->ski", along("J", task.J)[:, :-1], u) - along("b", task.b)[:, :-1]
+        free = u - along("rest", task.rest)[:, :-1] if len(task.rest) else u
+        parts = (1.0 / (float((task.J**2).sum()) or 1.0), residual), (law.damping, free), (law.penalty, over)
+        cost: Array = sum((weight * (each**2).sum(axis=(1, 2)) for weight, each in parts), np.zeros(S))
+        return np.where(whole, cost, np.inf), (over[whole] > 0.0).any(axis=(0, 1))
