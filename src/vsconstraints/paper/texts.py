@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -28,6 +29,7 @@ ENVIRONMENT.filters |= {
     "intervals": shown_intervals,
     "samples": lambda samples: counted(samples, "sample"),
 }
+ENVIRONMENT.tests["finite"] = math.isfinite
 template = cache(ENVIRONMENT.from_string)
 
 

@@ -70,7 +70,8 @@ def fully_used(run: Run, *labels: str) -> Finding:
     """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
-    return finding("fully_used", all(used), any(used), {"run": run, "shares": shares, "clear": clear}, **shares)
+    rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
+    return finding("fully_used", all(used), any(used), {"rows": rows}, **shares)
 
 
 class Approach(NamedTuple):

@@ -160,9 +160,12 @@ def _stable_in_the_trap(bowl: Run) -> Finding:
 
 @claim("3e", BOWL)
 def _both_features_stay_out(bowl: Run) -> Finding:
-    rows = BOWL_ROW, OTHER_ROW
-    both, needed = phi_never_positive(bowl, rows), bowl.drift[:, bowl.index(OTHER_ROW)].max()
-    shown = {"run": bowl, "rows": rows, "bands": excess, "clear": clear, "needed": needed}
+    labels = BOWL_ROW, OTHER_ROW
+    both, needed = phi_never_positive(bowl, labels), bowl.drift[:, bowl.index(OTHER_ROW)].max()
+    rows = [
+        (row, bowl.phi(row).max(), excess(bowl, row), bowl.positive_samples(row), clear(bowl, row)) for row in labels
+    ]
+    shown = {"rows": rows, "needed": needed}
     return finding("3e", both.verdict == "holds", both.verdict == "holds partly", shown, **both.values)
 
 

@@ -44,21 +44,21 @@ IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sa
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 
 
-def beside_fields(key: str, pareto: StudyResult, left: Mapping[str, float], shown: Mapping[str, Any]) -> Finding:
+def beside_fields(key: str, pareto: StudyResult, left: Mapping[str, float], **shown: Any) -> Finding:
     """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field less.
 
     ``left`` is what it leaves unused [%], NaN where it is not compared; a field's number is the least of its runs.
     """
-    scenes: list[Verdict] = []
-    values: dict[str, float] = {}
+    scenes: dict[str, dict[str, float]] = {}
+    verdicts: dict[str, Verdict] = {}
     for scenario, own in left.items():
         fields = {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in FIELDS}
         part = own <= FULLY_USED
-        scenes.append(judged(part and not any(field < own for field in fields.values()), part))
-        values |= {f"{scenario}/{law}": value for law, value in ({SLIDING: own} | fields).items()}
-    shown = {"scenes": dict(zip(left, scenes, strict=True)), "laws": (SLIDING, *FIELDS), "values": values, **shown}
-    good, part = all(one == "holds" for one in scenes), any(one != "does not hold" for one in scenes)
-    return finding(key, good, part, shown, **values)
+        verdicts[scenario] = judged(part and not any(field < own for field in fields.values()), part)
+        scenes[scenario] = {SLIDING: own} | fields
+    values = {f"{scenario}/{law}": value for scenario, laws in scenes.items() for law, value in laws.items()}
+    good, part = set(verdicts.values()) == {"holds"}, set(verdicts.values()) != {"does not hold"}
+    return finding(key, good, part, {"scenes": scenes, "verdicts": verdicts, **shown}, **values)
 
 
 @claim("7a", "pareto")
@@ -66,7 +66,7 @@ def _space_fully_used(pareto: StudyResult) -> Finding:
     """With the printed gains, beside the least of the fields."""
     kept = {scenario: number(pareto, scenario, "printed", "kept") == 1.0 for scenario in SCENARIOS}
     left = {name: number(pareto, name, "printed", "unused") if kept[name] else nan for name in SCENARIOS}
-    return beside_fields("7a", pareto, left, {"kept": kept})
+    return beside_fields("7a", pareto, left)
 
 
 @claim("7c", "pareto")
@@ -76,7 +76,7 @@ def _nothing_left_unused(pareto: StudyResult) -> Finding:
     for scenario in SCENARIOS:
         number(pareto, scenario, SLIDING, "kept")
     left = {scenario: pareto.numbers.get((scenario, SLIDING, "least_unused"), nan) for scenario in SCENARIOS}
-    return beside_fields("7c", pareto, left, {"broken": broken})
+    return beside_fields("7c", pareto, left, broken=broken)
 
 
 @claim("8a", "shrinking-region")
@@ -124,8 +124,8 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     rises = all(a < b for a, b in pairwise(bounds))
     follows = all(a <= b for a, b in pairwise(gains)) and gains[0] < gains[-1]
     values = {f"{Kp0:g}": gain for Kp0, gain in zip(speeds, gains, strict=True)}
-    shown = {"speeds": list(zip(values, bounds, gains, strict=True)), "none_enough": inf}
-    return finding("10a", rises and follows, rises or follows, shown, **values)
+    swept = list(zip(values, bounds, gains, strict=True))
+    return finding("10a", rises and follows, rises or follows, {"speeds": swept}, **values)
 
 
 @claim("10d", "sampling-time")
