@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import platform
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +15,9 @@ from itertools import zip_longest
 from pathlib import Path
 from random import Random
 from typing import Any
+
+import numpy as np
+import pinocchio as pin
 
 from ... import __version__
 from ...errors import ConfigurationError, unknown_name
@@ -222,6 +226,8 @@ class TestSet:
         folder.mkdir(parents=True, exist_ok=True)
         index: dict[str, Any] = {}
         for family in families:
+            if family.name in index:
+                raise ConfigurationError(f"there are two families {family.name}: a test set names its files after them")
             if files := Scenario(family.name, family.tables, family.folder).files:
                 raise ConfigurationError(f"family {family.name} needs {files[0].name}: a test set has scenes alone")
             tables = {**family.tables, "testset": version}
@@ -235,7 +241,9 @@ class TestSet:
                 hashes[half] = [_digest(line) for line in lines]
                 left_out[half] = sum(scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn)
             index[family.name] = {"left_out": left_out, "tables": tables, "sha256": hashes}
-        made = {"version": version, "seed": seed, "made_by": f"vsconstraints {__version__}", "families": index}
+        tools = ("vsconstraints", __version__), ("NumPy", np.__version__), ("Pinocchio", pin.__version__)
+        made_by = f"{', '.join(map(' '.join, tools))} on {platform.machine()}"
+        made = {"version": version, "seed": seed, "made_by": made_by, "families": index}
         (folder / INDEX).write_text(json.dumps(made, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         return cls.load(folder)
 
