@@ -1,4 +1,4 @@
-"""Test sets: scenes that were drawn once and are read from files, each with its SHA-256."""
+"""Test sets: scenes that were drawn once, and are read from files that have a SHA-256 of each."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
-from itertools import zip_longest
+from itertools import product, zip_longest
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-import pinocchio as pin
+import msgspec
 
 from ... import __version__
 from ...errors import ConfigurationError, unknown_name
 from ...simulation import Setup
-from ..reading import Table, from_table
+from ..reading import Table
 from ..scenario import Scenario
 from .attempts import Reason
 from .drawn import Drawn
@@ -32,13 +31,44 @@ V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the packa
 INDEX = "testset.json"  #: the file that says what a test set's files hold
 MAX_BYTES = 500_000_000  #: that a file may expand to
 Told = Callable[[str, int, int], None]  #: told of which family how many of how many scenes are done
+Kind = TypeVar("Kind")
+
+
+class _Line(msgspec.Struct, forbid_unknown_fields=True):
+    """A scene as it is stored: of the conditions what is another than in the nominal one, null for NaN."""
+
+    number: int
+    tables: dict[str, Table]
+    values: Table
+    rejected: dict[str, int]
+    challenged: tuple[str, ...]
+    share_to_hold: float | None
+    least_time: float | None
+    duration: float
+    noise: int
+    refusal: str
+
+
+class _Family(msgspec.Struct, forbid_unknown_fields=True):
+    """What an index says of a family: by half, how many scenes were left out, and the hashes of those that are kept."""
+
+    left_out: dict[str, int]
+    tables: Table
+    sha256: dict[str, list[str]]
+
+
+class _Index(msgspec.Struct, forbid_unknown_fields=True):
+    version: str
+    seed: int
+    made_by: str
+    families: dict[str, _Family]
 
 
 class FrozenFamily(Family):
-    """A family of a test set: the same as any other, but its scenes are read, not drawn.
+    """A family of a test set: as any other, but its scenes are read, not drawn.
 
     Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, the ``file``, how many
-    ``scenes`` it holds, their ``seed`` and the ``sha256`` of their own.
+    ``scenes`` it holds, their ``seed``, and the ``sha256`` of those of all of them.
     """
 
     @property
@@ -57,73 +87,38 @@ class FrozenFamily(Family):
         return self.folder / str(self.tables["frozen"][half]["file"])
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
-        kept = self.tables["frozen"][scene.half]
+        kept, file = self.tables["frozen"][scene.half], self.file(scene.half)
         if scene.seed != kept["seed"] or scene.number >= kept["scenes"]:
             raise ConfigurationError(
-                f"{self.file(scene.half).name} has scenes 0 to {kept['scenes'] - 1} of seed {kept['seed']}, not scene "
-                f"{scene.number} of seed {scene.seed}"
+                f"{file.name} has {kept['scenes']} scenes of seed {kept['seed']}, and no scene {scene.number} of seed "
+                f"{scene.seed}"
             )
-        scene = self.read(_checked_lines(self.file(scene.half), kept["sha256"])[scene.number], scene)
+        scene = self.read(_checked_lines(file, kept["sha256"])[scene.number], scene)
         return scene, {name: scene.setup(name) for name in self.conditions}
 
     def read(self, line: str, scene: Drawn) -> Drawn:
         """The scene with what a line says of it; raises ConfigurationError that names file, scene and what is wrong."""
         where = f"{self.file(scene.half).name}: scene {scene.number}"
-        try:
-            own: dict[str, Any] = vars(from_table(_Line, json.loads(line, parse_constant=_refused), where))
-        except (ValueError, RecursionError) as error:
-            raise error if isinstance(error, ConfigurationError) else ConfigurationError(f"{where}: {error}") from error
-        tables = own["tables"]
-        for names, known in ((tables, self.conditions), (self.conditions, tables)):
-            for name in names:
-                if name not in known:
-                    raise unknown_name(f"condition in {where}", name, known)
-        if own["number"] != scene.number:
-            raise ConfigurationError(f"{where} says that it is number {own['number']}")
-        own["challenged"] = tuple(own["challenged"])
-        own["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
-        own |= {name: math.nan for name, value in own.items() if value is None}
-        return replace(scene, **own)
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A scene as it is stored: of the conditions what is another than in the nominal one, null for NaN."""
-
-    number: int
-    tables: dict[str, Table]
-    values: Table
-    rejected: dict[str, int]
-    challenged: Sequence[str]
-    share_to_hold: float | None
-    least_time: float | None
-    duration: float
-    noise: int
-    refusal: str = ""
+        said: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
+        tables = said["tables"]
+        if {*tables} != {*self.conditions} or said["number"] != scene.number:
+            raise ConfigurationError(
+                f"{where} says that it is number {said['number']} with conditions {', '.join(tables)}; they are "
+                f"{', '.join(self.conditions)}"
+            )
+        said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
+        return replace(scene, **{**said, **{name: math.nan for name, value in said.items() if value is None}})
 
 
 def line_of(scene: Drawn) -> str:
-    """A scene as one line of JSON, from which it is read again bit by bit; raises ConfigurationError if none is found.
-
-    Numbers are the shortest decimals that are the same in double precision.
-    """
-    nominal = scene.scenario().tables
-    own = {name: getattr(scene, name) for name in _Line.__dataclass_fields__}
-    own["tables"] = {
-        name: {
-            key: value for key, value in tables.items() if name == NOMINAL or _json(nominal.get(key)) != _json(value)
-        }
+    """A scene as a line of JSON, from which it is read again bit by bit: numbers are their shortest decimals."""
+    nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
+    said = {name: getattr(scene, name) for name in _Line.__struct_fields__}
+    said["tables"] = {
+        name: {key: value for key, value in tables.items() if name == NOMINAL or nominal.get(key) != _json(value)}
         for name, tables in scene.tables.items()
     }
-    return _json({name: None if value != value else value for name, value in own.items()})
-
-
-def _json(data: Any) -> str:
-    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=lambda a: a.tolist())
-
-
-def _refused(constant: str) -> Any:
-    raise ValueError(f"{constant} is no number that a scene may have")
+    return _json({name: None if value != value else value for name, value in said.items()})
 
 
 def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> Family:
@@ -131,27 +126,39 @@ def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> F
     return (FrozenFamily if "frozen" in tables else Family)(name, tables, folder, trusted)
 
 
+def _json(data: Any) -> str:
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=lambda a: a.tolist())
+
+
+def _decoded(text: str | bytes, kind: type[Kind], where: str) -> Kind:
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigurationError(f"{where} cannot be read: {error}") from error
+
+
+def file_name(family: str, half: str) -> str:
+    """Of the file of a family's half."""
+    return f"{family}.{half}.jsonl.gz"
+
+
 def _digest(text: str) -> str:
     return sha256(text.encode()).hexdigest()
 
 
 def _lines(path: Path) -> list[str]:
-    """The lines of a file; raises ConfigurationError if it cannot be read to its end."""
     try:
         with gzip.open(path, "rb") as file:
-            text = file.read(MAX_BYTES).decode()
+            return file.read(MAX_BYTES).decode().split("\n")[:-1]
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path.name} of a test set cannot be read: {error}") from error
-    return text.removesuffix("\n").split("\n")
 
 
 @lru_cache(maxsize=64)
 def _checked_lines(path: Path, digest: str) -> list[str]:
     lines = _lines(path)
     if _digest("".join(map(_digest, lines))) != digest:
-        raise ConfigurationError(
-            f"{path} does not hold what the test set was made with; `vsconstraints testset verify` names the scenes"
-        )
+        raise ConfigurationError(f"{path} was changed: `vsconstraints testset verify` names the scenes")
     return lines
 
 
@@ -159,7 +166,7 @@ def _checked_lines(path: Path, digest: str) -> list[str]:
 class TestSet:
     """The scenes of some families, frozen: a file for each family and half, and an index with the hash of each scene.
 
-    ``seed`` is what they were drawn with by the version ``made_by``; ``hashes`` are by file.
+    ``seed`` is what they were drawn with; ``hashes`` are by file, ``sha256`` is that of the index.
     """
 
     __test__ = False  # it is none of pytest's
@@ -167,143 +174,111 @@ class TestSet:
     folder: Path
     version: str
     seed: int
-    made_by: str
     families: tuple[FrozenFamily, ...]
     hashes: Mapping[str, Sequence[str]]
+    sha256: str
 
     @classmethod
     def load(cls, folder: Path = V1) -> TestSet:
         """Read a test set's index; raises ConfigurationError if it cannot be used. Files are read with their scenes."""
-        path = folder / INDEX
+        path, families, hashes = folder / INDEX, [], {}
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            raise ConfigurationError(f"{path} cannot be read, so there is no test set: {error}") from error
-        index, families, hashes = from_table(_Index, data, str(path)), [], {}
-        for name, said in index.families.items():
-            family, frozen = from_table(_Family, said, f"{path}: {name}"), {}
+            text = path.read_bytes()
+        except OSError as error:
+            raise ConfigurationError(f"there is no test set in {folder}: {error}") from error
+        index = _decoded(text, _Index, str(path))
+        for name, family in index.families.items():
+            frozen = {}
             for half in HALVES:
-                file = f"{name}.{half}.jsonl.gz"
-                hashes[file] = kept = family.sha256.get(half, [])
+                file, kept = file_name(name, half), family.sha256.get(half, [])
+                hashes[file] = kept
                 frozen[half] = {"file": file, "scenes": len(kept), "seed": index.seed, "sha256": _digest("".join(kept))}
             tables = {**family.tables, "testset": index.version, "frozen": frozen}
             families.append(FrozenFamily(name, tables, folder))
-        return cls(folder, index.version, index.seed, index.made_by, tuple(families), hashes)
+        return cls(folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest())
 
-    def chosen(
-        self, names: Sequence[str], half: str, most: int | None = None, secret_seed: int | None = None
-    ) -> dict[str, Any]:
-        """The families, half, seed and number of scenes of a campaign: all, or what is named.
+    @classmethod
+    def make(
+        cls, folder: Path, families: Sequence[Family], version: str, scenes: Mapping[str, int], seed: int, told: Told
+    ) -> TestSet:
+        """Draw so many scenes of each half, without those of which the unconstrained baseline does not converge.
 
-        With a ``secret_seed`` families that draw other scenes in the same way. Raises ConfigurationError for unknown
-        names, more scenes than there are, and a seed that is no secret.
+        Raises ConfigurationError if the folder holds something, or a family needs files or code of its own.
+        """
+        if folder.exists() and any(folder.iterdir()):
+            raise ConfigurationError(f"{folder} is not empty, and a test set is never changed: give another --out")
+        folder.mkdir(parents=True, exist_ok=True)
+        index = _Index(version, seed, f"vsconstraints {__version__} on {platform.machine()}", {})
+        for family in families:
+            if family.name in index.families or Scenario(family.name, family.tables, family.folder).files:
+                raise ConfigurationError(f"family {family.name} is there twice, or needs files: a test set has none")
+            source = replace(family, tables={**family.tables, "testset": version})
+            index.families[family.name] = said = _Family({}, source.tables, {})
+            for half, count in scenes.items():
+                drawn = [source.scene(number, half, seed) for number in _reported(range(count), told, family.name)]
+                lines = [line_of(scene) for scene in drawn]
+                data = "".join(f"{line}\n" for line in lines).encode()
+                (folder / file_name(family.name, half)).write_bytes(gzip.compress(data, 9, mtime=0))
+                said.sha256[half] = [_digest(line) for line in lines]
+                said.left_out[half] = sum(scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn)
+        (folder / INDEX).write_bytes(msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n")
+        return cls.load(folder)
+
+    def chosen(self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None) -> dict[str, Any]:
+        """Families, half, seed and number of scenes of a campaign: all there are, or so many of the named families.
+
+        With a ``secret_seed`` the families draw as many other scenes in the same way. Raises ConfigurationError for
+        unknown names, more scenes than there are, and the seed of the test set itself.
         """
         known = {family.name: family for family in self.families}
         for what, name, others in (("half", half, HALVES), *(("family", name, known) for name in names)):
             if name not in others:
                 raise unknown_name(f"{what} of test set {self.version}", name, others)
         families = [known[name] for name in dict.fromkeys(names or known)]
-        there = min(family.tables["frozen"][half]["scenes"] for family in families)
+        there = min(len(self.hashes[file_name(family.name, half)]) for family in families)
         if secret_seed == self.seed or (most or 1) > there:
-            why = f"seed {self.seed} is that of its own scenes" if secret_seed == self.seed else f"{most} are asked for"
-            raise ConfigurationError(f"test set {self.version} has {there} {half} scenes of a family; {why}")
-        seed = self.seed if secret_seed is None else secret_seed
+            why = f"seed {self.seed} is their own" if secret_seed == self.seed else f"{most} are asked for"
+            raise ConfigurationError(f"test set {self.version} has {there} {half} scenes of each family; {why}")
         drawn = families if secret_seed is None else [family.source for family in families]
+        seed = self.seed if secret_seed is None else secret_seed
         return {"families": tuple(drawn), "half": half, "seed": seed, "scenes": most or there}
-
-    @classmethod
-    def make(
-        cls, folder: Path, families: Sequence[Family], version: str, scenes: Mapping[str, int], seed: int, told: Told
-    ) -> TestSet:
-        """Draw so many scenes of each half, those left out of which the unconstrained baseline does not converge.
-
-        Raises ConfigurationError if the folder holds something, or a family needs files or code of its own.
-        """
-        if folder.exists() and any(folder.iterdir()):
-            raise ConfigurationError(
-                f"{folder} is not empty: a test set is not changed. Give another folder with --out"
-            )
-        folder.mkdir(parents=True, exist_ok=True)
-        index: dict[str, Any] = {}
-        for family in families:
-            if family.name in index:
-                raise ConfigurationError(f"there are two families {family.name}: a test set names its files after them")
-            if files := Scenario(family.name, family.tables, family.folder).files:
-                raise ConfigurationError(f"family {family.name} needs {files[0].name}: a test set has scenes alone")
-            tables = {**family.tables, "testset": version}
-            source, hashes, left_out = replace(family, tables=tables), {}, {}
-            for half, count in scenes.items():
-                drawn = [source.scene(number, half, seed) for number in _reported(range(count), told, family.name)]
-                lines = [line_of(scene) for scene in drawn]
-                (folder / f"{family.name}.{half}.jsonl.gz").write_bytes(
-                    gzip.compress("".join(f"{line}\n" for line in lines).encode(), 9, mtime=0)
-                )
-                hashes[half] = [_digest(line) for line in lines]
-                left_out[half] = sum(scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn)
-            index[family.name] = {"left_out": left_out, "tables": tables, "sha256": hashes}
-        tools = ("vsconstraints", __version__), ("NumPy", np.__version__), ("Pinocchio", pin.__version__)
-        made_by = f"{', '.join(map(' '.join, tools))} on {platform.machine()}"
-        made = {"version": version, "seed": seed, "made_by": made_by, "families": index}
-        (folder / INDEX).write_text(json.dumps(made, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        return cls.load(folder)
 
     def problems(self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None) -> Iterator[str]:
         """What is not as it was made: files and scenes that are missing, added or changed, or cannot be read.
 
-        A share ``redraw`` of all scenes, chosen by ``seed``, is drawn again too, and compared bit by bit.
+        A share ``redraw`` of the scenes, chosen by ``seed``, is drawn again and compared bit by bit.
         """
         for path in sorted(self.folder.glob("*.jsonl*")):
             if path.name not in self.hashes:
-                yield f"{path.name}: no file of the test set"
-        whole: list[tuple[FrozenFamily, str, int, str]] = []
-        for family in self.families:
-            for half in HALVES:
-                file = family.file(half)
-                try:
-                    lines = _lines(file)
-                except ConfigurationError as error:
-                    yield str(error)
-                    continue
-                for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
-                    if line is None or known is None:
-                        yield f"{file.name}: scene {number} is {'missing' if line is None else 'not in the index'}"
-                    elif _digest(line) != known:
-                        yield f"{file.name}: scene {number} was changed: its SHA-256 is another one"
-                    else:
-                        whole.append((family, half, number, line))
-        for family, half, number, line in whole:
+                yield f"{path.name} is no file of the test set"
+        whole: list[tuple[FrozenFamily, Drawn, str]] = []
+        for family, half in product(self.families, HALVES):
+            file = family.file(half)
             try:
-                family.read(line, Drawn(family.name, number, half, self.seed, self.folder))
+                lines = _lines(file)
             except ConfigurationError as error:
                 yield str(error)
+                continue
+            for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
+                scene, at = Drawn(family.name, number, half, self.seed, self.folder), f"{file.name}: scene {number}"
+                if line is None or known is None:
+                    yield f"{at} is {'missing' if line is None else 'not in the index'}"
+                elif _digest(line) != known:
+                    yield f"{at} was changed: its SHA-256 is another one"
+                else:
+                    try:
+                        family.read(line, scene)
+                        whole.append((family, scene, line))
+                    except ConfigurationError as error:
+                        yield str(error)
         again = Random(seed).sample(whole, math.ceil(redraw * len(whole)))
-        for family, half, number, line in _reported(again, told, "drawn again"):
-            other = family.source.scene(number, half, self.seed)
+        for family, scene, line in _reported(again, told, "drawing again"):
+            other = family.source.scene(scene.number, scene.half, self.seed)
             if not other.found or line_of(other) != line:
-                yield f"{family.file(half).name}: scene {number} is drawn otherwise by this version on this machine"
+                yield f"{family.file(scene.half).name}: scene {scene.number} is another one when it is drawn here"
 
 
 def _reported(items: Sequence[Any], told: Told, name: str) -> Iterator[Any]:
-    """The items, with progress told before each."""
     for done, item in enumerate(items):
         told(name, done, len(items))
         yield item
-
-
-@dataclass(frozen=True)
-class _Index:
-    """Keys of a test set's index."""
-
-    version: str
-    seed: int
-    made_by: str
-    families: dict[str, Table]
-
-
-@dataclass(frozen=True)
-class _Family:
-    """Keys of one family in it: by half, how many scenes were left out, and the hashes of those that are kept."""
-
-    left_out: dict[str, int]
-    tables: Table
-    sha256: dict[str, list[str]]
