@@ -35,7 +35,6 @@ def run(
     out: options.Out = Path("vsconstraints-testset"),
     jobs: options.Jobs = None,
     settings: options.Settings = None,
-    fresh: options.Fresh = False,
     figures: options.Figures = True,
 ) -> None:
     """Run the default laws and one's own on the scenes of a test set, and write a report."""
@@ -50,7 +49,7 @@ def run(
     run_campaign(
         campaign.select(controllers=[*laws, *(entry or ())], settings=settings or ()),
         out,
-        Plan(fresh=fresh),
+        Plan(),
         nullcontext(processes(jobs)),
         ReportOptions(figures, trust=True),
     )
@@ -67,10 +66,8 @@ def verify(folder: _Folder = None, redraw: _Share = 0.0, seed: options.Seed = 0)
         errors.print(f"error: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
-    count = sum(map(len, frozen.hashes.values()))
-    console.print(
-        f"Test set {frozen.version}: {count} scenes of {len(frozen.families)} families are as they were made."
-    )
+    whole = f"{sum(map(len, frozen.hashes.values()))} scenes are as they were made"
+    console.print(f"Test set {frozen.version}: {whole}. SHA-256 of its index: {frozen.sha256}")
 
 
 def make(

@@ -28,7 +28,7 @@ from .drawn import Drawn
 from .family import HALVES, NOMINAL, SHIPPED, Family
 
 V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the package
-INDEX = "testset.json"  #: the file that says what a test set's files hold
+INDEX, FILE = "testset.json", "{}.{}.jsonl.gz"  #: what a test set's files hold; the file of a family's half
 MAX_BYTES = 500_000_000  #: that a file may expand to
 Told = Callable[[str, int, int], None]  #: told of which family how many of how many scenes are done
 Kind = TypeVar("Kind")
@@ -67,8 +67,8 @@ class _Index(msgspec.Struct, forbid_unknown_fields=True):
 class FrozenFamily(Family):
     """A family of a test set: as any other, but its scenes are read, not drawn.
 
-    Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, the ``file``, how many
-    ``scenes`` it holds, their ``seed``, and the ``sha256`` of those of all of them.
+    Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, their ``file`` and ``seed``,
+    and the ``sha256`` of all of theirs.
     """
 
     @property
@@ -87,13 +87,15 @@ class FrozenFamily(Family):
         return self.folder / str(self.tables["frozen"][half]["file"])
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
-        kept, file = self.tables["frozen"][scene.half], self.file(scene.half)
-        if scene.seed != kept["seed"] or scene.number >= kept["scenes"]:
-            raise ConfigurationError(
-                f"{file.name} has {kept['scenes']} scenes of seed {kept['seed']}, and no scene {scene.number} of seed "
-                f"{scene.seed}"
-            )
-        scene = self.read(_checked_lines(file, kept["sha256"])[scene.number], scene)
+        try:
+            seed, file = self.tables["frozen"][scene.half]["seed"], self.file(scene.half)
+            lines = _checked_lines(file, self.tables["frozen"][scene.half]["sha256"])
+        except (KeyError, TypeError) as error:
+            raise ConfigurationError(f"{self.name}: frozen does not say where its {scene.half} scenes are") from error
+        if scene.seed != seed or scene.number >= len(lines):
+            asked = f"{scene.number} of seed {scene.seed}"
+            raise ConfigurationError(f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {asked}")
+        scene = self.read(lines[scene.number], scene)
         return scene, {name: scene.setup(name) for name in self.conditions}
 
     def read(self, line: str, scene: Drawn) -> Drawn:
@@ -135,11 +137,6 @@ def _decoded(text: str | bytes, kind: type[Kind], where: str) -> Kind:
         return msgspec.json.decode(text, type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigurationError(f"{where} cannot be read: {error}") from error
-
-
-def file_name(family: str, half: str) -> str:
-    """Of the file of a family's half."""
-    return f"{family}.{half}.jsonl.gz"
 
 
 def _digest(text: str) -> str:
@@ -190,9 +187,9 @@ class TestSet:
         for name, family in index.families.items():
             frozen = {}
             for half in HALVES:
-                file, kept = file_name(name, half), family.sha256.get(half, [])
+                file, kept = FILE.format(name, half), family.sha256.get(half, [])
                 hashes[file] = kept
-                frozen[half] = {"file": file, "scenes": len(kept), "seed": index.seed, "sha256": _digest("".join(kept))}
+                frozen[half] = {"file": file, "seed": index.seed, "sha256": _digest("".join(kept))}
             tables = {**family.tables, "testset": index.version, "frozen": frozen}
             families.append(FrozenFamily(name, tables, folder))
         return cls(folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest())
@@ -218,30 +215,29 @@ class TestSet:
                 drawn = [source.scene(number, half, seed) for number in _reported(range(count), told, family.name)]
                 lines = [line_of(scene) for scene in drawn]
                 data = "".join(f"{line}\n" for line in lines).encode()
-                (folder / file_name(family.name, half)).write_bytes(gzip.compress(data, 9, mtime=0))
+                (folder / FILE.format(family.name, half)).write_bytes(gzip.compress(data, 9, mtime=0))
                 said.sha256[half] = [_digest(line) for line in lines]
                 said.left_out[half] = sum(scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn)
         (folder / INDEX).write_bytes(msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n")
         return cls.load(folder)
 
     def chosen(self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None) -> dict[str, Any]:
-        """Families, half, seed and number of scenes of a campaign: all there are, or so many of the named families.
+        """Families, half, seed and number of scenes of a campaign: all, or so many; others of a secret seed.
 
-        With a ``secret_seed`` the families draw as many other scenes in the same way. Raises ConfigurationError for
-        unknown names, more scenes than there are, and the seed of the test set itself.
+        Raises ConfigurationError for unknown names, more scenes than there are, and the seed of the test set itself.
         """
         known = {family.name: family for family in self.families}
         for what, name, others in (("half", half, HALVES), *(("family", name, known) for name in names)):
             if name not in others:
                 raise unknown_name(f"{what} of test set {self.version}", name, others)
         families = [known[name] for name in dict.fromkeys(names or known)]
-        there = min(len(self.hashes[file_name(family.name, half)]) for family in families)
+        there = min(len(self.hashes[FILE.format(family.name, half)]) for family in families) if families else 0
         if secret_seed == self.seed or (most or 1) > there:
             why = f"seed {self.seed} is their own" if secret_seed == self.seed else f"{most} are asked for"
             raise ConfigurationError(f"test set {self.version} has {there} {half} scenes of each family; {why}")
-        drawn = families if secret_seed is None else [family.source for family in families]
-        seed = self.seed if secret_seed is None else secret_seed
-        return {"families": tuple(drawn), "half": half, "seed": seed, "scenes": most or there}
+        scenes, seed = {"half": half, "scenes": most or there}, self.seed if secret_seed is None else secret_seed
+        drawn = tuple(each if secret_seed is None else each.source for each in families)
+        return {**scenes, "families": drawn, "seed": seed}
 
     def problems(self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None) -> Iterator[str]:
         """What is not as it was made: files and scenes that are missing, added or changed, or cannot be read.
