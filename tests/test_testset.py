@@ -24,7 +24,7 @@ from vsconstraints.scenarios.families.drawing import Streams
 from vsconstraints.scenarios.families.frozen import V1, TestSet
 from vsconstraints.simulation import simulate
 
-V1_INDEX = "PINNED"
+V1_INDEX = "8cf2a521309f8da11afe91a6d3ba585dae6f1919221340ec1f32f70a223ccbe7"
 FILE = "planar-arm.held-out.jsonl.gz"
 
 
