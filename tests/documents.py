@@ -132,7 +132,10 @@ def _vsconstraints(arguments: list[str], folder: Path) -> None:
         assert any(name in option.opts for option in group.params), f"vsconstraints has no option {name!r}"
         return
     assert name in group.commands, f"vsconstraints has no command {name!r}"
-    given = group.commands[name].make_context(name, rest).params
+    command = group.commands[name]
+    if words := getattr(command, "commands", None):  # a further word says which of its commands
+        command, name, rest = words[rest[0]], rest[0], rest[1:]
+    given = command.make_context(name, rest).params
     if name == "compare":
         suite = Suite.load(given["suite"])
         suite.select(given["scenario"] or (), given["controller"] or (), given["seed"], given["settings"] or ())

@@ -98,7 +98,8 @@ def test_without_a_file_all_families_meet_the_laws_of_the_default_comparison() -
     default, shipped = Campaign.load(), Campaign.load(ROOT / "comparisons" / "evidence.toml")
     laws = [[(entry.name, entry.law, entry.options) for entry in each.controllers] for each in (default, Suite.load())]
     assert laws[0] == laws[1]
-    assert {family.name for family in default.families} == {*families()}
+    # ladders are for test sets: one answer over all families has not their twenty conditions in it
+    assert {family.name for family in default.families} == {name for name in families() if "ladder" not in name}
     assert default.question.endswith("best?")
     # read by its path, it is the same
     assert default.resolved() == shipped.resolved()

@@ -13,7 +13,7 @@ import typer
 from .. import __version__
 from ..comparisons.runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 from ..errors import StorageError, VsconstraintsError, WorkersLost
-from . import arm, campaigns, options, paper, results, scenes
+from . import arm, campaigns, options, paper, results, scenes, testset
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
 _HELP = "Compare controllers that keep visual servoing inside its limits."
@@ -55,14 +55,22 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "evidence": (campaigns.evidence, "--family six-axis --scenes 50"),
         "merge": (campaigns.merge, "whole part-1 part-2"),
         "tune": (campaigns.tune, "--family six-axis --controller cbf-filter"),
+        "testset run": (testset.run, "--family planar-arm --entry my_law:MyLaw"),
+        "testset verify": (testset.verify, "--redraw 0.01"),
+        "testset make": (testset.make, "--scenes 50 --seed 7 --out my-testset"),
     },
 }
+_TESTSET = "Run laws on frozen scenes, the same for everyone, check these, or make a test set."
+_testset = typer.Typer(no_args_is_help=True, help=f"Example: vsconstraints testset run --scenes 20\n\n{_TESTSET}")
 
 for _panel, _commands in GROUPS.items():
     for _name, (_command, _arguments) in _commands.items():
         _text = inspect.getdoc(_command) or ""
         _help = f"Example: vsconstraints {_name} {_arguments}\n\n{_text}"
-        app.command(_name, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel)(_command)
+        _group, _, _word = _name.rpartition(" ")
+        _to, _panel_of = (_testset, None) if _group else (app, _panel)
+        _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)(_command)
+app.add_typer(_testset, name="testset", short_help=_TESTSET, rich_help_panel=_panel)
 
 
 def _version(value: bool) -> None:

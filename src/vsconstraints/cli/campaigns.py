@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from itertools import count
 from math import isnan
 from pathlib import Path
@@ -18,6 +19,7 @@ from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
 
 if TYPE_CHECKING:
+    from ..comparisons.evidence import Campaign, Plan
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
 
@@ -99,24 +101,33 @@ def evidence(
     run_limit: options.RunLimit = None,
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
-    from ..comparisons.evidence import Campaign, Plan, Shard, collect, processes
+    from ..comparisons.evidence import Campaign, Plan, Shard, processes
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
-    part = Shard.parsed(shard)
+    plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
     if cluster is not None:
         from ..comparisons.evidence.cluster import cluster as connected
 
         workers = connected(cluster, chosen.identities)
+    run_campaign(chosen, out, plan, workers, wanted)
+
+
+def run_campaign(
+    chosen: Campaign, out: Path, plan: Plan, workers: AbstractContextManager[Any], wanted: ReportOptions
+) -> None:
+    """Run a campaign with progress, say what came of it, and write its report."""
+    from ..comparisons.evidence import collect
+
     with workers as opened, progress() as show:
         finished = collect(
             chosen,
             out,
-            Plan(part, cast("Kept", keep), run_limit, fresh, opened),
+            replace(plan, workers=opened),
             command=typed_command(),
             on_progress=lambda now: show("scenes", now.done, now.scenes),
         )
@@ -131,7 +142,7 @@ def evidence(
         f"{state.done - state.stored_before} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
-    if part.of == 1:
+    if plan.shard.of == 1:
         console.print(write_report(out, wanted))
     if state.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; column reason says why")

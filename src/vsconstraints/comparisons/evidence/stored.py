@@ -12,6 +12,7 @@ from typing import Any, get_args
 
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
+from ...scenarios.families.frozen import family_of
 from ...scenarios.reading import Table, checked, demand_table
 from ...simulation.trajectory import Outcome
 from ..experiment import demand_stored_names
@@ -61,7 +62,7 @@ class Evidence:
         stored = self.manifest["configuration"]["families"]
         # the paths of shipped families are stored relative to their folder, which differs from machine to machine
         return {
-            name: Family(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
+            name: family_of(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
             for name, entry in stored.items()
         }
 

@@ -15,7 +15,7 @@ from ...controllers import Tracking
 from ...errors import ConfigurationError, SceneError, VsconstraintsError
 from ...robots.geometry import Pose
 from ...rows import Array
-from ...simulation import RunScores, Setup, score_run
+from ...simulation import RunScores, Setup, score_run, until_settled
 from ...simulation.image_sensor import ImageSensor
 from ...simulation.occluders import LinesOfSight
 from ..build import build_scene
@@ -48,6 +48,7 @@ class Reason(StrEnum):
     GOAL_HIDDEN = "marker hidden by the robot at the goal"
     START_REFUSED = "start refused"  #: anything else for which a run cannot start
     NOT_CHALLENGED = "nothing challenged"  #: tracking alone violates no row: there is nothing to compare
+    BASELINE_LOST = "unconstrained baseline does not converge"  #: in a test set: it would test the tracker
     START_UNDETECTED = "no tag in the first image"  #: in a condition by images no law has anything to begin with
 
 
@@ -189,6 +190,12 @@ def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
     if not challenged:
         raise Rejected(Reason.NOT_CHALLENGED)
     return challenged
+
+
+def check_baseline(setup: Setup) -> None:
+    """Raise Rejected unless tracking alone converges in the time that every law is given."""
+    if _track(until_settled(setup)).status != "converged":
+        raise Rejected(Reason.BASELINE_LOST)
 
 
 def share_to_hold(setup: Setup) -> float:

@@ -108,6 +108,8 @@ class Streams(NamedTuple):
     half: str
     number: int
     attempt: int
+    family: str = ""
+    """What else the streams depend on: without it, families have the same numbers under the same keys."""
 
     def of(self, key: str) -> Random:
         """The stream of a dotted key; the same in every process and on every machine."""
@@ -115,7 +117,7 @@ class Streams(NamedTuple):
 
     def entropy(self, key: str, bits: int = 128) -> int:
         """A number that depends on all of this and the key, and on nothing else."""
-        text = f"{self.seed} {self.half} {self.number} {self.attempt} {key}"
+        text = f"{self.family}{self.seed} {self.half} {self.number} {self.attempt} {key}"
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[: bits // 8], "big")
 
 

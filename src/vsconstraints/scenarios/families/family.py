@@ -19,6 +19,7 @@ from ..toml import file_named, read_toml
 from .attempts import (
     Reason,
     Rejected,
+    check_baseline,
     check_ends,
     check_first_image,
     least_time,
@@ -35,7 +36,7 @@ NOMINAL, LIMITED = "nominal", "limited"
 
 HALVES = ("training", "held-out")  #: scenes that settings may be sought on, and those that are for judging only
 #: Keys of a family's file that are no scenario's, or are said by it for all its scenes.
-OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
+OWN_KEYS = ("title", "description", "extends", "conditions", "attempts", "testset", "frozen")
 
 TOGETHER = "conditions"  #: key of a condition that names others, whose draws it has all together
 ATTEMPTS = 200  #: attempts at one scene, if a family says nothing else
@@ -133,14 +134,19 @@ class Family(Described):
             raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
         if not self.trusted:
             demand_data(f"family {self.name}", self.tables, self.folder)
-        scene = Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted)
+        return self._filled(Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted))
+
+    def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
+        """A scene of which only its number, half and seed are known yet, with everything else, and its setups."""
+        # in a test set no two families draw the same numbers
+        key = f"{self.tables['testset']}/{self.name} " if "testset" in self.tables else ""
         rejected: Counter[str] = Counter()
         refusals: Counter[str] = Counter()
         refusal = ""
         with beside(self.folder if self.trusted else None):
             for attempt in range(self.attempts):
                 try:
-                    known, setups = self._attempt(Streams(seed, half, number, attempt))
+                    known, setups = self._attempt(Streams(scene.seed, scene.half, scene.number, attempt, key))
                 except Rejected as error:
                     rejected[error.reason.value] += 1
                     refusal = str(error)
@@ -168,6 +174,8 @@ class Family(Described):
             check_ends(setups[NOMINAL], ends)
             check_first_image(setups[NOMINAL])
             challenged = violated_by_tracking(setups[NOMINAL])
+            if "testset" in self.tables:
+                check_baseline(setups[NOMINAL])
             # what takes time and seldom refuses comes last
             others = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items()}
             for setup in others.values():

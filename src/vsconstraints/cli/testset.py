@@ -1,0 +1,87 @@
+"""``testset run``, ``verify`` and ``make``: laws on frozen scenes, and the files that hold these."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from . import options
+from .campaigns import run_campaign
+from .results import ReportOptions
+from .terminal import NOTHING_DONE, console, errors, note_processes, progress
+
+_FOLDER = "Folder of a test set; the one that comes with the package if not given."
+_SECRET = "Draw as many other scenes in the same way, with a seed that nobody knows before."
+_ENTRY = "A law besides the default ones. Can be repeated."
+_Folder = Annotated[Path | None, Argument(help=_FOLDER)]
+_Entries = Annotated[options.Names, Option(metavar="MODULE:CLASS", help=_ENTRY)]
+_Secret = Annotated[int | None, Option(min=0, metavar="SEED", help=_SECRET)]
+_Most = Annotated[int | None, Option(min=1, help="How many of each family; all if not given.")]
+_Held = Annotated[int, Option(min=1, help="Held-out scenes of each family; a fifth as many for training.")]
+_Share = Annotated[float, Option(min=0.0, max=1.0, help="Share of the scenes that is drawn again and compared.")]
+
+
+def run(
+    folder: _Folder = None,
+    half: options.Half = "held-out",
+    entry: _Entries = None,
+    secret_seed: _Secret = None,
+    family: options.Families = None,
+    scenes: _Most = None,
+    out: options.Out = Path("vsconstraints-testset"),
+    jobs: options.Jobs = None,
+    settings: options.Settings = None,
+    figures: options.Figures = True,
+) -> None:
+    """Run the default laws and one's own on the scenes of a test set, and write a report."""
+    from ..comparisons.evidence import Campaign, Plan, processes
+    from ..scenarios.families.frozen import V1, TestSet
+
+    frozen = TestSet.load(folder or V1)
+    chosen = frozen.chosen(family or (), half, scenes, secret_seed)
+    campaign = Campaign.load().changed(title=f"Test set {frozen.version}", **chosen)
+    laws = [each.name for each in campaign.controllers]
+    note_processes(jobs)
+    run_campaign(
+        campaign.select(controllers=[*laws, *(entry or ())], settings=settings or ()),
+        out,
+        Plan(),
+        nullcontext(processes(jobs)),
+        ReportOptions(figures, trust=True),
+    )
+
+
+def verify(folder: _Folder = None, redraw: _Share = 0.0, seed: options.Seed = 0) -> None:
+    """Check every scene of a test set against its hash, and name what was changed, added or is missing."""
+    from ..scenarios.families.frozen import V1, TestSet
+
+    frozen = TestSet.load(folder or V1)
+    with progress() as show:
+        problems = list(frozen.problems(redraw, seed, show))
+    for problem in problems:
+        errors.print(f"error: {problem}")
+    if problems:
+        raise typer.Exit(NOTHING_DONE)
+    whole = f"{sum(map(len, frozen.hashes.values()))} scenes are as they were made"
+    console.print(f"Test set {frozen.version}: {whole}. SHA-256 of its index: {frozen.sha256}")
+
+
+def make(
+    scenes: _Held = 100,
+    seed: options.Seed = 0,
+    family: options.Families = None,
+    version: Annotated[str, Option(help="Its name, on which the draws depend.")] = "own",
+    out: options.Out = Path("vsconstraints-testset"),
+) -> None:
+    """Draw scenes of all families, or those that are named, and freeze them with their hashes in a new folder."""
+    from ..scenarios.families import Family, families
+    from ..scenarios.families.frozen import TestSet
+
+    counts = {"training": -(-scenes // 5), "held-out": scenes}
+    with progress() as show:
+        made = TestSet.make(out, [Family.load(name) for name in family or families()], version, counts, seed, show)
+    console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
