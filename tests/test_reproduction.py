@@ -26,7 +26,7 @@ from vsconstraints.paper.claims.experiments import Difference
 from vsconstraints.paper.figures import FIGURES, planar
 from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult
-from vsconstraints.paper.studies.study import Numbers, keyed
+from vsconstraints.paper.studies.points import Numbers, keyed
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew
@@ -591,7 +591,8 @@ def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
 
 def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
     spec = RunSpec("no-such-scenario")
-    found = runner.run_specs([spec], tmp_path, 1, lambda done, total: None)[spec]
+    figure = Figure("fig-00", "", "", planar.draw_fov, (spec,))
+    found = runner.run_specs(runner.Work(tmp_path, tmp_path, 1), [figure])[spec]
     assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
 
@@ -610,7 +611,7 @@ def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[in
 
 def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     missing = Figure("fig-19", "Fig. 19", "not there", planar.draw_fov, (RunSpec("no-such-scenario"),))
-    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", planar.draw_bowl, (RunSpec("example-2d-fast"),))
+    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", FIGURES[6].draw, (RunSpec("example-2d-fast"),))
     few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
     told: list[tuple[str, int, int]] = []
     result = reproduce(

@@ -29,7 +29,6 @@ from vsconstraints.paper.studies.gradient_errors import GradientErrors
 from vsconstraints.paper.studies.potential_fields import ShrinkingRegion, front, not_kept, scaled_gains, unused
 from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
 from vsconstraints.paper.studies.unselected_experiments import (
-    EXPERIMENTS,
     compared,
     counted,
     kept_scenes,
@@ -347,6 +346,13 @@ class TestFailures:
             run_studies(["pareto"], tmp_path / "file")
 
 
+def test_obstacles_of_unknown_velocity_are_met_with_the_gain_of_their_scenario():
+    unknown = [case for case in STUDIES["non-static"].runs() if not case.known]
+    shipped = {case.scenario: Scenario.load(case.scenario).tables["constraints"][0] for case in unknown}
+    assert len(unknown) == 5
+    assert all(case.speed and case.switching_gain == shipped[case.scenario]["switching_gain"] for case in unknown)
+
+
 def test_gains_are_scaled_row_by_row():
     assert scaled_gains("case-study-6r", 1.0) == {}
     assert scaled_gains("case-study-6r", 2.0)["constraints.3.switching_gain"] == pytest.approx(0.4)
@@ -409,7 +415,7 @@ class TestUnselectedExperiments:
         ],
     )
     def test_scenes_are_rejected_by_the_run_without_an_error_alone(self, change, why):
-        found = why_not(EXPERIMENTS[0], self.run(**change))
+        found = why_not("fov", self.run(**change))
         assert why in found
         assert bool(found) == bool(why)
 
@@ -426,7 +432,7 @@ class TestUnselectedExperiments:
         ],
     )
     def test_what_an_error_changes(self, change, similar, satisfactory, little, applied):
-        line = compared(EXPERIMENTS[0], self.run(**change), self.run())
+        line = compared("fov", self.run(**change), self.run())
         assert line["clearance_share"] == pytest.approx(100.0 * change.get("clearance", 1.0) / 200.0)
         found = [line[what] for what in ("similar", "satisfactory", "little_speed", "applied")]
         assert found == [similar, satisfactory, little, applied]

@@ -8,19 +8,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import groupby
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..errors import VsconstraintsError
-from ..reports.markdown import Table, bold, code, plain
+from ..reports.markdown import Table, code, plain
 from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
 from ..scenarios import Scenario
 from .figures import FIGURES
 from .studies import STUDIES, data_file, figure_file
-from .verdicts import VERDICTS, Claim, Finding, all_claims
+from .verdicts import VERDICTS, Finding, all_claims
 
 COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
@@ -67,38 +67,25 @@ def write_report(
     by name, or the reason why there are none; ``command`` is what the user typed.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
-    numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
-    summary = []
-    for number, group in numbered.items():
-        counts = Counter(finding.verdict for _, finding in group)
-        summary.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
-    summary.append([bold("all"), *(bold(str(count)) if count else "" for count in result.counts.values())])
-    headings = ["", "where", "the paper says", "measured here", "verdict"]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
-    lines = [[name, plain(str(value))] for name, value in facts.items() if value]
-    lines += [["command", code(" ".join(command))]] if command else []
-    lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
     text = render(
         "reproduction.md",
+        table=Table,
         topics=TOPICS,
-        summary=Table(["claims", *VERDICTS], summary),
-        claims={
-            number: Table(headings, [_line(result, *one) for one in group], text_columns=5)
-            for number, group in numbered.items()
-        },
-        rules=Table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in findings], text_columns=2),
+        verdicts=VERDICTS,
+        findings=findings,
+        numbered={number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)},
         figures=FIGURES,
         missing=missing,
-        formats=result.formats,
-        folder=result.folder,
+        result=result,
         studies=studies,
         shipped=STUDIES,
         figure_file=figure_file,
         data_file=data_file,
         reconstructed=reconstructed(),
         differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
-        problems=result.problems,
-        machine=Table(["what", "value"], lines, text_columns=2),
+        facts={name: str(value) for name, value in facts.items() if value},
+        command=" ".join(command),
     )
     write_pages(result.report, text)
     cells = [(one.key, one.where, one.sentence, one.rule, found.verdict, found.text) for one, found in findings]
@@ -108,19 +95,6 @@ def write_report(
 def differences() -> str:
     """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
     return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
-
-
-def _line(result: Reproduction, claim: Claim, finding: Finding) -> list[str]:
-    """A claim and its verdict; the section of the paper links to our counterpart of its figure."""
-    figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
-    shown = claim.figure and (result.folder / figure).exists()
-    return [
-        f'<a id="{claim.key}"></a>{claim.key}',
-        f"[{claim.where}]({figure})" if shown else claim.where,
-        plain(claim.sentence),
-        plain(finding.text),
-        finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
-    ]
 
 
 def reconstructed() -> str:

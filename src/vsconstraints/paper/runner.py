@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from string import ascii_lowercase
@@ -24,11 +24,21 @@ from .verdicts import CLAIMS, Claim, Finding, all_claims
 
 #: Called with the current activity, the number of its tasks that are done, and their total.
 Progress = Callable[[str, int, int], None]
-Amount = Callable[[int, int], None]  #: Called with the number of tasks done and their total.
 
 
 def silent(activity: str, done: int, total: int) -> None:
     """The default :data:`Progress`: report nothing."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the steps of a command share: its folder, that of finished runs, processes, progress and formats."""
+
+    folder: Path
+    kept: Path
+    workers: int | None = None
+    on_progress: Progress = silent
+    formats: Formats = PNG
 
 
 def reproduce(
@@ -57,17 +67,14 @@ def reproduce(
     formats
         File formats of the figures; the report shows the first.
     """
-    started = time.perf_counter()
-    figures = figures_folder(folder)
-    needs = [need for claim in all_claims() for need in claim.needs]
-    needs += [need for figure in FIGURES.values() for need in figure.needs]
+    started, claims = time.perf_counter(), all_claims()
+    figures_folder(folder)
     with unfinished(folder) as kept:
-        prepare()
-        runs = run_specs(needs, kept, workers, partial(on_progress, "simulating"))
-        studies = study_results(folder, workers, partial(on_progress, "studying"), kept, None, formats)
+        work = Work(folder, kept, workers, on_progress, formats)
+        runs, studies = run_specs(work, [*claims, *FIGURES.values()]), study_results(work)
         available: dict[Any, Any] = {**runs, **studies}
-        findings = {claim.key: claim.check(available) for claim in all_claims()}
-        missing = draw_figures(FIGURES, available, figures, workers, partial(on_progress, "drawing"), formats)
+        findings = {claim.key: claim.check(available) for claim in claims}
+        missing = draw_figures(work, FIGURES, available)
         problems = {str(spec): reason for spec, reason in available.items() if isinstance(reason, str)}
         problems |= {f"figure {number}": why for number, why in missing.items() if why}
         result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started, formats)
@@ -92,11 +99,9 @@ def redraw(
     """
     figures = chosen_figures(numbers, controller)
     place = figures_folder(folder)
-    prepare()
     with unfinished(None) as kept:
-        needs = [need for figure in figures.values() for need in figure.needs]
-        runs = run_specs(needs, kept, workers, partial(on_progress, "simulating"))
-    missing = draw_figures(figures, runs, place, workers, partial(on_progress, "drawing"), formats)
+        work = Work(folder, kept, workers, on_progress, formats)
+        missing = draw_figures(work, figures, run_specs(work, figures.values()))
     return {place / figure.file_in(formats): missing[number] for number, figure in figures.items()}
 
 
@@ -109,13 +114,12 @@ def check(
     of the report. Raises ConfigurationError for an unknown claim, and as :func:`reproduce`.
     """
     claims = chosen_claims(keys)
-    needs = [need for claim in claims for need in claim.needs]
-    names = [need for need in dict.fromkeys(needs) if isinstance(need, str)]
-    prepare()
+    names = [need for claim in claims for need in claim.needs if isinstance(need, str)]
     with unfinished(None) as kept:
-        available: dict[Any, Any] = {**run_specs(needs, kept, workers, partial(on_progress, "simulating"))}
+        work = Work(folder, kept, workers, on_progress)
+        available: dict[Any, Any] = {**run_specs(work, claims)}
         if names:
-            available |= study_results(folder, workers, partial(on_progress, "studying"), kept, names)
+            available |= study_results(work, names)
         return {claim: claim.check(available) for claim in claims}
 
 
@@ -163,50 +167,38 @@ def figures_folder(folder: Path) -> Path:
     return folder / "figures"
 
 
-def run_specs(
-    needs: Iterable[RunSpec | str], kept: Path, workers: int | None, on_progress: Amount
-) -> dict[RunSpec, Run | str]:
-    """The runs among ``needs``, each simulated once; for a run that failed the first sentence of the reason."""
-    limits = longest_first(need for need in needs if isinstance(need, RunSpec))
-    calls = {spec: (spec, kept_file(kept, spec)) for spec in limits}
-    runs = run_all(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
+def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | str]:
+    """The runs that claims or figures need, each simulated once; for one that failed the reason, in a sentence."""
+    prepare()
+    limits = longest_first(need for one in of for need in one.needs if isinstance(need, RunSpec))
+    calls = {spec: (spec, kept_file(work.kept, spec)) for spec in limits}
+    progress = partial(work.on_progress, "simulating")
+    runs = run_all(kept_run, calls, workers=work.workers, limits=limits, on_progress=progress)
     return {spec: run.reason.split(". ")[0] if isinstance(run, Failure) else run for spec, run in runs.items()}
 
 
-def draw_figures(
-    figures: Mapping[int, Figure],
-    available: Mapping[Any, Any],
-    folder: Path,
-    workers: int | None,
-    on_progress: Amount,
-    formats: Formats = PNG,
-) -> dict[int, str]:
+def draw_figures(work: Work, figures: Mapping[int, Figure], available: Mapping[Any, Any]) -> dict[int, str]:
     """Draw figures from the available runs; by number the reason why one could not be drawn, or an empty text."""
     why, calls = dict.fromkeys(figures, ""), {}
+    folder = work.folder / "figures"
     for number, figure in figures.items():
-        runs = [available[need] for need in figure.needs]
-        missing = [f"{need}: {run}" for need, run in zip(figure.needs, runs, strict=True) if not isinstance(run, Run)]
-        why[number] = missing[0] if missing else ""
-        if not missing:
-            calls[number] = (figure, folder / figure.file_in(formats), *runs)
-    answers = run_all(partial(Figure.write, formats=formats), calls, workers=workers, on_progress=on_progress)
+        runs = {need: available[need] for need in figure.needs}
+        why[number] = next((f"{need}: {run}" for need, run in runs.items() if not isinstance(run, Run)), "")
+        if not why[number]:
+            calls[number] = (figure, folder / figure.file_in(work.formats), *runs.values())
+    draw, progress = partial(Figure.write, formats=work.formats), partial(work.on_progress, "drawing")
+    answers = run_all(draw, calls, workers=work.workers, on_progress=progress)
     why |= {number: answer.reason for number, answer in answers.items() if isinstance(answer, Failure)}
     for number in filter(why.__getitem__, why):  # no older figure stays in its place
-        for suffix in formats:
+        for suffix in work.formats:
             (folder / figures[number].file_in((suffix,))).unlink(missing_ok=True)
     return why
 
 
-def study_results(
-    folder: Path,
-    workers: int | None,
-    on_progress: Amount,
-    kept: Path,
-    names: Sequence[str] | None = None,
-    formats: Formats = PNG,
-) -> dict[str, Any]:
+def study_results(work: Work, names: Sequence[str] = ()) -> dict[str, Any]:
     """Results of the named studies, or of all; the reason instead of the results if they could not be run."""
+    progress = partial(work.on_progress, "studying")
     try:
-        return dict(run_studies(names, folder, workers, on_progress, kept=kept, formats=formats))
+        return dict(run_studies(names, work.folder, work.workers, progress, kept=work.kept, formats=work.formats))
     except Exception as error:  # claims and figures of the paper do not depend on it
         return {name: f"{type(error).__name__}: {error}" for name in names or ["studies"]}

@@ -1,10 +1,13 @@
-"""Sentences as data: templates with numbers filled in."""
+"""Sentences as data: Jinja templates with numbers filled in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from string import Formatter
+import math
+from collections.abc import Sequence
+from functools import cache
 from typing import Any
+
+from jinja2 import Environment, StrictUndefined
 
 from ..reports.numbers import number, percent
 from ..rows.readable import amount, counted
@@ -15,24 +18,21 @@ def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
     return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
 
 
-#: Behind ``!`` in a text: amounts and numbers as reports print them, intervals, samples; per cent, milli, micro.
-CONVERSIONS: dict[str, Callable[[Any], Any]] = {
-    "a": amount,
-    "n": number,
-    "p": percent,
-    "i": shown_intervals,
-    "k": lambda samples: counted(samples, "sample"),
-    "c": lambda share: 100.0 * share,
-    "m": lambda value: 1e3 * value,
-    "u": lambda value: 1e6 * value,
+ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports print them, shares
+#: as per cent, intervals, samples.
+ENVIRONMENT.filters |= {
+    "fmt": lambda value, spec, factor=1: format(factor * value, spec),
+    "amount": amount,
+    "number": number,
+    "percent": percent,
+    "intervals": shown_intervals,
+    "samples": lambda samples: counted(samples, "sample"),
 }
+ENVIRONMENT.tests["finite"] = math.isfinite
+template = cache(ENVIRONMENT.from_string)
 
 
-class _Filled(Formatter):
-    def convert_field(self, value: Any, conversion: Any) -> Any:
-        return CONVERSIONS[conversion](value) if conversion in CONVERSIONS else super().convert_field(value, conversion)
-
-
-def filled(template: str, **values: Any) -> str:
-    """A text with values filled in as ``str.format`` does, with :data:`CONVERSIONS`."""
-    return _Filled().vformat(template, (), values)
+def filled(text: str, **values: Any) -> str:
+    """A template with values filled in."""
+    return template(text).render(values)

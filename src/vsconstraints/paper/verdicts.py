@@ -122,9 +122,9 @@ def finding(
 
 
 def worded(key: str, /, **values: Any) -> str:
-    """What :data:`TEXTS` says of something measured, with values filled in."""
+    """What :data:`TEXTS` says of something measured, with values filled in, on one line."""
     template = TEXTS[key]["measured"] if key in TEXTS else TEXTS["measures"][key]
-    return filled(template, **values)
+    return " ".join(filled(template, **values).split())
 
 
 def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:

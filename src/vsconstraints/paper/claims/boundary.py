@@ -11,7 +11,7 @@ import numpy as np
 from ...comparisons.run import Run
 from ..studies import StudyResult
 from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
-from ..verdicts import Finding, NotMeasured, finding, worded
+from ..verdicts import Finding, NotMeasured, finding
 
 VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
 #: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts as fully used.
@@ -20,14 +20,9 @@ FULLY = 0.01
 SHARE_LEFT = 0.1
 
 
-def greatest_phi(run: Run, label: str) -> float:
-    """Greatest φ of a row."""
-    return float(run.phi(label).max())
-
-
 def excess(run: Run, label: str) -> float:
     """Greatest φ of a row in T_s u⁺."""
-    return greatest_phi(run, label) / run.bound(label)
+    return float(run.phi(label).max() / run.bound(label))
 
 
 def greatest_sigma(run: Run, *labels: str) -> float:
@@ -56,12 +51,12 @@ def fulfilled(run: Run, label: str) -> Finding:
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
     own = with_sigma(labels)
-    phi, sigma = max(greatest_phi(run, label) for label in labels), greatest_sigma(run, *own)
+    phi, sigma = max(run.phi(label).max() for label in labels), greatest_sigma(run, *own)
     worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
     most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
     part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MAX_EXCESS and samples <= MAX_POSITIVE_SAMPLES
-    shown = {"worst": worst, "row": "" if len(labels) == 1 else f" ({longest})"}
-    shown |= {"needed": run.drift[:, at].max(), "gain": run.record.switching_gain[at]}
+    shown = {"rows": labels, "worst": worst, "row": longest, "needed": run.drift[:, at].max()}
+    shown["gain"] = run.record.switching_gain[at]
     values = {"phi_max": phi, "sigma_max": sigma, "excess": most, "longest": samples}
     return finding("phi_never_positive", phi <= 0.0, part, shown, **values)
 
@@ -75,11 +70,8 @@ def fully_used(run: Run, *labels: str) -> Finding:
     """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
-    texts = [
-        worded("row_used", label=label, clear=clear(run, label), unit=run.unit(label), share=share)
-        for label, share in shares.items()
-    ]
-    return finding("fully_used", all(used), any(used), {"rows": "; ".join(texts)}, **shares)
+    rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
+    return finding("fully_used", all(used), any(used), {"rows": rows}, **shares)
 
 
 class Approach(NamedTuple):
@@ -121,13 +113,9 @@ def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
     by_row = {label: approaches(run, label, gap) for label in labels}
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
-        return finding("never_approached", False, bool(every), {"rows": ", ".join(missing)})
-    texts = [
-        f"{label} " + ", ".join(worded("approach", **one._asdict(), unit=run.unit(label)) for one in own)
-        for label, own in by_row.items()
-    ]
+        return finding("never_approached", False, bool(every), {"rows": missing})
     smooth, left = [one.smooth for one in every], max(one.share for one in every)
-    return finding("smoothly", all(smooth), any(smooth), {"rows": "; ".join(texts)}, share_left=left)
+    return finding("smoothly", all(smooth), any(smooth), {"run": run, "rows": by_row}, share_left=left)
 
 
 def number(study: StudyResult, *key: str | float) -> float:

@@ -10,7 +10,7 @@ from ...rows import Array, BoolArray
 from ...simulation import intervals
 from ..texts import shown_intervals
 from ..verdicts import Finding, claim, ends_of, finding, rounds_to, worded
-from .boundary import VANISHED, clear, fully_used, greatest_phi, phi_never_positive, smoothly
+from .boundary import VANISHED, clear, fully_used, phi_never_positive, smoothly
 
 CASE = RunSpec("case-study-6r")
 #: From a start at which the camera turns about another axis than the one that leads to the goal.
@@ -27,7 +27,7 @@ Q6_RANGE, QD2_LIMIT = 1.2, 0.4
 #: What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s].
 Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
 
-Interval = tuple[float, float]
+Phases = tuple[list[tuple[float, float]], list[tuple[float, float]]]
 
 
 def switch_sample(run: Run) -> int:
@@ -35,16 +35,16 @@ def switch_sample(run: Run) -> int:
     return int(np.searchsorted(run.t, run.setup.task.goals[1].from_time - 1e-9))
 
 
-def phases(run: Run, event: str) -> tuple[list[Interval], list[Interval]]:
-    """When the rows of an event act in the first and in the second phase."""
-    k, active = switch_sample(run), active_of(run, event)
-    return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
-
-
 def active_of(run: Run, event: str) -> BoolArray:
     """(N,) whether φ of any row of an event is at or above zero."""
     rows = [run.index(label) for label in run.labels(event)]
     return np.asarray((run.trajectory.phi[:, rows] >= 0.0).any(axis=1))
+
+
+def phases(run: Run, event: str) -> Phases:
+    """When the rows of an event act in the first and in the second phase."""
+    k, active = switch_sample(run), active_of(run, event)
+    return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
 
 
 def at_once(run: Run) -> np.ndarray:
@@ -61,13 +61,16 @@ claim("5c", CASE)(lambda case: smoothly(case, BORDERS[1], BORDERS[2]))
 
 @claim("5a", CASE)
 def _errors_vanish_in_both_phases(case: Run) -> Finding:
+    """Distances and angles at the beginning and the end of each phase."""
     k, error = switch_sample(case), case.trajectory.camera_error
-    values, shown = {}, {}
-    for phase, (first, last) in enumerate(((error[0], error[k - 1]), (error[k], error[-1])), start=1):
-        values[f"position_left_{phase}"], values[f"orientation_left_{phase}"] = last / first
-        shown[f"phase_{phase}"] = worded("phase", phase=phase, first=first, last=last, mm=1e3 * np.array([first, last]))
+    ends = error[[0, k - 1]], error[[k, -1]]
+    values = {
+        f"{part}_left_{phase}": last / first
+        for phase, (begin, end) in enumerate(ends, start=1)
+        for part, first, last in zip(("position", "orientation"), begin, end, strict=True)
+    }
     vanished = [left < VANISHED for left in values.values()]
-    return finding("5a", all(vanished), any(vanished), shown, **values)
+    return finding("5a", all(vanished), any(vanished), {"phases": ends}, **values)
 
 
 @claim("5d", CASE, CASE_HALVED)
@@ -75,11 +78,11 @@ def _all_constraints_fulfilled(case: Run, halved: Run) -> Finding:
     """How long φ ≥ 0 with half the sampling time tells sampling from too small a gain."""
     kept = phi_never_positive(case, case.trajectory.labels)
     values = {
-        "speed_excess": max(greatest_phi(case, label) for label in case.labels("speed")),
+        "speed_excess": max(case.phi(label).max() for label in case.labels("speed")),
         "longest_halved": max(map(halved.positive_samples, halved.trajectory.labels)),
     }
-    why = worded("gains_break" if case.needed_share().max() >= 1.0 else "gains_keep")
-    return Finding(kept.verdict, worded("5d", kept=kept.text, why=why, **values), {**kept.values, **values})
+    shown = {"kept": kept, "breaks": case.needed_share().max() >= 1.0}
+    return Finding(kept.verdict, worded("5d", **shown, **values), {**kept.values, **values})
 
 
 @claim("5e", CASE)
@@ -108,7 +111,7 @@ def _borders_act(case: Run) -> Finding:
     return finding("5g", good, part, {"events": events_text(acts) or "no border ever acts"})
 
 
-def events_text(acts: dict[str, tuple[list[Interval], list[Interval]]]) -> str:
+def events_text(acts: dict[str, Phases]) -> str:
     """When events act, in either phase; those that never do are left out."""
     return "; ".join(f"{event} at {shown_intervals(a + b)}" for event, (a, b) in acts.items() if a or b)
 
@@ -117,15 +120,14 @@ def events_text(acts: dict[str, tuple[list[Interval], list[Interval]]]) -> str:
 def _three_at_a_time(case: Run) -> Finding:
     count = at_once(case)
     most = int(count.max())
-    when = case.t[count == most]
     same = int(np.sum([active_of(case, event) for event in EVENTS], axis=0)[count == most].max())
-    return finding("5h", most == 3, most > 1, {"first": when[0], "last": when[-1]}, most=most, same_sample=same)
+    return finding("5h", most == 3, most > 1, {"when": case.t[count == most]}, most=most, same_sample=same)
 
 
 @claim("5i", CASE)
 def _sphere_fulfilled(case: Run) -> Finding:
-    least, phi = clear(case, SPHERE), greatest_phi(case, SPHERE)
-    return finding("5i", least >= 0.0, clearance_min=least, phi_max=phi)
+    least = clear(case, SPHERE)
+    return finding("5i", least >= 0.0, clearance_min=least, phi_max=case.phi(SPHERE).max())
 
 
 @claim("5j", TRACKING)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -84,32 +84,28 @@ def exponentially(run: Run, kind: str) -> Finding:
     while_acting = slice(at[0], at[-1] + 1)
     clearance = run.trajectory.clearance[while_acting, run.index(label)]
     speed, K = run.approach_speed(label)[while_acting], run.constraint(label).K
-    fastest = np.argmax(speed)
     # a negative clearance is no approach at all: NaN, which is below nothing
     share = (speed * K / np.where(clearance > 0.0, clearance, np.nan)).max()
-    shown = {"label": label, "first": run.t[at[0]], "last": run.t[at[-1]], "unit": run.unit(label)}
-    shown["clearance"] = clearance[fastest]
-    return finding("exponentially", share <= EXPONENTIAL, False, shown, share=share, speed=speed[fastest])
+    shown = {"label": label, "times": run.t[at], "unit": run.unit(label), "clearance": clearance[speed.argmax()]}
+    return finding("exponentially", share <= EXPONENTIAL, False, shown, share=share, speed=speed.max())
 
 
 def one_marker_slides(run: Run, kind: str) -> Finding:
     """Which markers' rows act, and how much of the allowed space is left."""
     acting, row = acting_rows(run, kind), sliding_row(run, kind)
     least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
-    shown = {"acting": ", ".join(acting), "samples": len(times), "first": times[0], "last": times[-1]}
-    shown |= {"apart": np.diff(times).max(initial=0.0), "clear": least, "excess": excess(run, row)}
     kept = sigma <= 0.0 and least >= 0.0
     good = kept and len(acting) == 1 and share <= FULLY
+    shown = {"acting": acting, "times": times, "apart": np.diff(times).max(initial=0.0), "clear": least}
+    shown["excess"] = excess(run, row)
     return finding("one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting))
 
 
 def reached(run: Run) -> Finding:
     """How the run ends."""
-    end = run.trajectory
-    distance, angle = end.camera_error[-1]
-    pose = worded("pose", distance=distance, angle=angle) if np.isfinite(distance) else ""
-    shown = {"status": end.status, "pixels": end.feature_error_px[-1], "pose": pose}
-    return finding("reached", end.status == "converged", False, shown, settling=run.settling_time)
+    end, values = run.trajectory, {"settling": run.settling_time}
+    posed = np.isfinite(end.camera_error[-1, 0])
+    return finding("reached", end.status == "converged", False, {"end": end, "posed": posed}, **values)
 
 
 for experiment, slides, smooth, ends in ((FIRST, "6a", "6b", "6c"), (SECOND, "6e", "6f", "6g")):
@@ -121,13 +117,12 @@ for experiment, slides, smooth, ends in ((FIRST, "6a", "6b", "6c"), (SECOND, "6e
 @claim("6l", *FASTER)
 def _motion_must_be_slow(*runs: Run) -> Finding:
     """Ten times the gain at zero error, sampled as in the experiments and ten times as fast."""
-    good, texts = [], []
-    for run, (experiment, _) in zip(runs, FASTER_OF, strict=True):
-        least, status = clear(run, *run.labels(experiment.kind)), run.trajectory.status
-        good.append(status == "converged" and least >= 0.0)
-        texts.append(worded("faster", name=experiment.name, Ts=run.sampling_time, status=status, clear=least))
+    experiments = [experiment for experiment, _ in FASTER_OF]
+    least = [clear(run, *run.labels(one.kind)) for run, one in zip(runs, experiments, strict=True)]
+    good = [run.trajectory.status == "converged" and near >= 0.0 for run, near in zip(runs, least, strict=True)]
     slow = not good[0] and not good[2]
-    return finding("6l", slow and good[1] and good[3], slow, {"runs": "; ".join(texts)})
+    shown = {"runs": list(zip(experiments, runs, least, strict=True))}
+    return finding("6l", slow and good[1] and good[3], slow, shown)
 
 
 @claim("6m", PBVS, IBVS)
@@ -153,8 +148,7 @@ def in_unselected(study: StudyResult, scenario: str, what: str, here: bool) -> t
         if number(study, scenario, case, "applied") < NEARLY_ALL * N:
             raise NotMeasured(f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?")
     plus, minus, alone = (x / N for x, N in zip(counts, scenes, strict=True))
-    of = [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]
-    text = worded("unselected", here="holds" if here else "does not hold", plus=of[0], minus=of[1], alone=of[2])
+    text = worded("unselected", here=here, of=[f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)])
     both = min(plus, minus)
     return judged(here and both >= NEARLY_ALL, max(both, alone) >= MOST), text
 
@@ -206,23 +200,17 @@ def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, 
     width = float(exact.setup.scene.camera.size[0])
     here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
     verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
-    values = {"track_difference_px": here.track, "sigma_max": here.sigma}
-    shown: dict[str, Any] = {
-        "scenes": scenes,
-        "status": erroneous.trajectory.status,
-        "alone_status": alone.trajectory.status,
-    }
-    shown |= {"alone_track": other.track, "alone_sigma": other.sigma}
-    return Finding(verdict, worded("similar", **values, **shown), values)
+    statuses = [run.trajectory.status for run in (erroneous, alone)]
+    text = worded("similar", scenes=scenes, here=here, alone=other, statuses=statuses)
+    return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
 
 
 def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, of: Experiment) -> Finding:
     """Differences of joint speeds, here and in unselected scenes."""
     here = Difference.between(exact, erroneous, of.kind)
     verdict, scenes = in_unselected(study, of.exact.name, "little_speed", here.little_speed)
-    share = here.speed / here.fastest
-    text = worded("little_speed", scenes=scenes, speed=here.speed, share=share, fastest=here.fastest)
-    return Finding(verdict, text, {"share": share})
+    values = {"share": here.speed / here.fastest}
+    return Finding(verdict, worded("little_speed", scenes=scenes, here=here, **values), values)
 
 
 for experiment, similar, little in ((FIRST, "6d", "6j"), (SECOND, "6h", "6k")):
@@ -233,14 +221,12 @@ for experiment, similar, little in ((FIRST, "6d", "6j"), (SECOND, "6h", "6k")):
 
 @claim("6i", *(spec for one in (FIRST, SECOND) for spec in (one.exact, one.erroneous)), UNSELECTED)
 def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study: StudyResult) -> Finding:
-    texts, verdicts = [], []
+    verdicts, experiments = set(), []
     for experiment, exact, run in ((FIRST, pbvs, pbvs_error), (SECOND, ibvs, ibvs_error)):
         sigma = Difference.between(exact, run, experiment.kind).sigma
         seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
         good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
         verdict, scenes = in_unselected(study, experiment.exact.name, "satisfactory", good)
-        verdicts.append(verdict)
-        shown = {"name": experiment.name, "scenes": scenes, "Ts": run.sampling_time, "status": run.trajectory.status}
-        texts.append(worded("satisfactory", **shown, sigma_max=sigma))
-    good, part = {*verdicts} == {"holds"}, {*verdicts} != {"does not hold"}
-    return finding("6i", good, part, {"experiments": ". ".join(texts)})
+        verdicts.add(verdict)
+        experiments.append((experiment.name, scenes, run, sigma))
+    return finding("6i", verdicts == {"holds"}, verdicts != {"does not hold"}, {"experiments": experiments})

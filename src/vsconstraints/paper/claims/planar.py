@@ -7,9 +7,8 @@ import numpy as np
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ...rows import Array
-from ..verdicts import Finding, claim, ends_of, finding, rounds_to, worded
-from . import boundary
-from .boundary import VANISHED, clear, fulfilled, greatest_phi, phi_never_positive
+from ..verdicts import Finding, claim, ends_of, finding, rounds_to
+from .boundary import VANISHED, clear, excess, fulfilled, fully_used, greatest_sigma, phi_never_positive, smoothly
 
 FOV = RunSpec("example-2d-fov")
 FAST = RunSpec("example-2d-fast")
@@ -38,20 +37,20 @@ def angle(run: Run) -> Array:
 
 # --- claim 1: Fig. 4 ---
 
-claim("1b", FOV)(lambda fov: boundary.fully_used(fov, SECOND))
-claim("1c", FOV)(lambda fov: boundary.smoothly(fov, SECOND))
+claim("1b", FOV)(lambda fov: fully_used(fov, SECOND))
+claim("1c", FOV)(lambda fov: smoothly(fov, SECOND))
 claim("1g", FOV)(lambda fov: phi_never_positive(fov, [SECOND]))
 
 
 @claim("1a", FOV)
 def _second_feature_remains(fov: Run) -> Finding:
-    sigma, least = boundary.greatest_sigma(fov, SECOND), clear(fov, SECOND)
+    sigma, least = greatest_sigma(fov, SECOND), clear(fov, SECOND)
     return finding("1a", sigma <= 0.0 <= least, sigma_max=sigma, clearance_min=least)
 
 
 @claim("1d", FOV)
 def _orientation_error_vanishes(fov: Run) -> Finding:
-    first, last = angle(fov)[0], angle(fov)[-1]
+    first, last = angle(fov)[[0, -1]]
     return finding("1d", last < VANISHED * first, first=first, last=last, settling=fov.settling_time)
 
 
@@ -75,40 +74,19 @@ def _border_active_twice(fov: Run) -> Finding:
     return finding("1f", good and not first, good, {"second": second, "first": first}, **ends_of(second))
 
 
-def greatest_step(values: Array) -> float:
-    """Greatest change of a column of (N, n) from one sample to the next."""
-    return float(np.abs(np.diff(values, axis=0)).max())
-
-
 @claim("1h", FOV, HALVED)
 def _speeds_are_continuous(*runs: Run) -> Finding:
-    speed = [greatest_step(run.trajectory.qd) for run in runs]
-    jump = [greatest_step(run.trajectory.qdd_command) for run in runs]
+    """Greatest steps from one sample to the next, of any joint."""
+    speed, jump = (
+        [np.abs(np.diff(getattr(run.trajectory, name), axis=0)).max() for run in runs] for name in ("qd", "qdd_command")
+    )
     continuous, switches = speed[1] <= 0.6 * speed[0], jump[1] >= 0.8 * jump[0]
-    shown = {"Ts": [1e3 * run.sampling_time for run in runs], "speed": [1e3 * step for step in speed], "jump": jump}
     ratios = {"speed_ratio": speed[1] / speed[0], "acceleration_ratio": jump[1] / jump[0]}
+    shown = {"runs": runs, "speed": speed, "jump": jump}
     return finding("1h", continuous and switches, continuous, shown, **ratios)
 
 
 # --- claim 2: Fig. 5 ---
-
-claim("2c", HIGH_GAIN)(lambda high: phi_never_positive(high, [SECOND]))
-
-
-@claim("2a", FOV, FAST)
-def _three_times_faster(fov: Run, fast: Run) -> Finding:
-    slow, quick = fov.settling_time, fast.settling_time
-    ratio = slow / quick
-    return finding("2a", 2.25 <= ratio <= 3.75, ratio > 1.0, {"slow": slow, "quick": quick}, ratio=ratio)
-
-
-@claim("2b", FAST)
-def _small_gain_not_enough(fast: Run) -> Finding:
-    """φ beyond its band: the sliding mode is lost."""
-    kept = fulfilled(fast, SECOND)
-    beyond, lost = kept.values["phi_max"] > 1.5 * kept.values["bound"], kept.values["positive_samples"] >= 5
-    inside = worded("stays_inside") if kept.values["sigma_max"] < 0 else ""
-    return finding("2b", beyond and lost, beyond or lost, {"kept": kept.text, "inside": inside}, **kept.values)
 
 
 def band(run: Run) -> float:
@@ -116,22 +94,34 @@ def band(run: Run) -> float:
     return float(np.ptp(run.while_sliding(SECOND)))
 
 
-@claim("2d", FOV, HIGH_GAIN)
-def _chattering_grows(fov: Run, high: Run) -> Finding:
-    slow, fast = band(fov), band(high)
-    return finding("2d", fast > slow, False, {"ratio": fast / slow}, slow=slow, fast=fast)
+def grows(key: str, slow: float, fast: float) -> Finding:
+    """Whether a number is greater for the fast motion."""
+    return finding(key, fast > slow, slow=slow, fast=fast)
 
 
-@claim("2e", FOV, FAST)
-def _bound_grows_with_speed(fov: Run, fast: Run) -> Finding:
-    slow, quick = fov.needed_gain().max(), fast.needed_gain().max()
-    return finding("2e", quick > slow, slow=slow, fast=quick)
+claim("2c", HIGH_GAIN)(lambda high: phi_never_positive(high, [SECOND]))
+claim("2d", FOV, HIGH_GAIN)(lambda fov, high: grows("2d", band(fov), band(high)))
+claim("2e", FOV, FAST)(lambda fov, fast: grows("2e", fov.needed_gain().max(), fast.needed_gain().max()))
+
+
+@claim("2a", FOV, FAST)
+def _three_times_faster(fov: Run, fast: Run) -> Finding:
+    ratio = fov.settling_time / fast.settling_time
+    return finding("2a", 2.25 <= ratio <= 3.75, ratio > 1.0, {"fov": fov, "fast": fast}, ratio=ratio)
+
+
+@claim("2b", FAST)
+def _small_gain_not_enough(fast: Run) -> Finding:
+    """φ beyond its band: the sliding mode is lost."""
+    kept = fulfilled(fast, SECOND)
+    beyond, lost = kept.values["phi_max"] > 1.5 * kept.values["bound"], kept.values["positive_samples"] >= 5
+    return finding("2b", beyond and lost, beyond or lost, {"kept": kept}, **kept.values)
 
 
 @claim("2f", FOV, HIGH_GAIN_FASTER_SAMPLING)
 def _faster_sampling_restores_the_band(fov: Run, high: Run) -> Finding:
     slow, fast = band(fov), band(high)
-    return finding("2f", fast <= 1.1 * slow, False, {"Ts": high.sampling_time}, slow=slow, fast=fast)
+    return finding("2f", fast <= 1.1 * slow, False, {"high": high}, slow=slow, fast=fast)
 
 
 # --- claim 3: Fig. 6 ---
@@ -139,22 +129,21 @@ def _faster_sampling_restores_the_band(fov: Run, high: Run) -> Finding:
 
 @claim("3a", BOWL)
 def _trapped_in_the_bowl(bowl: Run) -> Finding:
-    acts, end, status = bowl.active_intervals(BOWL_ROW), bowl.t[-1], bowl.trajectory.status
-    until_end, trapped = bool(acts) and acts[-1][1] >= end - 1.0, status == "trapped"
-    shown = {"status": status, "acts": acts, "end": end}
-    return finding("3a", trapped and until_end, trapped or until_end, shown)
+    acts = bowl.active_intervals(BOWL_ROW)
+    until_end, trapped = bool(acts) and acts[-1][1] >= bowl.t[-1] - 1.0, bowl.trajectory.status == "trapped"
+    return finding("3a", trapped and until_end, trapped or until_end, {"run": bowl, "acts": acts})
 
 
 @claim("3b", BOWL)
 def _trapped_with_the_right_orientation(bowl: Run) -> Finding:
-    first, last = angle(bowl)[0], angle(bowl)[-1]
-    return finding("3b", last < VANISHED * first, False, {"end": bowl.t[-1]}, first=first, last=last)
+    first, last = angle(bowl)[[0, -1]]
+    return finding("3b", last < VANISHED * first, False, {"run": bowl}, first=first, last=last)
 
 
 @claim("3c", BOWL)
 def _trapped_away_from_the_position(bowl: Run) -> Finding:
     last = position(bowl)[-1]
-    return finding("3c", last > 0.005, False, {"end": bowl.t[-1]}, last=last)
+    return finding("3c", last > 0.005, False, {"run": bowl}, last=last)
 
 
 @claim("3d", BOWL)
@@ -171,20 +160,13 @@ def _stable_in_the_trap(bowl: Run) -> Finding:
 
 @claim("3e", BOWL)
 def _both_features_stay_out(bowl: Run) -> Finding:
-    both = phi_never_positive(bowl, [BOWL_ROW, OTHER_ROW])
-    rows = "; ".join(
-        worded(
-            "obstacle_row",
-            label=label,
-            phi=greatest_phi(bowl, label),
-            excess=boundary.excess(bowl, label),
-            samples=bowl.positive_samples(label),
-            clear=clear(bowl, label),
-        )
-        for label in (BOWL_ROW, OTHER_ROW)
-    )
-    needed = bowl.drift[:, bowl.index(OTHER_ROW)].max()
-    return Finding(both.verdict, worded("3e", rows=rows, needed=needed), both.values)
+    labels = BOWL_ROW, OTHER_ROW
+    both, needed = phi_never_positive(bowl, labels), bowl.drift[:, bowl.index(OTHER_ROW)].max()
+    rows = [
+        (row, bowl.phi(row).max(), excess(bowl, row), bowl.positive_samples(row), clear(bowl, row)) for row in labels
+    ]
+    shown = {"rows": rows, "needed": needed}
+    return finding("3e", both.verdict == "holds", both.verdict == "holds partly", shown, **both.values)
 
 
 # --- claim 4: Figs. 7 and 8 ---
@@ -192,11 +174,11 @@ def _both_features_stay_out(bowl: Run) -> Finding:
 
 @claim("4a", CONVEX)
 def _convex_corner_passed(convex: Run) -> Finding:
-    kept, status = fulfilled(convex, HEART), convex.trajectory.status
+    kept = fulfilled(convex, HEART)
     near = np.linalg.norm(convex.trajectory.features_px[:, 0] - TIP, axis=1).min()
-    passed = status == "converged" and kept.values["sigma_max"] <= 0.0
+    passed = convex.trajectory.status == "converged" and kept.values["sigma_max"] <= 0.0
     good = kept.verdict == "holds" and passed and near < 5.0
-    return finding("4a", good, passed, {"kept": kept.text, "status": status}, **kept.values, nearest=near)
+    return finding("4a", good, passed, {"kept": kept, "run": convex}, **kept.values, nearest=near)
 
 
 @claim("4b", CONCAVE)
@@ -206,14 +188,12 @@ def _concave_corner_violated(concave: Run) -> Finding:
     away = float(np.linalg.norm(worst - NOTCH))
     beyond = kept.values["phi_max"] > 5.0 * kept.values["bound"]
     good = beyond and kept.values["sigma_max"] > 0.0 and away < 20.0
-    return finding("4b", good, beyond, {"kept": kept.text}, **kept.values, depth=depth, away=away)
+    return finding("4b", good, beyond, {"kept": kept}, **kept.values, depth=depth, away=away)
 
 
 @claim("4c", CONCAVE)
 def _sliding_mode_temporarily_lost(concave: Run) -> Finding:
     samples, phi = concave.positive_samples(HEART), concave.phi(HEART)
     last = phi[concave.t >= concave.t[-1] - 2.0].max()
-    shown = {"time": samples * concave.sampling_time, "status": concave.trajectory.status}
-    shown |= {"position": position(concave)[-1], "angle": angle(concave)[-1]}
     lost, back = samples > 5, last <= concave.bound(HEART)
-    return finding("4c", lost and back, lost, shown, samples=samples, phi_last=last)
+    return finding("4c", lost and back, lost, {"run": concave}, samples=samples, phi_last=last)

@@ -13,7 +13,7 @@ from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ..studies import StudyResult
 from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
-from ..verdicts import Finding, NotMeasured, claim, finding, worded
+from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged
 from .boundary import clear, ending, excess, number, with_sigma
 from .experiments import FASTER
 from .planar import SECOND
@@ -44,87 +44,71 @@ IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sa
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 
 
-def least_unused(pareto: StudyResult, scenario: str, *laws: str) -> dict[str, float]:
-    """By law, the least of the allowed space that a run left unused [%]; NaN for a law none of whose runs counts."""
-    return {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in laws}
+def beside_fields(key: str, pareto: StudyResult, left: Mapping[str, float], **shown: Any) -> Finding:
+    """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field less.
 
-
-def laws_text(left: Mapping[str, float]) -> str:
-    """What :func:`least_unused` says, in words."""
-    return ", ".join(f"{law} {f'leaves {v:.3g} %' if isfinite(v) else 'has no such run'}" for law, v in left.items())
+    ``left`` is what it leaves unused [%], NaN where it is not compared; a field's number is the least of its runs.
+    """
+    scenes: dict[str, dict[str, float]] = {}
+    verdicts: dict[str, Verdict] = {}
+    for scenario, own in left.items():
+        fields = {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in FIELDS}
+        part = own <= FULLY_USED
+        verdicts[scenario] = judged(part and not any(field < own for field in fields.values()), part)
+        scenes[scenario] = {SLIDING: own} | fields
+    values = {f"{scenario}/{law}": value for scenario, laws in scenes.items() for law, value in laws.items()}
+    good, part = set(verdicts.values()) == {"holds"}, set(verdicts.values()) != {"does not hold"}
+    return finding(key, good, part, {"scenes": scenes, "verdicts": verdicts, **shown}, **values)
 
 
 @claim("7a", "pareto")
 def _space_fully_used(pareto: StudyResult) -> Finding:
     """With the printed gains, beside the least of the fields."""
-    texts, good, part = [], [], []
-    values: dict[str, float] = {}
-    for scenario in SCENARIOS:
-        kept = number(pareto, scenario, "printed", "kept") == 1.0
-        left = number(pareto, scenario, "printed", "unused") if kept else nan
-        fields = least_unused(pareto, scenario, *FIELDS)
-        part.append(left <= FULLY_USED)
-        good.append(part[-1] and not any(field < left for field in fields.values()))
-        printed = f"leaves {left:.3g} %" if kept else "does not keep its boundaries (5d), so that it is not compared"
-        texts.append(f"{scenario}: {SLIDING} {printed}; {laws_text(fields)} at best")
-        values |= {f"{scenario}/{law}": value for law, value in ({SLIDING: left} | fields).items()}
-    return finding("7a", all(good), any(part), {"scenes": ". ".join(texts)}, **values)
+    kept = {scenario: number(pareto, scenario, "printed", "kept") == 1.0 for scenario in SCENARIOS}
+    left = {name: number(pareto, name, "printed", "unused") if kept[name] else nan for name in SCENARIOS}
+    return beside_fields("7a", pareto, left)
 
 
 @claim("7c", "pareto")
 def _nothing_left_unused(pareto: StudyResult) -> Finding:
     """Over each law's own parameters."""
-    texts, good, part = [], [], []
-    values: dict[str, float] = {}
+    broken = {scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS}
     for scenario in SCENARIOS:
         number(pareto, scenario, SLIDING, "kept")
-        least = least_unused(pareto, scenario, SLIDING, *FIELDS)
-        part.append(least[SLIDING] <= FULLY_USED)
-        good.append(part[-1] and not any(least[law] < least[SLIDING] for law in FIELDS))
-        against = "" if good[-1] else f", so that it {'holds partly' if part[-1] else 'does not hold'} there"
-        broken = number(pareto, scenario, "printed", "kept") == 0.0
-        breaks = " (the printed gains break (12): 5d)" if broken else ""
-        texts.append(f"{scenario}{breaks}: {laws_text(least)}{against}")
-        values |= {f"{scenario}/{law}": value for law, value in least.items()}
-    return finding("7c", all(good), any(part), {"scenes": "; ".join(texts)}, **values)
+    left = {scenario: pareto.numbers.get((scenario, SLIDING, "least_unused"), nan) for scenario in SCENARIOS}
+    return beside_fields("7c", pareto, left, broken=broken)
 
 
 @claim("8a", "shrinking-region")
 def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
     """RMS distance of the joints' paths from the sliding mode's at the largest and the smallest region."""
-    texts, good, part = [], [], []
+    scenes, good, part = [], [], []
     values: dict[str, float] = {}
     for scenario in SCENARIOS:
+        names = ("distance_largest_region", "distance_smallest_region", "region_largest", "region_smallest")
+        far, near, large, small = (number(study, scenario, "priority", name) for name in names)
         floor = number(study, scenario, "sampling_distance")
-        sizes = ("largest", "smallest")
-        far, near = (number(study, scenario, "priority", f"distance_{size}_region") for size in sizes)
-        large, small = (number(study, scenario, "priority", f"region_{size}") for size in sizes)
         falls = number(study, scenario, "priority", "distance_falls") == 1.0
         good.append(falls and near <= 2.0 * floor)
         part.append(near < far)
-        how = "never rising" if falls else "rising in between"
-        shown = {"far": far, "near": near, "large": large, "small": small, "floor": floor}
-        texts.append(worded("shrinking", scenario=scenario, how=how, **shown))
+        scenes.append((scenario, far, large, near, small, falls, floor))
         values |= {f"{scenario}/far": far, f"{scenario}/near": near, f"{scenario}/floor": floor}
-    return finding("8a", all(good), all(part), {"scenes": "; ".join(texts)}, **values)
+    return finding("8a", all(good), all(part), {"scenes": scenes}, **values)
 
 
 @claim("9b", "gradient-error")
 def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
     at = (SLIDING, 0.3)
-    texts, depth, converged = [], {}, []
-    for scenario, _ in ending(study, *at, "converged"):
-        depth[str(scenario)] = outside = number(study, scenario, *at, "violation")
-        converged.append(number(study, scenario, *at, "converged") == 1.0)
-        deviation = study.numbers.get((scenario, *at, "deviation_px"), nan)
-        status = "converges" if converged[-1] else "does not converge"
-        violates = f"{outside:.2g} % of L" if outside > 0.0 else "nothing"
-        texts.append(worded("off", scenario=scenario, status=status, violates=violates, deviation=deviation))
-    if not texts:
+    scenes = [str(scenario) for scenario, _ in ending(study, *at, "converged")]
+    if not scenes:
         raise NotMeasured("the study gradient-error has no run of the sliding mode with c_e = 0.3")
+    depth = {scenario: number(study, scenario, *at, "violation") for scenario in scenes}
+    converged = [number(study, scenario, *at, "converged") == 1.0 for scenario in scenes]
+    deviation = [study.numbers.get((scenario, *at, "deviation_px"), nan) for scenario in scenes]
     most = max(depth.values())
     good, part = all(converged) and most <= 0.0, all(converged) and most <= SLIGHT
-    return finding("9b", good, part, {"scenes": "; ".join(texts)}, **depth)
+    shown = {"scenes": list(zip(scenes, converged, depth.values(), deviation, strict=True))}
+    return finding("9b", good, part, shown, **depth)
 
 
 @claim("10a", "switching-gain")
@@ -137,14 +121,11 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     enough = [study.numbers.get((Kp0, "smallest_in_band"), nan) for Kp0 in speeds]
     # a speed at which no gain tried was enough needs more than all of them
     gains = [gain if isfinite(gain) else inf for gain in enough]
-    texts = [
-        worded("speed", Kp0=Kp0, bound=bound, gain=f"{gain:g}" if isfinite(gain) else "no gain tried")
-        for Kp0, bound, gain in zip(speeds, bounds, gains, strict=True)
-    ]
     rises = all(a < b for a, b in pairwise(bounds))
     follows = all(a <= b for a, b in pairwise(gains)) and gains[0] < gains[-1]
     values = {f"{Kp0:g}": gain for Kp0, gain in zip(speeds, gains, strict=True)}
-    return finding("10a", rises and follows, rises or follows, {"speeds": "; ".join(texts)}, **values)
+    swept = list(zip(values, bounds, gains, strict=True))
+    return finding("10a", rises and follows, rises or follows, {"speeds": swept}, **values)
 
 
 @claim("10d", "sampling-time")
@@ -154,9 +135,8 @@ def _chattering_becomes_negligible(study: StudyResult) -> Finding:
     bands = {float(key[2]): band for key, band in study.numbers.items() if key[:2] == of}
     if not bands:
         raise NotMeasured("the study sampling-time has no band of the first example")
-    text = ", ".join(f"{bands[time]:.3f} at {time:g} ms" for time in sorted(bands, reverse=True))
-    values = {f"{time:g}": band for time, band in bands.items()}
-    return finding("10d", bands[min(bands)] <= 0.02, False, {"bands": text}, **values)
+    values = {f"{time:g}": bands[time] for time in sorted(bands, reverse=True)}
+    return finding("10d", bands[min(bands)] <= 0.02, False, {"bands": values}, **values)
 
 
 @claim("10b", "switching-gain", *SCENES)
@@ -164,24 +144,24 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     """How many runs above the bound keep σ ≤ 0, and φ in its band."""
     names = ("above_bound", "above_bound_allowed", "above_bound_in_band")
     above, kept, band = (int(number(study, name)) for name in names)
-    broken, beyond = [], []
+    broken: dict[str, float] = {}
+    beyond: dict[str, float] = {}
     for spec, run in zip(SCENES, runs, strict=True):
         if spec.name == NOT_DIFFERENTIABLE:
             continue
         share, labels = run.needed_share().max(), run.trajectory.labels
         if share >= 1.0:
-            broken.append(f"{spec.name} ({share:.3g} u⁺)")
+            broken[spec.name] = share
             continue
         most = max(excess(run, label) for label in labels)
         above, band = above + 1, band + (most <= 1.0)
         kept += all(clear(run, label) >= 0.0 for label in with_sigma(labels))
         if most > 1.0:
-            beyond.append(f"{spec.name} ({most:.3g} T_s u⁺)")
+            beyond[spec.name] = most
     if above == 0:
         raise NotMeasured("no run is above the bound")
-    shown = {"beyond": f", not {', '.join(beyond)}" if beyond else "", "broken": ", ".join(broken) or "no scene"}
-    shown["continuous"] = worded("continuous") if band < above else ""
-    return finding("10b", band == above, kept == above, shown, above=above, kept=kept, band=band)
+    values = {"above": above, "kept": kept, "band": band}
+    return finding("10b", band == above, kept == above, {"beyond": beyond, "broken": broken}, **values)
 
 
 @claim("10c", "sampling-time", *SCENES)
@@ -191,23 +171,17 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     if not bands:
         raise NotMeasured("the study sampling-time has no band")
     power = {name: number(study, name, "exponent") for name in bands}
-    scenes = {
-        spec.name: max(
-            (float(np.ptp(run.while_sliding(label))) / run.bound(label), label, run.positive_samples(label))
-            for label in run.ever_active()
-        )
-        for spec, run in zip(SCENES, runs, strict=True)
-        if run.ever_active()
-    }
-    swept = "; ".join(worded("band", name=name, width=w, power=power[name]) for name, w in bands.items())
-    everywhere = ", ".join(
-        f"{name} {width:.3g}" + (worded("row", label=label, samples=n) if n > MAX_POSITIVE_SAMPLES else "")
-        for name, (width, label, n) in scenes.items()
-    )
+    scenes = {}
+    for spec, run in zip(SCENES, runs, strict=True):
+        if labels := run.ever_active():
+            width = {label: float(np.ptp(run.while_sliding(label))) / run.bound(label) for label in labels}
+            widest = max(labels, key=lambda label: (width[label], label))
+            scenes[spec.name] = width[widest], widest, run.positive_samples(widest)
     greatest = max(*bands.values(), *(width for width, _, _ in scenes.values()))
+    shown = {"bands": bands, "power": power, "scenes": scenes, "most": MAX_POSITIVE_SAMPLES}
     proportional = all(0.8 <= p <= 1.2 for p in power.values()) and greatest <= MAX_EXCESS
     values = bands | {f"{name}/scene": width for name, (width, _, _) in scenes.items()}
-    return finding("10c", greatest <= 1.0, proportional, {"swept": swept, "everywhere": everywhere}, **values)
+    return finding("10c", greatest <= 1.0, proportional, shown, **values)
 
 
 @claim("10e", OUTSIDE)
@@ -223,15 +197,14 @@ def _reached_in_finite_time(run: Run) -> Finding:
     after, push = float(run.t[first]), float(run.drift[:first, run.index(SECOND)].max())
     within = float(phi[0]) / (gain - push) if gain > push else nan
     later = phi[first:].max() / run.bound(SECOND)
-    promised = worded("promised", within=within) if gain > push else "never"
-    shown = {"phi": phi[0], "gain": gain, "push": push, "promised": promised, "later": later}
+    shown = {"phi": phi[0], "gain": gain, "push": push, "later": later}
     return finding("10e", after <= within + Ts and later <= MAX_EXCESS, True, shown, after=after, within=within)
 
 
 @claim("10f", *FASTER)
 def _aborted_without_rank(*runs: Run) -> Finding:
     """The rank of the active rows, decomposed here, in every sample; and how the runs end."""
-    texts, right = [], []
+    lost_by, right = [], []
     for spec, run in zip(FASTER, runs, strict=True):
         lost, end = lost_rank(run), run.trajectory
         if lost is None:
@@ -239,10 +212,10 @@ def _aborted_without_rank(*runs: Run) -> Finding:
             continue
         named = any(label in end.reason for label in end.labels if run.phi(label)[lost] >= 0.0)
         right.append(lost == len(run.t) - 1 and end.status == "aborted" and named)
-        texts.append(worded("rank", name=spec.name, Ts=run.sampling_time, time=run.t[lost], status=end.status))
-    if not texts:
+        lost_by.append((spec.name, run, run.t[lost]))
+    if not lost_by:
         raise NotMeasured("no run loses the rank of its active rows")
-    return finding("10f", all(right), False, {"runs": "; ".join(texts)})
+    return finding("10f", all(right), False, {"runs": lost_by})
 
 
 def lost_rank(run: Run) -> int | None:

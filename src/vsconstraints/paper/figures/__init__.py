@@ -1,6 +1,7 @@
 """Our counterparts of the paper's figures, in one table."""
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,9 @@ DRAWN: dict[int, tuple[Any, ...]] = {
     3: (planar.draw_planar_system, FOV),
     4: (planar.draw_fov, FOV),
     5: (planar.draw_fast, FAST, HIGH_GAIN),
-    6: (planar.draw_bowl, BOWL),
-    7: (planar.draw_convex, CONVEX),
-    8: (planar.draw_concave, CONCAVE),
+    6: (partial(planar.draw_obstacle, met=planar.IN_BOWL), BOWL),
+    7: (partial(planar.draw_obstacle, met=planar.AT_CONVEX), CONVEX),
+    8: (partial(planar.draw_obstacle, met=planar.AT_CONCAVE), CONCAVE),
     9: (case_study.draw_system, CASE),
     10: (case_study.draw_tracks, CASE),
     11: (case_study.draw_signals, CASE),

@@ -92,7 +92,7 @@ def draw_signals(case: Run) -> Sheet:
         above_legend(ax, 6)
         _limit(ax, case, limited, values)
     signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
-    paper.phi_axis(panels[2], case, -0.2, 0.04, r"greatest $\phi_i$")
+    paper.phi_axis(panels[2], case, (-0.2, 0.04), r"greatest $\phi_i$")
     _lanes(panels[3], case)
     for number, time in enumerate(frame_times(case), start=1):
         for ax in panels:

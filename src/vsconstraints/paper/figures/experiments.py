@@ -58,7 +58,7 @@ def draw_signals(run: Run) -> Sheet:
     seen = (values.max(axis=0) > least).tolist()
     names = [f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}" for row, see in zip(rows, seen, strict=True)]
     paper.signals(phi, run, values, names, "", linewidth=1.2)
-    paper.phi_axis(phi, run, least, 0.25, "constraint\nfunctions $\\phi_V$")
+    paper.phi_axis(phi, run, (least, 0.25), "constraint\nfunctions $\\phi_V$")
     above_legend(phi, max(sum(seen), 1))
     return sheet
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from ...comparisons.run import Run
@@ -76,11 +76,26 @@ def pose_errors(
         legend(ax, len(shown))
 
 
-def phi_axis(ax: Any, run: Run, low: float, high: float, label: str) -> None:
+def phi_axis(ax: Any, run: Run, limits: tuple[float, ...], label: str) -> None:
     """Of values φ of a run's rows, with the line below which they are allowed."""
     zero_line(ax)
     over_time(ax, run, label)
-    ax.set_ylim(low, high)
+    if limits:
+        ax.set_ylim(*limits)
+
+
+def phi_panel(
+    ax: Any,
+    run: Run,
+    looks: Mapping[str, dict[str, Any]],
+    limits: tuple[float, ...],
+    label: str = "constraint\nfunction $\\phi$",
+) -> None:
+    """φ of some of a run's rows, each with a look of its own."""
+    for row, look in looks.items():
+        signal(ax, run.t, run.phi(row), **look | {"linewidth": 1.2})
+    phi_axis(ax, run, limits, label)
+    inside_legend(ax, place="lower right")
 
 
 def limits_around(ax: Any, values: Array, share: float = 0.06) -> None:

@@ -40,12 +40,8 @@ def draw_hyperellipses() -> Sheet:
     square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
     entries = [line("image", INK) | {"linewidth": 2.6}]
     camera = Camera((600.0, 600.0), size)
-    for n, colour, dash in (
-        (2, paper.BLUE, "-"),
-        (4, paper.MAGENTA, "--"),
-        (8, paper.GREEN, "-."),
-        (16, paper.RED, "-"),
-    ):
+    looks = ((paper.BLUE, "-"), (paper.MAGENTA, "--"), (paper.GREEN, "-."), (paper.RED, "-"))
+    for n, (colour, dash) in zip((2, 4, 8, 16), looks, strict=True):
         constraint = FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n)
         for points in constraint.boundary(size):
             ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
@@ -121,13 +117,11 @@ def draw_fov(fov: Run) -> Sheet:
     sheet = Sheet(paper.LEFT)
     _tracks(paper.image_view(sheet, fov, VIEW, upwards=True), fov)
     sheet.side_legend([*(line(name, colour) for colour, _, name in MARKERS), *_entries(fov)])
-    position, orientation, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
-    paper.pose_errors((position, orientation), fov, PLANAR)
+    *errors, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
+    paper.pose_errors(errors, fov, PLANAR)
     paper.signals(joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]")
     inside_legend(joints, 3)
-    signal(phi, fov.t, fov.phi(SECOND), color=paper.CYAN, label=r"$\phi_{V,2}$", linewidth=1.2)
-    paper.phi_axis(phi, fov, -1.1, 0.2, "constraint\nfunction $\\phi$")
-    inside_legend(phi, place="lower right")
+    paper.phi_panel(phi, fov, {SECOND: line(r"$\phi_{V,2}$", paper.CYAN)}, (-1.1, 0.2))
     return sheet
 
 
@@ -144,7 +138,7 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
     for ax, low, top, what in ((whole, -1.1, 0.3, ""), (near, -0.3, 0.2, ", near zero")):
         for run, colour, name in ((fast, paper.BLUE, "$u^+$ = 10"), (high, FASTER["color"], "$u^+$ = 50")):
             signal(ax, run.t, run.phi(SECOND), color=colour, label=name, linewidth=1.4)
-        paper.phi_axis(ax, fast, low, top, r"$\phi_{V,2}$" + what)
+        paper.phi_axis(ax, fast, (low, top), r"$\phi_{V,2}$" + what)
     bound = fast.bound(SECOND)
     band(near, -bound, bound, paper.BAND, label="$\\pm T_s u^+$ for $u^+$ = 10")
     near.set_xlim(0.0, 2.0)
@@ -161,28 +155,17 @@ class Obstacle(NamedTuple):
     name: str
     centre: tuple[float, float]
     half: float
-    low: float
-    high: float
+    phi: tuple[float, float]
     other: str = ""
 
 
-def draw_bowl(bowl: Run) -> Sheet:
-    """Fig. 6: the trap."""
-    return _with_detail(bowl, Obstacle(BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, -2.2, 0.3, OTHER_ROW))
+IN_BOWL = Obstacle(BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, (-2.2, 0.3), OTHER_ROW)
+AT_CONVEX = Obstacle(HEART, "heart", TIP, 25.0, (-2.2, 0.3))
+AT_CONCAVE = Obstacle(HEART, "heart", NOTCH, 25.0, (-2.2, 1.1))
 
 
-def draw_convex(convex: Run) -> Sheet:
-    """Fig. 7: the convex corner is passed."""
-    return _with_detail(convex, Obstacle(HEART, "heart", TIP, 25.0, -2.2, 0.3))
-
-
-def draw_concave(concave: Run) -> Sheet:
-    """Fig. 8: the concave corner is not."""
-    return _with_detail(concave, Obstacle(HEART, "heart", NOTCH, 25.0, -2.2, 1.1))
-
-
-def _with_detail(run: Run, met: Obstacle) -> Sheet:
-    """Tracks with a detail, errors, and φ of the border's and the obstacle's row.
+def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
+    """Figs. 6 to 8: tracks with a detail, errors, and φ of the border's and the obstacle's row.
 
     The obstacle's row of the other marker gets a panel of its own, beside the first's.
     """
@@ -207,25 +190,15 @@ def _with_detail(run: Run, met: Obstacle) -> Sheet:
     sheet.side_legend(entries)
     panels = sheet.panels(4 if met.other else 3, height=1.2, labels=("time [s]", ""))
     paper.pose_errors(panels[:2], run, PLANAR)
-    for label, colour, dash, name in (
-        (SECOND, paper.CYAN, "-", "FOV, second feature"),
-        (met.row, paper.GREEN, "-.", f"{met.name}, first feature"),
-    ):
-        signal(panels[2], run.t, run.phi(label), color=colour, linestyle=dash, label=name, linewidth=1.2)
-    paper.phi_axis(panels[2], run, met.low, met.high, "constraint\nfunction $\\phi$")
-    inside_legend(panels[2], place="lower right")
-    if met.other:
-        _far_beyond(panels[3], run, met)
+    looks = {SECOND: line("FOV, second feature", paper.CYAN)}
+    looks[met.row] = line(f"{met.name}, first feature", paper.GREEN, "-.")
+    paper.phi_panel(panels[2], run, looks, met.phi)
+    if met.other:  # some of its rows leave their bands by orders of magnitude
+        bound = run.bound(met.other)
+        looks = {met.other: line(f"{met.name}, second feature", paper.MAGENTA)}
+        looks[met.row] = line(f"{met.name}, first feature", paper.GREEN)
+        band(panels[3], -bound, bound, paper.BAND)
+        paper.phi_panel(panels[3], run, looks, (), f"$\\phi$ of the {met.name}")
+        logarithmic(panels[3].yaxis, (-1e4, -1e2, -1.0, 0.0, 1.0, 1e2), bound, 1.0)
+        panels[3].set_ylim(top=1e4)
     return sheet
-
-
-def _far_beyond(ax: Any, run: Run, met: Obstacle) -> None:
-    """φ of an obstacle's rows, some of which leave their bands by orders of magnitude."""
-    bound = run.bound(met.other)
-    for label, colour, name in ((met.other, paper.MAGENTA, "second"), (met.row, paper.GREEN, "first")):
-        signal(ax, run.t, run.phi(label), color=colour, label=f"{met.name}, {name} feature", linewidth=1.2)
-    band(ax, -bound, bound, paper.BAND)
-    paper.over_time(ax, run, f"$\\phi$ of the {met.name}")
-    logarithmic(ax.yaxis, (-1e4, -1e2, -1.0, 0.0, 1.0, 1e2), bound, 1.0)
-    ax.set_ylim(top=1e4)
-    inside_legend(ax, place="lower right")

@@ -1,15 +1,17 @@
-"""Laws that studies compare, and what the figures of studies share: lines by law, panels by scenario, outcomes."""
+"""Laws that studies compare, and figures of studies, drawn as ``studies.toml`` says."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec
-from ...reports.plots import INK, Look, Sheet, darker, line, looks
-from .study import grouped, where
+from ...reports.plots import INK, REFERENCE, Look, Sheet, darker, logarithmic, looks, widths
+from .points import Numbers, Points, about, ended_early, grouped, scenario_title, where
 
 
 def potential_field(blend: str, region: float = 0.2, strength: float = 1.0) -> ControllerSpec:
@@ -33,102 +35,136 @@ LAWS: dict[str, ControllerSpec] = {
 }
 
 LOOKS: dict[str, Look] = looks(["tracking", *LAWS])
-SCENARIO_TITLES: dict[str, str] = {
-    "example-2d-fov": "first example",
-    "example-2d-fast-high-gain": "first example, fast",
-    "case-study-6r": "case study",
-    "experiment-1-pbvs": "experiment 1 (PBVS)",
-    "experiment-2-ibvs": "experiment 2 (IBVS)",
-}
+DASHED = {name: REFERENCE[name] for name in ("linestyle", "linewidth")}
 
 
-def scenario_title(scenario: str) -> str:
-    """What figures and sentences call a scenario."""
-    return SCENARIO_TITLES.get(scenario, scenario)
+def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Sheet:
+    """The figure of a study's points and numbers, as its table says.
 
-
-def sentence_start(scenario: str) -> str:
-    """The same at the beginning of a sentence."""
-    title = scenario_title(scenario)
-    return title[:1].upper() + title[1:]
-
-
-def scenario_grid(
-    table: Mapping[str, Any], points: Iterable[dict[str, Any]], entries: Sequence[dict[str, Any]]
-) -> tuple[Sheet, dict[tuple[str, str], Any]]:
-    """A sheet with a legend and, below it, a row of panels for each measure and a column for each scenario.
-
-    Parameters
-    ----------
-    table
-        Of the study: ``measures``, labels by column of the data; and ``layout``, which names the horizontal axis
-        (``below``) and gives the left margin, the height of panels and the gap between columns in inches.
-    points
-        The data, which tell the scenarios.
-    entries
-        Of the legend.
-
-    Returns
-    -------
-    tuple
-        The sheet, and its panels by measure and scenario.
+    Below a legend there is for each of the ``measures`` a row of panels, one for each scenario; with ``columns`` in the
+    ``layout`` one panel for each measure, and so many in a row. The layout gives the left margin, the height of panels
+    and what is between them in inches, and of the horizontal axis the column ``x``, its label (``below``), ``limits``
+    and, if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is drawn there. A measure is
+    logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it has a ``label`` or a ``title``, and may
+    have ``ticks``, horizontal ones too (``below``), a ``level`` to compare with, a ``margin``, or limits: ``low``, and
+    ``top`` or ``headroom`` times what the data reach, the ``same`` in all panels. What differs between scenarios is a
+    table by scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see :class:`Series`.
     """
-    layout, scenarios = table["layout"], list(grouped(points, "scenario"))
+    layout, measures = table["layout"], table["measures"]
+    series = list(all_series(table, points, numbers))
+    scenarios = [None] if "columns" in layout else list(grouped(points, "scenario"))
     sheet = Sheet(left=layout["left"])
-    sheet.legend(entries)
-    sheet.at += 0.15
-    places = list(product(table["measures"], scenarios))
-    size = {"height": layout["height"], "gap": layout["gap"]}
-    panels = dict(
-        zip(places, sheet.panels(len(places), len(scenarios), **size, labels=(layout["below"], "")), strict=True)
-    )
-    for (measure, scenario), ax in panels.items():
-        if scenario == scenarios[0]:
-            ax.set_ylabel(table["measures"][measure])
-        if measure == next(iter(table["measures"])):
-            ax.set_title(scenario_title(scenario))
-    return sheet, panels
+    entries: dict[str, dict[str, Any]] = {}
+    for one in series:
+        entries.setdefault(one.look.get("label", ""), one.look)
+    sheet.legend([look for label, look in entries.items() if label], layout.get("legend", 3))
+    sheet.at += layout.get("above", 0.15)
+    places = list(product(measures, scenarios))
+    size = {"height": layout["height"], "gap": layout.get("gap", 0.7), "labels": (layout["below"], "")}
+    axes = dict(zip(places, sheet.panels(len(places), layout.get("columns", len(scenarios)), **size), strict=True))
+    for (name, scenario), ax in axes.items():
+        own, across = (_in(scenario, given) for given in (measures[name], layout))
+        if scenario == scenarios[0] or own != measures[name]:
+            ax.set_ylabel(own.get("label", ""))
+        ax.set_title(scenario_title(scenario) if scenario and name == next(iter(measures)) else own.get("title", ""))
+        for one in series:
+            if name in one.layer.get("on", measures):
+                one.draw(ax, layout, name, scenario)
+        _scale(ax, across, own)
+    for name in [name for name, measure in measures.items() if measure.get("same")]:
+        row = [ax for place, ax in axes.items() if place[0] == name]
+        top = max(ax.get_ylim()[1] for ax in row)
+        for ax in row:
+            ax.set_ylim(top=top)
+    return sheet
 
 
-def entry(label: str, colour: str, marker: str = "", **look: Any) -> dict[str, Any]:
-    """Legend entry of points joined by a line."""
-    return line(label, colour, **{"marker": marker, "markersize": 5.0, "linewidth": 1.4, **look})
+def _in(scenario: str | None, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given for a scenario, or for all of them."""
+    return {key: value[scenario] if isinstance(value, dict) else value for key, value in given.items()}
 
 
-def law_entries(names: Iterable[str]) -> list[dict[str, Any]]:
-    """Legend entries of laws, with their markers."""
-    return [entry(name, LOOKS[name].colour, LOOKS[name].marker) for name in names]
+def _scale(ax: Any, layout: Mapping[str, Any], measure: Mapping[str, Any]) -> None:
+    """Scales, ticks and limits of a panel, once everything is drawn."""
+    ticks = measure.get("below", layout.get("ticks"))
+    if ticks is not None:
+        logarithmic(ax.xaxis, ticks)
+    if not measure.get("linear"):
+        logarithmic(ax.yaxis, measure.get("ticks"), measure.get("linear_below"))
+    if "limits" in layout:
+        ax.set_xlim(*layout["limits"])
+    if "names" in layout:
+        ax.set_xticks(ticks, layout["names"])
+    ax.margins(layout.get("margin"), measure.get("margin"))
+    if "level" in measure:
+        ax.axhline(measure["level"], **REFERENCE)
+    if "low" in measure:
+        reached = measure.get("headroom", 1.0) * ax.get_ylim()[1]
+        ax.set_ylim(measure["low"], max(reached, measure.get("top", 0.0)))
 
 
-def joined(
-    ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, colour: str, marker: str = "", **look: Any
-) -> None:
-    """Points joined by a line in their order; those that are not finite are left out."""
-    pairs = [(p[x], p[y]) for p in points if math.isfinite(p[x]) and math.isfinite(p[y])]
-    if pairs:
-        edge = {"markeredgecolor": darker(colour), "markeredgewidth": 0.6}
-        line = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, **edge, **look}
-        ax.plot(*zip(*pairs, strict=True), **line)
+class Series(NamedTuple):
+    """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the layer.
+
+    Its points are those ``where`` columns have values, or the ``numbers`` about so many of the first varied fields,
+    all together or ``by`` a column. They are joined by a line if their ``kind`` is not ``level`` (a line across the
+    panel), ``below`` (what lies below it is shaded) or ``crosses`` (near the upper edge, of runs that failed); ``y`` is
+    the measure if not another column. They look as a law does, as the table's ``looks`` or the layer's ``palette`` and
+    ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
+    """
+
+    name: str
+    points: Points
+    look: dict[str, Any]
+    layer: Mapping[str, Any]
+
+    def draw(self, ax: Any, layout: Mapping[str, Any], measure: str, scenario: str | None) -> None:
+        """Draw it into the panel of a measure and of a scenario, or of all of them."""
+        x, y, kind = layout["x"], self.layer.get("y", measure), self.layer.get("kind")
+        points = where(self.points, scenario=scenario) if scenario else self.points
+        if kind == "crosses":
+            shift = self.layer.get("shift", {}).get(self.name, 0.0)
+            values = [point[x] + shift for point in points if ended_early(point)]
+            look = self.look | {"linestyle": "none", "marker": "x", "markersize": 6.0, "markeredgewidth": 1.4}
+            look |= {"markeredgecolor": self.look["color"], "clip_on": False, "zorder": 5}
+            ax.plot(values, [0.92] * len(values), transform=ax.get_xaxis_transform(), **look)
+            return
+        # a run that failed is shown where its outcome is
+        finite = [p for p in points if math.isfinite(p[y]) and ("outcome" in p or not ended_early(p))]
+        if kind in ("level", "below"):
+            for point in finite:
+                ax.axhline(point[y], **self.look) if kind == "level" else ax.axvspan(point[y], 1e-9, **self.look)
+            return
+        least = layout.get("least", -math.inf)
+        pairs = sorted((max(p[x], least), p[y]) for p in finite if math.isfinite(p[x]))
+        ax.plot(*np.array(pairs).reshape(-1, 2).T, **self.look)
 
 
-Outcomes = Mapping[str, tuple[str, str, str]]  #: Colour, marker and label of each outcome of a run.
+def all_series(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Iterator[Series]:
+    """What the layers of a table draw, in their order."""
+    looks = table.get("looks", {})
+    for layer in table["layers"]:
+        of = points
+        if count := layer.get("numbers"):
+            keys = dict.fromkeys(key[:-1] for key in numbers if len(key) == count + 1)
+            of = [dict(zip(table["varied"], key, strict=False)) | about(numbers, *key) | {"status": ""} for key in keys]
+        own = where(of, **layer.get("where", {}))
+        groups = grouped(own, layer["by"]) if "by" in layer else {"": own}
+        names = [name for name in looks if name in groups] or [name for name in groups if name or "by" not in layer]
+        thinner = widths(names, *layer["widths"]) if "widths" in layer else {}
+        for k, name in enumerate(names):
+            look = {"linewidth": thinner.get(name, 1.4)} | _look(layer, looks.get(name, {}), name, k)
+            look |= DASHED if layer.get("reference") else {}
+            yield Series(name, groups[name], look | layer.get("look", {}), layer)
 
 
-def by_outcome(ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, outcomes: Outcomes) -> None:
-    """A marker for each run that shows its outcome."""
-    for name, (colour, marker, _) in outcomes.items():
-        own, edge = where(points, outcome=name), colour if marker == "x" else INK
-        look = {"marker": marker, "color": colour, "markersize": 7.5, "markeredgecolor": edge, "markeredgewidth": 0.5}
-        ax.plot([p[x] for p in own], [p[y] for p in own], **look, linestyle="none", zorder=3)
-
-
-def outcome_entries(points: Iterable[dict[str, Any]], outcomes: Outcomes) -> list[dict[str, Any]]:
-    """Legend entries of the outcomes that occur."""
-    shown = [look for name, look in outcomes.items() if where(points, outcome=name)]
-    return [entry(label, colour, marker, linestyle="none", markersize=7.0) for colour, marker, label in shown]
-
-
-def failed_marks(ax: Any, values: Sequence[float], colour: str, height: float = 0.97) -> None:
-    """Crosses near the upper edge, at the x values of runs that failed."""
-    cross = {"marker": "x", "color": colour, "markersize": 6.0, "markeredgewidth": 1.4, "linestyle": "none"}
-    ax.plot(values, [height] * len(values), transform=ax.get_xaxis_transform(), **cross, clip_on=False, zorder=5)
+def _look(layer: Mapping[str, Any], look: Mapping[str, Any], name: str, k: int) -> dict[str, Any]:
+    """How the ``k``-th series of a layer looks, which has a name and maybe a look of its own."""
+    if layer.get("kind") == "below":
+        return {}
+    full = {"color": INK, "markersize": 5.0, "label": scenario_title(name), **look}
+    if law := LOOKS.get(full.pop("law", name)):
+        full |= {"color": law.colour, "marker": law.marker}
+    if "palette" in layer:
+        full["color"], full["marker"] = layer["palette"][k]
+    return {"markeredgecolor": darker(full["color"]), "markeredgewidth": 0.6} | full

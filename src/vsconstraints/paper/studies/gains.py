@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .points import Numbers, Points
+from .study import Sweep
 from .summary import RunSummary
 
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
@@ -39,66 +38,34 @@ class SwitchingGain(Sweep):
         overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
         return RunSpec("example-2d-fov", overrides=overrides)
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
-        """Outcome of every run; for every speed the smallest gains that are enough, and the bounds."""
-        points = [
-            study.begun(case, run)
-            | {"outcome": _outcome(run, case.switching_gain)}
-            | study.columns(run, "violation_depth", "phi_max")
-            | {"band_bound": run.Ts * case.switching_gain}
-            | study.columns(run, "longest_run", "bound_12")
-            | {"bound_sampled": run.needed_gain + max(run.entry_push, 0.0), "utilization": run.value("utilization")}
-            for case, run in results.items()
-        ]
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """Its outcome, the band, and what u⁺ must exceed to be back after one sample."""
+        band = run.Ts * case.switching_gain
+        outcome = "sliding" if run.longest_run <= 1 else "band, not sliding"
+        if run.ended_early:
+            outcome = "failed"
+        elif run.value("violation_depth") > 0.0:
+            outcome = "violated"
+        elif run.phi_max > band:
+            outcome = "beyond band"
+        bound = run.needed_gain + max(run.entry_push, 0.0)
+        return {"outcome": outcome, "band_bound": band, "bound_sampled": bound}
+
+    def numbers(self, points: Points) -> Numbers:
+        """For every speed the bounds and the smallest gains that are enough; and how many runs above (12) are so."""
         numbers: Numbers = {}
-        sentences = []
-        for Kp0, own in study.grouped(points, "Kp0").items():
-            found = {column: _bound(own, column) for column in ("bound_12", "bound_sampled")}
+        for Kp0, own in data.grouped(points, "Kp0").items():
+            numbers |= data.keyed({name: _bound(own, name) for name in ("bound_12", "bound_sampled")}, Kp0)
             for name, outcome in ENOUGH.items():
-                reaches = partial(_reaches, outcome=outcome)
-                found[f"smallest_{name}"] = study.smallest_enough(own, "switching_gain", reaches)
-            numbers |= study.keyed(found, Kp0)
-            sentences.append(self.sentence("speed", Kp0=Kp0, **found))
+                smallest = data.smallest_enough(own, "switching_gain", partial(_reaches, outcome=outcome))
+                numbers[Kp0, f"smallest_{name}"] = smallest
         # along its own motion; without an active row there is no bound to exceed
         below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
-        count: dict[str, float] = {"above_bound": len(points) - len(below), "below_bound": len(below)}
-        for name, outcome in ENOUGH.items():
-            count[f"below_bound_{name}"] = sum(_reaches(point, outcome) for point in below)
-            reached = sum(_reaches(point, outcome) for point in points)
-            count[f"above_bound_{name}"] = reached - count[f"below_bound_{name}"]
-        return points, numbers | study.keyed(count), [*sentences, self.sentence("bound", **count)]
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """Switching gain against speed; one marker per run, coloured by its outcome."""
-        bounds = {
-            "bound_12": draw.entry("bound (12)", INK),
-            "bound_sampled": draw.entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
-        }
-        sheet = Sheet(left=0.8)
-        sheet.legend([*draw.outcome_entries(result.points, self.table["outcomes"]), *bounds.values()], 2)
-        (ax,) = sheet.panels(1, height=3.5)
-        draw.by_outcome(ax, result.points, "Kp0", "switching_gain", self.table["outcomes"])
-        by_speed = dict(sorted(study.grouped(result.points, "Kp0").items()))
-        for column, look in bounds.items():
-            values = [_bound(own, column) for own in by_speed.values()]
-            ax.plot(list(by_speed), values, color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4)
-        logarithmic(ax.xaxis, list(by_speed))
-        logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
-        ax.set_xlim(0.88 * min(by_speed), 1.14 * max(by_speed))
-        ax.set_xlabel("gain at zero error Kₚ(0) [1/s²]: faster motion →")
-        ax.set_ylabel("switching gain u⁺ [1/s]")
-        return sheet
-
-
-def _outcome(run: RunSummary, gain: float) -> str:
-    """The worst of :data:`OUTCOMES` that applies."""
-    if run.ended_early:
-        return "failed"
-    if run.value("violation_depth") > 0.0:
-        return "violated"
-    if run.phi_max > run.Ts * gain:
-        return "beyond band"
-    return "sliding" if run.longest_run <= 1 else "band, not sliding"
+        above = [point for point in points if point not in below]
+        for side, own in (("above_bound", above), ("below_bound", below)):
+            count = {f"{side}_{name}": sum(_reaches(p, outcome) for p in own) for name, outcome in ENOUGH.items()}
+            numbers |= data.keyed({side: len(own), **count})
+        return numbers
 
 
 def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
@@ -108,8 +75,8 @@ def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
 
 def _bound(points: Points, column: str) -> float:
     """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
-    sliding = study.where(points, outcome="sliding")
-    return study.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
+    sliding = data.where(points, outcome="sliding")
+    return data.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
 
 
 class SamplingTime(Sweep):
@@ -125,74 +92,37 @@ class SamplingTime(Sweep):
         """The run of a case."""
         return RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3})
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
-        """Bands and bounds of every run, and one line more for each row of the case study that was active."""
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """Its band and what is expected of it."""
+        bound = run.value("phi_band_bound")
+        bands = {"band": run.value("phi_band"), "bound_43": bound, "band_expected": bound + run.Ts * run.entry_push}
+        return {"row": "", **bands}
+
+    def points(self, results: Mapping[Any, RunSummary]) -> Points:
+        """A line of data for each run, and for each row of the case study that was active."""
         points: Points = []
         for case, run in results.items():
-            common, bound = study.begun(case, run), run.value("phi_band_bound")
-            bands = {"row": "", "band": run.value("phi_band"), "bound_43": bound}
-            bands["band_expected"] = bound + run.Ts * run.entry_push
-            points.append(common | bands | study.columns(run, "phi_max", "longest_run", "violation_depth"))
+            points.append(self.point(case, run, self.line(case, run, results)))
             if case.scenario == ROW_SCENARIO:
-                points += [common | _row(row, run.Ts) for row in run.rows.values() if row["active_time_s"] > 0]
+                rows = [row for row in run.rows.values() if row["active_time_s"] > 0]
+                points += [self.point(case, run, _row(row, run.Ts)) for row in rows]
+        return points
+
+    def numbers(self, points: Points) -> Numbers:
+        """How bands grow, for each scenario; how far and how long the rows of the case study are above zero."""
         numbers: Numbers = {}
-        sentences = []
         for scenario in BAND_SCENARIOS:
-            own = [p for p in study.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
+            own = [p for p in data.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
             if own:
-                found = _growth(own)
-                numbers |= study.keyed(found, scenario) | {(scenario, "band", p["Ts_ms"]): p["band"] for p in own}
-                sentences += [self.sentence("growth", scenario=scenario, **found)] * ("exponent" in found)
-        slow, fast = (numbers.get((name, "band", Ts)) for name, Ts in zip(BAND_SCENARIOS, (5.0, 1.0), strict=True))
-        if slow is not None and fast is not None:
-            sentences.append(self.sentence("fast", fast=fast, slow=slow))
+                numbers |= data.keyed(_growth(own), scenario)
+                numbers |= {(scenario, "band", point["Ts_ms"]): point["band"] for point in own}
         if rows := [point for point in points if point["row"]]:
             longest = max(rows, key=lambda point: point["longest_run"])
             found = {"longest_run": longest["longest_run"]}
             found["longest_run_ms"] = longest["longest_run"] * longest["Ts_ms"]
-            found["greatest_overshoot"] = study.greatest(rows, "relative_overshoot")
-            numbers |= study.keyed(found, ROW_SCENARIO)
-            sentences.append(self.sentence("rows", **found))
-        return points, numbers, sentences
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """Band, overshoot by row, samples in a row."""
-        looks = self.table["looks"]
-        rows = dict(zip(filter(None, study.grouped(result.points, "row")), looks["rows"], strict=False))
-        runs = {scenario: study.where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
-        runs = {scenario: own for scenario, own in runs.items() if own}
-        entries = []
-        for scenario, own in runs.items():
-            gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
-            entries.append(draw.entry(f"{draw.scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *looks[scenario]))
-        entries += [draw.entry(row, *look) for row, look in rows.items()]
-        entries += [line("Tₛ u⁺ (43)", **REFERENCE), draw.entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
-        sheet = Sheet(left=0.65)
-        sheet.legend(entries)
-        sheet.at += 0.15
-        band, over, samples = sheet.panels(3, 3, height=2.3, gap=0.62, labels=("sampling time Tₛ [ms]", ""))
-        for scenario, own in runs.items():
-            colour, marker = looks[scenario]
-            draw.joined(band, own, "Ts_ms", "band", colour, marker)
-            draw.joined(band, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
-            draw.joined(band, own, "Ts_ms", "band_expected", colour, linestyle=":")
-            draw.joined(samples, own, "Ts_ms", "longest_run", colour, marker)
-        for row, look in rows.items():
-            own = study.where(result.points, row=row)
-            draw.joined(over, own, "Ts_ms", "relative_overshoot", *look, markersize=4.5)
-            draw.joined(samples, own, "Ts_ms", "longest_run", *look, markersize=4.5)
-        over.axhline(1.0, **REFERENCE)
-        for ax, title, ticks in (
-            (band, "band of φ while sliding", (1, 2.5, 5, 10, 20, 40)),
-            (over, "case study: greatest φ / (Tₛ u⁺)", (1, 2, 4, 8, 16)),
-            (samples, "samples in a row with φ ≥ 0", (1, 2.5, 5, 10, 20, 40)),
-        ):
-            logarithmic(ax.xaxis, ticks)
-            ax.set_title(title)
-        logarithmic(band.yaxis)
-        logarithmic(samples.yaxis, (1, 2, 5, 10, 20))
-        over.set_ylim(bottom=0.0)
-        return sheet
+            found["greatest_overshoot"] = data.greatest(rows, "relative_overshoot")
+            numbers |= data.keyed(found, ROW_SCENARIO)
+        return numbers
 
 
 def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
@@ -215,6 +145,6 @@ def _growth(points: Points) -> dict[str, float]:
         "least_excess": (band / bound).min(),
         "greatest_excess": (band / bound).max(),
         "greatest_share_of_expected": (band / expected).max(),
-        "longest_run": study.greatest(points, "longest_run"),
+        "longest_run": data.greatest(points, "longest_run"),
     }
     return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})

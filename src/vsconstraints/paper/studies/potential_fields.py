@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 from ...comparisons.runs.spec import SLIDING_MODE, RunSpec
-from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic, symbol
 from ...scenarios import Scenario
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .drawing import LAWS, hierarchical_qp, potential_field
+from .points import Numbers, Points
+from .study import Sweep
 from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
 
 BLENDS = ("priority", "additive")
@@ -20,7 +20,6 @@ BLENDS = ("priority", "additive")
 #: Greatest number of samples in a row with φ ≥ 0 if a boundary is kept: in a sliding mode it is one, or two.
 MAX_POSITIVE_SAMPLES = 2
 MAX_EXCESS = 2.0  #: Greatest φ of a speed, whose φ is its clearance, in T_s u⁺: (43) allows one, tracking adds to it.
-MIN_UNUSED = 1e-3  #: Allowed space left unused below which points are drawn at the edge [%].
 
 
 class ShrinkingRegion(Sweep):
@@ -34,79 +33,40 @@ class ShrinkingRegion(Sweep):
 
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
-        return RunSpec(case.scenario, draw.potential_field(case.law, case.region) if case.region else SLIDING_MODE)
+        return RunSpec(case.scenario, potential_field(case.law, case.region) if case.region else SLIDING_MODE)
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """Its distances to the sliding-mode law, and what one sample of a row's action moves φ by in its range."""
+        reference = results.get(self.Case(case.scenario, "sliding-mode"), NOT_RUN)
+        steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
+        return {
+            "joint_distance": joint_distance(run, reference),
+            "clearance_distance": clearance_distance(run, reference),
+            "unused": 100.0 * (1.0 - run.value("utilization")),
+            "step": max(steps, default=math.nan),
+        }
+
+    def numbers(self, points: Points) -> Numbers:
         """Distances to the sliding-mode law, by scenario, blend and region."""
-        points: Points = []
-        for case, run in results.items():
-            reference = results.get(self.Case(case.scenario, "sliding-mode"), NOT_RUN)
-            # what one sample of a row's action moves φ by, relative to its allowed range
-            steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
-            points.append(
-                study.begun(case, run)
-                | {
-                    "joint_distance": joint_distance(run, reference),
-                    "clearance_distance": clearance_distance(run, reference),
-                    "unused": 100.0 * (1.0 - run.value("utilization")),
-                    "step": max(steps, default=math.nan),
-                    "switching_rate": run.value("switching_rate_hz"),
-                }
-                | study.columns(run, "acceleration_variation", "violation_depth")
-            )
         numbers: Numbers = {}
-        sentences = []
-        for scenario, own in study.grouped(points, "scenario").items():
-            by_law = {point["law"]: point for point in own}
-            floor = by_law["halved"]["joint_distance"] if "halved" in by_law else math.nan
-            sliding = by_law["sliding-mode"]["unused"] if "sliding-mode" in by_law else math.nan
-            numbers |= study.keyed({"sampling_distance": floor, "sliding_unused": sliding}, scenario)
+        for scenario, own in data.grouped(points, "scenario").items():
+            by_law = data.grouped(own, "law")
+            floor = _only(by_law, "halved", "joint_distance")
+            found = {"sampling_distance": floor, "sliding_unused": _only(by_law, "sliding-mode", "unused")}
+            numbers |= data.keyed(found, scenario)
             for blend in BLENDS:
-                found = _shrinking([point for point in own if point["law"] == blend], floor)
-                numbers |= study.keyed(found, scenario, blend)
-                if "region_largest" in found:
-                    sentences.append(self._blend(draw.sentence_start(scenario), blend, sliding, found))
-            sentences.append(self.sentence("sampling", distance=floor))
-        return points, numbers, sentences
+                numbers |= data.keyed(_shrinking(by_law.get(blend, []), floor), scenario, blend)
+        return numbers
 
-    def _blend(self, scenario: str, blend: str, sliding: float, found: Mapping[str, float]) -> str:
-        kept = not found["violation_depth"] > 0.0
-        violation = self.sentence("kept" if kept else "violation", **found, depth=100.0 * found["violation_depth"])
-        failed = self.sentence("failed", **found) if found["failed"] else ""
-        return (
-            self.sentence("blend", scenario=scenario, blend=blend, sliding=sliding, **found) + violation + failed + "."
-        )
 
-    def figure(self, result: StudyResult) -> Sheet:
-        """One column per scenario, one row per measure."""
-        looks = {blend: draw.LOOKS[draw.potential_field(blend).name] for blend in BLENDS}
-        entries = draw.law_entries(draw.potential_field(blend).name for blend in BLENDS)
-        entries.append(line("sliding-mode", **REFERENCE))
-        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
-        for (column, scenario), ax in panels.items():
-            points, first = study.where(result.points, scenario=scenario), column == "joint_distance"
-            by_law = {point["law"]: point for point in points}
-            if math.isfinite(step := by_law.get("sliding-mode", {}).get("step", math.nan)):
-                ax.axvspan(step, 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
-            reference = by_law.get("halved" if first else "sliding-mode", {}).get(column, math.nan)
-            if math.isfinite(reference):
-                ax.axhline(reference, **REFERENCE, zorder=2)
-            for blend, look in looks.items():
-                own = study.where(points, law=blend)
-                draw.joined(ax, study.completed(own), "region", column, look.colour, look.marker)
-                if first:
-                    draw.failed_marks(ax, [p["region"] for p in filter(study.ended_early, own)], look.colour, 0.93)
-            logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
-            logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
-            ax.set_xlim(0.8, 0.6e-4)
-            if column == "switching_rate":
-                ax.set_ylim(-0.1, 2.0 * ax.get_ylim()[1])
-        return sheet
+def _only(by_law: Mapping[str, Points], law: str, column: str) -> float:
+    """What the only run of a law has in a column; NaN if there is no such run."""
+    return float(by_law[law][0][column]) if law in by_law else math.nan
 
 
 def _shrinking(points: Points, floor: float) -> dict[str, float]:
     """Numbers about the runs of one blend, from the largest to the smallest region."""
-    own = sorted(study.completed(points), key=lambda point: -point["region"])
+    own = sorted([point for point in points if not data.ended_early(point)], key=lambda point: -point["region"])
     found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
     if not own:
         return found
@@ -121,6 +81,11 @@ def _shrinking(points: Points, floor: float) -> dict[str, float]:
     return found | {"violation_depth": deepest["violation_depth"], "violation_region": deepest["region"]}
 
 
+def kept(points: Iterable[dict[str, Any]]) -> Points:
+    """Points of runs that keep their boundaries, and have both what is compared."""
+    return [p for p in points if not p["not_kept"] and math.isfinite(p["unused"] + p["acceleration_variation"])]
+
+
 class Pareto(Sweep):
     """Every law over the range of its own parameter: a factor on every u⁺, a region, or the rate α of a barrier.
 
@@ -132,80 +97,39 @@ class Pareto(Sweep):
     """
 
     name = "pareto"
+    helpers: ClassVar[dict[str, Any]] = {"kept": kept}
 
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
         if case.controller == "hierarchical-qp":
-            return RunSpec(case.scenario, draw.hierarchical_qp(case.parameter))
+            return RunSpec(case.scenario, hierarchical_qp(case.parameter))
         if case.strength is not None:
             blend = "additive" if case.controller == "potential-field" else "priority"
-            return RunSpec(case.scenario, draw.potential_field(blend, case.parameter, case.strength))
-        return RunSpec(case.scenario, draw.LAWS[case.controller], scaled_gains(case.scenario, case.parameter))
+            return RunSpec(case.scenario, potential_field(blend, case.parameter, case.strength))
+        return RunSpec(case.scenario, LAWS[case.controller], scaled_gains(case.scenario, case.parameter))
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """What it leaves unused, and why it is not compared."""
+        return {"unused": unused(run), "not_kept": not_kept(run)}
+
+    def points(self, results: Mapping[Any, RunSummary]) -> Points:
         """Price and use of every run, and whether it is on the front."""
-        points = [
-            study.begun(case, run)
-            | {"unused": unused(run), "not_kept": not_kept(run)}
-            | study.columns(run, "acceleration_variation", "violation", "violated")
-            | {"switching_rate": run.value("switching_rate_hz"), "settling_time_s": run.value("settling_time_s")}
-            for case, run in results.items()
-        ]
+        points = super().points(results)
+        best = [point for own in data.grouped(points, "scenario").values() for point in front(own)]
+        return [point | {"front": point in best} for point in points]
+
+    def numbers(self, points: Points) -> Numbers:
+        """What each law leaves unused at best, and how many of its runs are compared, and on the front."""
         numbers: Numbers = {}
-        sentences = []
-        for scenario, own in study.grouped(points, "scenario").items():
-            best, laws = front(own), []
-            for point in own:
-                point["front"] = point in best
-            for law, runs in study.grouped(own, "controller").items():
-                kept = list(filter(_kept, runs))
-                least = min((point["unused"] for point in kept), default=math.nan)
-                found = {"least_unused": least, "on_front": sum(point["front"] for point in kept), "kept": len(kept)}
-                numbers |= study.keyed(found, scenario, law)
-                laws.append(f"{law} {self._least(kept, runs)}")
-            for point in study.where(own, controller="sliding-mode", parameter=1.0):
-                numbers |= study.keyed({"unused": point["unused"], "kept": _kept(point)}, scenario, "printed")
-            on_front = ", ".join(study.grouped(best, "controller")) or "nobody"
-            title = draw.sentence_start(scenario)
-            sentences.append(self.sentence("scenario", scenario=title, laws="; ".join(laws), front=on_front))
-        return points, numbers, sentences
-
-    def _least(self, kept: Points, runs: Points) -> str:
-        """The run that leaves least unused; if no boundary was kept, what was wrong with the shallowest violation."""
-        if kept:
-            best = min(kept, key=lambda point: float(point["unused"]))
-            field = "" if math.isnan(best["strength"]) else self.sentence("field", **best)
-            return self.sentence("least", **best | {"unused": best["unused"] / 100.0}, field=field) + (
-                f" ({len(kept)} of {len(runs)} runs)"
-            )
-        arrived = [point for point in runs if point["status"] == "converged"]
-        best = min(arrived, key=lambda point: float(point["violation"]), default={})
-        why = f" (at best {best['not_kept']})" if best else ", which do not reach the goal"
-        return f"none in {len(runs)} runs{why}"
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """One column per scenario; acceleration variation above, violation below."""
-        laws = list(study.grouped(result.points, "controller"))
-        points = study.completed(result.points)
-        deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
-        entries = [*draw.law_entries(laws), draw.entry("front", INK, linewidth=2.0)]
-        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
-        for (column, scenario), ax in panels.items():
-            own = study.where(points, scenario=scenario)
-            for name in laws:
-                _draw_law(ax, study.where(own, controller=name), column, name)
-            if column == "violation":
-                logarithmic(ax.yaxis, linear_below=0.01)
-                ax.set_ylim(-0.002, max(2.0 * deepest, 1.0))
-            else:
-                best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
-                steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 2.0, "zorder": 3}
-                ax.step([_x(p) for p in best], [p[column] for p in best], **steps)
-                logarithmic(ax.yaxis)
-            logarithmic(ax.xaxis, ())
-            ax.set_xlim(1.5 * max(map(_x, own), default=1.0), 0.7 * MIN_UNUSED)
-            ax.set_xticks([MIN_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
-        return sheet
+        for scenario, own in data.grouped(points, "scenario").items():
+            for law, runs in data.grouped(own, "controller").items():
+                compared = kept(runs)
+                least = min((point["unused"] for point in compared), default=math.nan)
+                found = {"least_unused": least, "on_front": sum(p["front"] for p in compared), "kept": len(compared)}
+                numbers |= data.keyed(found, scenario, law)
+            for point in data.where(own, controller="sliding-mode", parameter=1.0):
+                numbers |= data.keyed({"unused": point["unused"], "kept": bool(kept([point]))}, scenario, "printed")
+        return numbers
 
 
 def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
@@ -219,7 +143,7 @@ def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
 def front(points: Sequence[dict[str, Any]]) -> Points:
     """The runs without violation that no other such run beats in both unused space and acceleration variation."""
     chosen: Points = []
-    for point in sorted(filter(_kept, points), key=lambda p: (p["unused"], p["acceleration_variation"])):
+    for point in sorted(kept(points), key=lambda p: (p["unused"], p["acceleration_variation"])):
         if not chosen or point["acceleration_variation"] < chosen[-1]["acceleration_variation"]:
             chosen.append(point)
     return chosen
@@ -246,22 +170,3 @@ def not_kept(run: RunSummary) -> str:
         if samples > MAX_POSITIVE_SAMPLES:
             return f"{label} has φ ≥ 0 for {samples} samples in a row"
     return ""
-
-
-def _kept(point: Mapping[str, Any]) -> bool:
-    return not point["not_kept"] and math.isfinite(point["unused"]) and math.isfinite(point["acceleration_variation"])
-
-
-def _x(point: Mapping[str, Any]) -> float:
-    return max(float(point["unused"]), MIN_UNUSED)
-
-
-def _draw_law(ax: Any, points: Points, column: str, name: str) -> None:
-    """Large markers of the runs that keep their boundaries; the others stand behind them, small and pale."""
-    look = draw.LOOKS[name]
-    own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
-    kept = symbol(look.marker, look.colour, "white", 7.0, zorder=3.5)
-    others = symbol(look.marker, "none", look.colour, 3.5, alpha=0.45, zorder=2.5)
-    for which, mark in ((True, kept), (False, others)):
-        some = [p for p in own if bool(p["not_kept"]) != which]
-        ax.plot([_x(p) for p in some], [p[column] for p in some], **mark, clip_on=False)

@@ -80,24 +80,22 @@ def run_studies(
     ConfigurationError
         for unknown names, and if the folder cannot be created.
     """
-    chosen = list(dict.fromkeys(names or studies))
-    for name in chosen:
+    for name in names or ():
         if name not in studies:
             raise unknown_name("study", name, studies)
+    runs = {name: studies[name].runs(small=small) for name in dict.fromkeys(names or studies)}
     if folder is not None:
         try:
             for file in (figure_file(folder, ""), data_file(folder, "")):
                 file.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
-    runs = {name: studies[name].runs(small=small) for name in chosen}
-    drift_noted = {run: False for own in runs.values() for run in own.values()}
-    drift_noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
+    drift_noted: dict[RunSpec, bool] = {}
+    for name, own in runs.items():
+        drift_noted |= {run: drift_noted.get(run, False) or studies[name].drift_noted for run in own.values()}
     # tracking on the scenario as it is shipped shows which rows are challenged
-    baselines = {
-        name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in drift_noted)
-    }
-    limits = longest_first(drift_noted)
+    baselines = {run.name: RunSpec(run.name, ControllerSpec(BASELINE)) for run in drift_noted}
+    first, limits = longest_first(baselines.values()), longest_first(drift_noted)
     prepare()
     with nullcontext(kept) if kept else unfinished(folder) as store:
         answers = run_all(
@@ -105,13 +103,11 @@ def run_studies(
             {run: (run, store, run, False) for run in baselines.values()},
             {run: (run, store, baselines[run.name], drift_noted[run]) for run in limits},
             workers=workers,
-            limits={**longest_first(baselines.values()), **limits},
+            limits=first | limits,
             on_progress=on_progress,
         )
-        summaries = {
-            run: RunSummary("failed", answer.reason) if isinstance(answer, Failure) else answer
-            for run, answer in answers.items()
-        }
+        lost = {run: RunSummary("failed", why.reason) for run, why in answers.items() if isinstance(why, Failure)}
+        summaries: dict[RunSpec, Any] = answers | lost
         return {
             name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
             for name, own in runs.items()

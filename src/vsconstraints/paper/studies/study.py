@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product, takewhile
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.numbers import largest
 from ...reports.plots import Figure, Sheet
 from ..texts import filled
+from .drawing import sweep_figure
+from .points import TABLES, Numbers, Points, about
 from .summary import RunSummary
 
-#: Texts and varied values of the shipped studies, by name.
-TABLES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
 Case = Hashable  #: Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply.
-Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
-#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured.
-Numbers = dict[tuple[str | float, ...], float]
 
 
 @dataclass(frozen=True)
@@ -71,15 +67,18 @@ class Study(ABC):
 
 
 class Sweep(Study):
-    """A study whose texts and varied values are the table of its name in ``studies.toml``.
+    """A study whose texts, varied values and columns are the table of its name in ``studies.toml``.
 
     ``varied`` names the fields of :attr:`Case`, None where one does not apply. Each table of ``runs`` (``small`` for
     the small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and
-    may set keys of the scenario (``overrides``).
+    may set keys of the scenario (``overrides``). ``columns`` are those of the data, behind the case; ``sentences`` is a
+    template, a sentence a line, of the points, the table, the numbers :func:`about` something, and ``helpers``. The
+    figure is that of :func:`.drawing.sweep_figure`.
     """
 
     Case: ClassVar[Any]
     table: ClassVar[dict[str, Any]]
+    helpers: ClassVar[dict[str, Any]] = {}
 
     def __init_subclass__(cls) -> None:
         table = cls.table = TABLES[cls.name]
@@ -90,6 +89,14 @@ class Sweep(Study):
     @abstractmethod
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
+
+    @abstractmethod
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """The study's own columns of a run."""
+
+    @abstractmethod
+    def numbers(self, points: Points) -> Numbers:
+        """Numbers of :class:`StudyResult`."""
 
     def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
         """See :class:`Study`."""
@@ -103,68 +110,42 @@ class Sweep(Study):
                 runs[case] = replace(spec, overrides={**spec.overrides, **overrides})
         return runs
 
-    def sentence(self, key: str, **values: Any) -> str:
-        """A sentence of the table with values filled in."""
-        return filled(self.table["sentences"][key], **values)
+    def points(self, results: Mapping[Any, RunSummary]) -> Points:
+        """A line of data for each run."""
+        return [self.point(case, run, self.line(case, run, results)) for case, run in results.items()]
+
+    def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
+        """A line of data: the case, and the columns of the table; where they are not the study's own, of the summary.
+
+        ``violation`` is in % of L; what is neither known here nor a score of the run is NaN.
+        """
+        known = {
+            **{name: math.nan if varied is None else varied for name, varied in case._asdict().items()},
+            "status": run.status,
+            "reason": run.reason,
+            "violated": run.result.get("violated", ""),
+            "violation": 100.0 * run.value("violation_depth"),
+            "switching_rate": run.value("switching_rate_hz"),
+            "phi_max": run.phi_max,
+            "longest_run": float(run.longest_run),
+            "bound_12": run.needed_gain,
+            **own,
+        }
+        names = (*case._fields, *self.table["columns"])
+        return {name: known[name] if name in known else run.value(name) for name in names}
+
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+        """See :class:`Study`."""
+        points = self.points(results)
+        numbers = self.numbers(points)
+        context = {"points": points, "table": self.table, "about": partial(about, numbers), **self.helpers}
+        return points, numbers, list(filter(None, filled(self.table["sentences"], **context).splitlines()))
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """See :class:`Study`."""
+        return sweep_figure(self.table, list(result.points), result.numbers)
 
 
 def _text(case: Case) -> str:
     parts = case if isinstance(case, tuple) else (case,)
     return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)
-
-
-def begun(case: Any, run: RunSummary) -> dict[str, Any]:
-    """The first columns of a run's line: its case, a NamedTuple, and how it ended."""
-    varied = {name: math.nan if value is None else value for name, value in case._asdict().items()}
-    return {**varied, "status": run.status, "reason": run.reason}
-
-
-def columns(run: RunSummary, *names: str) -> dict[str, Any]:
-    """Columns of a run's line: ``violation`` [% of L], ``violated``, and numbers of the summary or of results.csv."""
-    special: dict[str, Any] = {
-        "violation": 100.0 * run.value("violation_depth"),
-        "violated": run.result.get("violated", ""),
-        "phi_max": run.phi_max,
-        "longest_run": float(run.longest_run),
-        "bound_12": run.needed_gain,
-    }
-    return {name: special[name] if name in special else run.value(name) for name in names}
-
-
-def grouped(points: Iterable[dict[str, Any]], column: str) -> dict[Any, Points]:
-    """Points by their value in a column, in the order in which the values come."""
-    groups: dict[Any, Points] = {}
-    for point in points:
-        groups.setdefault(point[column], []).append(point)
-    return groups
-
-
-def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
-    """Points whose columns have these values."""
-    return [point for point in points if all(point[column] == value for column, value in values.items())]
-
-
-def ended_early(point: Mapping[str, Any]) -> bool:
-    """Whether a point's run failed or was aborted."""
-    return point["status"] in ("failed", "aborted")
-
-
-def completed(points: Iterable[dict[str, Any]]) -> Points:
-    """Points of runs that neither failed nor were aborted."""
-    return [point for point in points if not ended_early(point)]
-
-
-def keyed(values: Mapping[str, float], *about: str | float) -> Numbers:
-    """Numbers by name as numbers about something."""
-    return {(*about, name): float(value) for name, value in values.items()}
-
-
-def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
-    """Greatest finite value of a column; NaN if there is none."""
-    return largest([point[column] for point in points])
-
-
-def smallest_enough(points: Iterable[Mapping[str, Any]], column: str, good: Callable[[Any], bool]) -> float:
-    """Smallest value of a column from which on every point is good; NaN if that of the greatest value is not."""
-    downwards = sorted(points, key=lambda point: point[column], reverse=True)
-    return min((float(point[column]) for point in takewhile(good, downwards)), default=math.nan)

@@ -16,17 +16,17 @@ from collections.abc import Mapping
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
-from ...reports.plots import REFERENCE, Sheet, logarithmic
+from ...reports.plots import REFERENCE, Sheet, line, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
-from . import drawing as draw
-from . import study
-from .study import Numbers, Points, StudyResult, Sweep
+from . import points as data
+from .points import Numbers, Points
+from .study import StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
@@ -48,14 +48,8 @@ APPLIED = 0.01  #: Tracks that differ by less than this show no effect of an err
 WIDTH, HEIGHT = 640.0, 480.0  #: Of the experiments' image [px].
 
 
-class Experiment(NamedTuple):
-    """One of the two experiments: the shipped scenario's name, and the kind of its visibility rows."""
-
-    scenario: str
-    kind: str
-
-
-EXPERIMENTS = (Experiment("experiment-1-pbvs", "fov"), Experiment("experiment-2-ibvs", "occlusion"))
+#: The kind of the visibility rows in each experiment.
+KINDS = {"experiment-1-pbvs": "fov", "experiment-2-ibvs": "occlusion"}
 
 
 @cache
@@ -63,6 +57,12 @@ def kept_scenes() -> dict[str, Any]:
     """By scenario: ``scenes``, entries by dotted keys, and ``rejected``, how many draws by reason."""
     kept: dict[str, Any] = json.loads(Path(__file__).with_name("experiment_scenes.json").read_text(encoding="utf-8"))
     return kept
+
+
+def rejected_by_run(points: Points) -> Counter[str]:
+    """Why unselected scenes are not like the experiments', and how many for each reason."""
+    scenes = {point["scene"]: point["rejected"] for point in points if point["scene"] != SHIPPED}
+    return Counter(filter(None, scenes.values()))
 
 
 class UnselectedExperiments(Sweep):
@@ -73,6 +73,7 @@ class UnselectedExperiments(Sweep):
     """
 
     name = "unselected-experiments"
+    helpers: ClassVar[dict[str, Any]] = {"kept_scenes": kept_scenes, "rejected_by_run": rejected_by_run}
 
     def spec(self, case: Any) -> RunSpec:
         """The run of a case."""
@@ -83,85 +84,61 @@ class UnselectedExperiments(Sweep):
     def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
         """The shipped scene and every kept one, in every case."""
         cases = []
-        for scenario, _ in EXPERIMENTS:
+        for scenario in KINDS:
             count = 2 if small else len(kept_scenes()[scenario]["scenes"])
             scenes = (SHIPPED, *map(str, range(count)))
             cases += [self.Case(scenario, *each) for each in product(scenes, list(CASES)[: 3 if small else 4])]
         return {case: self.spec(case) for case in cases}
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
-        """What every error changes in every scene, and in how many scenes it is little."""
-        points: Points = []
+    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
+        """Why its scene is not like the experiment's, and how it differs from the run without an error."""
+        exact, kind = results.get(case._replace(case=EXACT)), KINDS[case.scenario]
+        reason = "no run without an error" if exact is None else why_not(kind, exact)
+        return {"rejected": reason, **compared(kind, run, exact or NOT_RUN)}
+
+    def numbers(self, points: Points) -> Numbers:
+        """In how many scenes every error changes little."""
         numbers: Numbers = {}
-        sentences = []
-        for experiment in EXPERIMENTS:
-            name = experiment.scenario
-            rejected: Counter[str] = Counter()
-            accepted: Points = []
-            for scene in dict.fromkeys(case.scene for case in results if case.scenario == name):
-                runs = {case.case: run for case, run in results.items() if case[:2] == (name, scene)}
-                exact = runs.get(EXACT, NOT_RUN)
-                reason = why_not(experiment, exact) if EXACT in runs else "no run without an error"
-                rejected[reason] += scene != SHIPPED and bool(reason)
-                lines = [
-                    {"scenario": name, "scene": scene, "case": case, "rejected": reason}
-                    | compared(experiment, run, exact)
-                    for case, run in runs.items()
-                ]
-                points += lines
-                accepted += [line for line in lines if not reason and line["case"] != EXACT]
-            counts = counted(accepted)
-            title = draw.sentence_start(name)
-            by_geometry = kept_scenes()[name]["rejected"]
-            reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
-            by_run = ", ".join(f"{count} ({reason})" for reason, count in (+rejected).items()) or "none"
-            draws = sum(by_geometry.values())
-            sentences.append(self.sentence("rejected", title=title, draws=draws, reasons=reasons, runs=by_run))
-            for case, found in counts.items():
-                numbers |= study.keyed(found, name, case)
-            for case, (_, _, shown) in self.table["looks"].items():
-                if case in counts:
-                    sentences.append(self.sentence("case", title=title, shown=shown, **counts[case]))
-        return points, numbers, sentences
+        for scenario, own in data.grouped(points, "scenario").items():
+            accepted = [point for point in own if not point["rejected"] and point["case"] != EXACT]
+            for case, found in counted(accepted).items():
+                numbers |= data.keyed(found, scenario, case)
+        return numbers
 
     def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
-        present = {case: look for case, look in self.table["looks"].items() if study.where(result.points, case=case)}
+        looks, panels = self.table["looks"], self.table["panels"]
+        present = [case for case in looks if data.where(result.points, case=case)]
         sheet = Sheet(left=0.95)
-        sheet.legend([draw.entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
-        kinds = list(product(EXPERIMENTS, self.table["panels"].items()))
-        columns = len(kinds) // len(EXPERIMENTS)
-        panels = sheet.panels(len(kinds), columns, height=1.7, gap=0.4, same_y=True)
+        sheet.legend([line(looks[case][2], looks[case][0], looks[case][1]) for case in present])
+        places = list(product(KINDS, panels.items()))
+        axes = sheet.panels(len(places), len(panels), height=1.7, gap=0.4, same_y=True)
         sheet.at += 0.15
-        for i, (ax, (experiment, (column, (label, ticks, wanted)))) in enumerate(zip(panels, kinds, strict=True)):
-            own = study.where(result.points, scenario=experiment.scenario, rejected="")
-            for case, (colour, dash, _) in present.items():
-                _distribution(ax, study.where(own, case=case), column, colour, dash)
+        for ax, (scenario, (column, (label, ticks, wanted))) in zip(axes, places, strict=True):
+            own = data.where(result.points, scenario=scenario, rejected="")
+            for case in present:
+                _distribution(ax, data.where(own, case=case), column, *looks[case][:2])
             ax.axvline(wanted, **REFERENCE, zorder=2)
             logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
             ax.set_xlim(ticks[0], ticks[-1])
             ax.set_ylim(-3.0, 103.0)
-            if i % columns == 0:
-                ax.set_ylabel(f"{draw.scenario_title(experiment.scenario)}\nscenes with less [%]")
-            if i >= len(panels) - columns:
-                ax.set_xlabel(label)
+            if column == next(iter(panels)):
+                ax.set_ylabel(f"{data.scenario_title(scenario)}\nscenes with less [%]")
+            ax.set_xlabel(label if scenario == [*KINDS][-1] else "")
         return sheet
 
 
-def why_not(experiment: Experiment, exact: RunSummary) -> str:
+def why_not(kind: str, exact: RunSummary) -> str:
     """Why a scene is not like the experiment's, from the run without an error; empty if it is."""
-    if exact.status != "converged":
-        return f"without an error: {exact.status}"
     acting = acting_rows(exact)
-    if not acting:
-        return "without an error: no row acts"
-    if len(acting) > 1:
-        return "without an error: more than one row acts"
-    if not acting[0].startswith(experiment.kind):
-        return "without an error: another kind of row acts"
-    if exact.rows[acting[0]]["clearance_min"] < 0.0:
-        return "without an error: the boundary is crossed"
-    return ""
+    reasons = {
+        exact.status: exact.status != "converged",
+        "no row acts": not acting,
+        "more than one row acts": len(acting) > 1,
+        "another kind of row acts": not all(label.startswith(kind) for label in acting),
+        "the boundary is crossed": any(exact.rows[label]["clearance_min"] < 0.0 for label in acting),
+    }
+    return next((f"without an error: {reason}" for reason, applies in reasons.items() if applies), "")
 
 
 def acting_rows(run: RunSummary) -> list[str]:
@@ -169,17 +146,13 @@ def acting_rows(run: RunSummary) -> list[str]:
     return [label for label, row in run.rows.items() if row["phi_max"] >= 0.0]
 
 
-def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
-    """One line of the study's data: what a run is, and how it differs from that without an error."""
-    rows = {label: row for label, row in run.rows.items() if label.startswith(experiment.kind)}
-    lengths = {label: row["clearance_min"] / (1.0 - row["usage_max"]) for label, row in rows.items()}
-    share = {label: 100.0 * row["clearance_min"] / lengths[label] for label, row in rows.items()}
+def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
+    """What the study's data say of a run, and how it differs from that without an error."""
+    share = {label: 100.0 * (1.0 - row["usage_max"]) for label, row in run.rows.items() if label.startswith(kind)}
     nearest = min(share, key=lambda label: share[label], default="")
     track, (fastest, rms) = pixel_distance(run, exact), speed_difference(run, exact)
-    good = run.status == "converged" and bool(share) and min(share.values()) >= 0.0
+    good = run.status == "converged" and bool(share) and share[nearest] >= 0.0
     return {
-        "status": run.status,
-        "reason": run.reason,
         "row": nearest,
         "clearance_share": share.get(nearest, math.nan),
         "track_px": track,
@@ -194,14 +167,15 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
 
 def counted(points: Points) -> dict[str, dict[str, float]]:
     """By case, in how many unselected scenes what holds, and in how many there is an effect at all."""
-    found = {}
-    for case, every in study.grouped(points, "case").items():
+    counts = {}
+    for case, every in data.grouped(points, "case").items():
         own = [point for point in every if point["scene"] != SHIPPED]
-        what = ("similar", "satisfactory", "little_speed", "applied")
-        found[case] = {"scenes": float(len(own))} | {name: float(sum(bool(p[name]) for p in own)) for name in what}
-        for column in ("track_px", "speed_share"):
-            found[case][f"median_{column}"] = median([point[column] for point in own])
-    return found
+        true = {
+            name: sum(bool(p[name]) for p in own) for name in ("similar", "satisfactory", "little_speed", "applied")
+        }
+        medians = {f"median_{name}": median([point[name] for point in own]) for name in ("track_px", "speed_share")}
+        counts[case] = {"scenes": len(own), **true, **medians}
+    return counts
 
 
 def _distribution(ax: Any, points: Points, column: str, colour: str, line: str) -> None:
