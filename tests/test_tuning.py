@@ -300,13 +300,13 @@ def test_success_is_shown_by_the_budget(tmp_path: Path, run: Any) -> None:
     tuning, _ = run(Problem(campaign(tmp_path, ONE), Budget(24, 3)), tmp_path / "out", MadeUp(by_count))
     text = (tmp_path / "out" / "report.md").read_text("utf-8").partition("## Success over budget")[2]
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
-    assert lines[0] == ["law", "evaluations", "all families", "planar-arm"]
+    assert lines[0] == ["law, evaluations", "all families", "planar-arm"]
     found = table(tmp_path / "out")
     for line, budget in zip(lines[2:], (0, 20, 24), strict=True):
         best = found[found.number < max(budget, 1)].groupby("seed").successes.max() * 10.0
         spread = f" [{best.min():.2f}–{best.max():.2f}]" if best.min() < best.max() else ""
-        assert line[1:] == [str(budget), *[f"{best.median():.2f}{spread}"] * 2]
-    assert lines[2][2] == "30.00"
+        assert line == [f"hierarchical-qp, {budget}", *[f"{best.median():.2f}{spread}"] * 2]
+    assert lines[2][1] == "30.00"
     assert found[found.chosen].successes.item() == found.successes.max() > 5
     assert tuning.laws[0].chosen.judged.successes == found.successes.max()
 
@@ -353,7 +353,7 @@ def test_each_family_has_a_choice_of_its_own(tmp_path: Path, run: Any) -> None:
     found = table(tmp_path / "out")
     assert {*zip(found["successes[planar-arm]"], found["successes[ur5]"], strict=True)} == {(9, 2), (3, 10)}
     line = (tmp_path / "out" / "report.md").read_text("utf-8").splitlines()[-1]
-    assert [cell.strip() for cell in line.strip("|").split("|")][1:] == ["10", "65.00", "90.00", "100.00"]
+    assert [cell.strip() for cell in line.strip("|").split("|")] == ["hierarchical-qp, 10", "65.00", "90.00", "100.00"]
     assert len(tuning.laws[0].evaluations) == 10
 
 

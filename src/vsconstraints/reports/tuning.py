@@ -23,23 +23,18 @@ BUDGETS = (0, 20, 100)  #: evaluations by whose number successes are shown, besi
 def write_report(tuning: Tuning, folder: Path) -> None:
     """Write it into a folder as Markdown and HTML; raises StorageError."""
     families, evaluations = tuning.families, tuning.problem.budget.evaluations
-    budgets = [*(budget for budget in BUDGETS if budget < evaluations), evaluations]
+    of, budgets = (ALL, *families), [*(budget for budget in BUDGETS if budget < evaluations), evaluations]
     text = render(
         "tuning.md",
         tuning=tuning,
         table=Table(HEAD, [cells for law in tuning.laws for cells in _lines(law)], 2),
         successes=Table(
-            ("law", "evaluations", "all families", *families),
+            ("law, evaluations", "all families", *families),
             [
-                (
-                    law.law.name,
-                    str(budget),
-                    *(over_trials(law.success(family, budget), percent) for family in (ALL, *families)),
-                )
+                (f"{law.law.name}, {budget}", *(over_trials(law.success(family, budget), percent) for family in of))
                 for law in tuning.laws
                 for budget in (budgets if law.law.ranges else budgets[:1])
             ],
-            2,
         ),
         worst=", ".join(f"{value:g}" for value in REFERENCE),
         units=", ".join(f"{objective.unit:g} of {objective.title}" for objective in OBJECTIVES),
