@@ -10,7 +10,7 @@ SLOW = {
     "test_difference",
     "test_evidence::test_shards_merged_and_processes_give_the_same",
     "test_evidence_report::test_a_whole_report",
-    "test_evidence_report::test_fronts_of_a_tuning_are_shown",
+    "test_evidence_report::test_a_tuning_is_shown",
     "test_evidence_report::test_the_example_script_recomputes_every_claim",
     "test_families::test_the_same_scene_in_another_process_and_in_any_order",
     "test_figures",

@@ -51,6 +51,7 @@ from vsconstraints.controllers.demands import (
     SuperTwisting,
     Switch,
 )
+from vsconstraints.controllers.ranges import ROWS
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.row import Row
 from vsconstraints.rows import Array, Command, Rows, Task
@@ -106,7 +107,7 @@ SEARCHED: dict[str, dict[str, tuple[float, float, float]]] = {
 @pytest.mark.parametrize("name", SEARCHED)
 def test_what_tuners_find_is_what_is_told(name: str) -> None:
     demand = next(kind for kind in DEMANDS if kind.name == name)()
-    told = {key: (getattr(demand, key), *demand.ranges[key]) for key in demand.ranges}
+    told = {key: (getattr(demand, key), *demand.ranges[key]) for key in demand.ranges if key not in ROWS}
     assert told == SEARCHED[name]
 
 

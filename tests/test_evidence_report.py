@@ -198,31 +198,30 @@ def test_the_worst_and_the_typical_failure_of_a_law(tmp_path: Path) -> None:
     assert 'replay( ".", family="planar-arm", scene=1, condition="nominal", controller="a", )' in flat
 
 
-def test_fronts_of_a_tuning_are_shown(tmp_path: Path) -> None:
+def test_a_tuning_is_shown(tmp_path: Path) -> None:
     tuning = tmp_path / "tuning"
     tuning.mkdir()
-    rng = np.random.default_rng(0)
-    pd.DataFrame(
+    evaluations = pd.DataFrame(
         {
             "law": np.repeat(["sliding-mode", "hierarchical-qp"], 20),
-            "number": [*range(20), *range(20)],
+            "seed": [0] * 30 + [1] * 10,
+            "number": [*range(20), *range(10), *range(10)],
             "options": '{"alpha": 5.0}',
-            "unused": rng.uniform(size=40),
-            "log_variation": rng.uniform(size=40),
-            "feasible": [True] * 30 + [False] * 10,
-            "on_front": rng.uniform(size=40) > 0.8,
-            "chosen": [i == 3 for i in range(40)],
+            "runs": 50,
+            "successes": [*range(10, 30), *range(30, 50)],
+            "chosen": [i in (3, 39) for i in range(40)],
         }
-    ).to_parquet(tuning / "evaluations.parquet")
-    pd.DataFrame({"law": ["sliding-mode"] * 3, "seed": range(3), "hypervolume": [0.3, 0.1, 0.2]}).to_parquet(
-        tuning / "hypervolumes.parquet"
     )
+    evaluations.to_parquet(tuning / "evaluations.parquet")
     text = written(drawn_runs(RATES, ["ur5"], 20), tmp_path, figures=True, tuning=tuning)
     check(text, tmp_path)
-    (found,) = [table for table in tables(text) if "hypervolume" in table[0]]
-    assert found[1] == ["sliding-mode", "20", "20", "0.200 (0.100–0.300)", "alpha: 5.0"]
-    assert found[2] == ["hierarchical-qp", "20", "10", "–", "–"]
-    assert (tmp_path / "figures" / "fronts.png").is_file()
+    (found,) = [table for table in tables(text) if "chosen setting" in table[0]]
+    assert found[1] == ["sliding-mode", "20", "20.0", "26.0", "alpha: 5.0"]
+    assert found[2] == ["hierarchical-qp", "20", "60.0", "98.0", "alpha: 5.0"]
+    assert (tmp_path / "figures" / "budgets.png").is_file()
+    evaluations.drop(columns="successes").to_parquet(tuning / "evaluations.parquet")
+    with pytest.raises(ConfigurationError, match=r"evaluations\.parquet cannot be read: it has no column successes"):
+        written(drawn_runs(RATES, ["ur5"], 20), tmp_path, tuning=tuning)
 
 
 def test_training_scenes_are_never_passed_off_as_held_out(tmp_path: Path) -> None:

@@ -21,8 +21,9 @@ from vsconstraints.controllers import (
     law_ranges,
     make_controller,
 )
-from vsconstraints.controllers.ranges import Declared, default_of
+from vsconstraints.controllers.ranges import ROWS, Declared, default_of
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.rows.factors import FACTORS
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -81,42 +82,67 @@ def test_any_values_inside_make_a_law_that_answers(name: str, options: dict[str,
 
 
 def test_what_is_searched_of_each_law() -> None:
-    """By hand: laws without parameters have no ranges; pairs have those of both parts."""
+    """By hand: of laws what their rows may have, where that changes anything; pairs have those of both parts."""
     searched = {name: set(law_ranges(name)) for name in CONTROLLERS}
+    gains, barrier = {"K", "switching_gain", "speed_gain"}, {"K", "margin"}
+    rows = gains | {"margin"}
     assert searched == {
-        "sliding-mode": set(),
-        "sliding-mode-ahead": set(),
+        "sliding-mode": gains,
+        "sliding-mode-ahead": rows,
         "tracking": set(),
-        "law": set(),
-        "potential-field": {"region", "exponent", "strength"},
-        "boundary-layer": {"region", "exponent", "strength"},
-        "hierarchical-qp": {"alpha"},
-        "robust-hierarchical-qp": {"alpha"},
-        "implicit-switch": {"periods"},
-        "implicit-switch-with-drift": {"periods"},
-        "super-twisting": {"rate"},
-        "implicit-super-twisting": {"rate"},
-        "cbf-filter": {"alpha", "metric", "damping"},
-        "predictive": {"horizon", "block", "approach", "damping"},
-        "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty"},
+        "law": rows,
+        "potential-field": {"region", "exponent", "strength"} | rows,
+        "boundary-layer": {"region", "exponent", "strength"} | rows,
+        "hierarchical-qp": {"alpha"} | barrier,
+        "robust-hierarchical-qp": {"alpha"} | barrier,
+        "implicit-switch": {"periods"} | rows,
+        "implicit-switch-with-drift": {"periods"} | rows,
+        "super-twisting": {"rate"} | rows,
+        "implicit-super-twisting": {"rate"} | rows,
+        "cbf-filter": {"alpha", "metric", "damping"} | barrier,
+        "predictive": {"horizon", "block", "approach", "damping", "margin"},
+        "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
     }
-    assert law_ranges("law", {"demand": "barrier", "resolver": "saturation"}) == {"alpha": Range(1.0, 200.0)}
+    pair = {"demand": "barrier", "resolver": "saturation", "K": 2.0, "margin": 0.1}
+    assert law_ranges("law", pair) == {"alpha": Range(1.0, 200.0)}
     assert law_ranges("law", {"demand": "barrier", "resolver": "filter"}) == {
+        "K": Range(0.3, 10.0),
+        "margin": Range(0.0, 0.2, logarithmic=False),
         "alpha": Range(1.0, 200.0),
         "metric": Choices(("joint", "task")),
         "damping": Range(1e-8, 1.0),
     }
-    assert law_ranges("hierarchical-qp", {"rows": "active"}) == {}
+    assert set(law_ranges("hierarchical-qp", {"rows": "active"})) == rows
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_what_is_not_searched_of_the_rows_changes_nothing(name: str, options: dict[str, Any]) -> None:
+    left = {key: 1.7 for key in FACTORS if key not in law_ranges(name, options)}
+    setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
+    theirs, ours = (simulate(setup, make_controller(name, {**options, **factors})) for factors in ({}, left))
+    np.testing.assert_allclose(ours.q, theirs.q, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_each_factor_that_is_searched_acts(factor: str) -> None:
+    setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
+    theirs, ours = (simulate(setup, make_controller("sliding-mode", {factor: value})) for value in (1.0, 1.7))
+    assert np.abs(ours.q - theirs.q).max() > 1e-6
 
 
 def test_what_is_given_stays() -> None:
-    assert set(law_ranges("cbf-filter", {"metric": "task"})) == {"alpha", "damping"}
-    assert set(law_ranges("potential-field", {"region": 0.35, "strength": 5.0})) == {"exponent"}
+    assert set(law_ranges("cbf-filter", {"metric": "task", "K": {"fov": 2.0}})) == {"alpha", "damping", "margin"}
+    potential = {"region": 0.35, "strength": 5.0, "switching_gain": 1.0, "margin": 0.0}
+    assert set(law_ranges("potential-field", potential)) == {"exponent", "K", "speed_gain"}
 
 
 OWN = """
-from vsconstraints.controllers import Barrier, Choices, Controller, Filter, Hierarchy, Law, Range, Tracking
+from dataclasses import dataclass
+
+from vsconstraints.controllers import (
+    Barrier, Choices, Controller, Demand, Filter, Hierarchy, Law, Range, RowFactors, Tracking,
+)
 
 
 class Bare(Tracking):
@@ -131,6 +157,28 @@ class Pairs(Law):
 
     def __init__(self, *, alpha=5.0):
         super().__init__(Barrier(alpha), Filter())
+
+
+@dataclass(frozen=True)
+class Push(Demand):
+    gain: float = 1.0
+    name = "push"
+    ranges = {"gain": (0.1, 10.0)}
+
+    @staticmethod
+    def formula(row, gain):
+        return -gain * row.switching_gain
+
+
+class Explicit(Law):
+    name = "explicit"
+
+    def __init__(self, *, gain=1.0, margin=0.0):
+        super().__init__(Push(gain, margin=margin), Hierarchy())
+
+
+class ByKind(Pairs):
+    factors = RowFactors(K={"fov": 3.0})
 
 
 class Other(Law):
@@ -161,8 +209,11 @@ class Backwards(Tracking):
 def test_own_laws_declare_theirs(tmp_path: Path) -> None:
     (tmp_path / "my_laws.py").write_text(OWN, encoding="utf-8")
     assert law_ranges("my_laws:Bare", folder=tmp_path) == {}
-    assert law_ranges("my_laws:Pairs", folder=tmp_path) == {"alpha": Range(1.0, 200.0)}
+    assert law_ranges("my_laws:Pairs", folder=tmp_path) == {"K": Range(0.3, 10.0), "alpha": Range(1.0, 200.0)}
+    assert set(law_ranges("my_laws:Explicit", folder=tmp_path)) == {*ROWS, "gain"}
+    assert law_ranges("my_laws:ByKind", folder=tmp_path) == {"alpha": Range(1.0, 200.0)}
     assert law_ranges("my_laws:Other", folder=tmp_path) == {
+        "K": Range(0.3, 10.0),
         "gain": Range(0.5, 8.0),
         "fast": Choices((True, False)),
         "steps": Range(1, 9, integer=True),

@@ -47,7 +47,7 @@ def test_a_funnel_that_would_narrow_too_fast_is_refused() -> None:
 def test_rows_are_those_of_the_scene_with_other_gains(name: str) -> None:
     """φ = σ + f K σ̇, its gradient and drift by the chain rule, from σ, σ̇ and K of the rows as they are."""
     setup = Scenario.load(name).setup()
-    step = setup.control(RowFactors(K=2.5, switching_gain=0.5))
+    step = setup.control(RowFactors(K=2.5, switching_gain=0.5, speed_gain=3.0))
     qd = 0.1 * np.cos(np.arange(len(setup.q0)))
     ours, theirs = (each.evaluate(0.3, setup.q0, qd).rows for each in (step, setup.control()))
     f = np.where(theirs.K > 0.0, 2.5, 1.0)
@@ -55,7 +55,8 @@ def test_rows_are_those_of_the_scene_with_other_gains(name: str) -> None:
     np.testing.assert_allclose(ours.Lg, f[:, None] * theirs.Lg, rtol=1e-9, atol=1e-12)
     drift = np.where(theirs.K > 0.0, theirs.sigma_dot + f * (theirs.Lf - theirs.sigma_dot), theirs.Lf)
     np.testing.assert_allclose(ours.Lf, drift, rtol=1e-8, atol=1e-9)
-    np.testing.assert_array_equal(ours.switching_gain, 0.5 * theirs.switching_gain)
+    speeds = [label.startswith("speed[") for label in theirs.labels]
+    np.testing.assert_array_equal(ours.switching_gain, np.where(speeds, 1.5, 0.5) * theirs.switching_gain)
     np.testing.assert_array_equal(ours.K, f * theirs.K)
     np.testing.assert_allclose(ours.sigma, theirs.sigma, rtol=1e-12, atol=1e-15)
     assert ours.labels == theirs.labels
@@ -181,7 +182,11 @@ def test_an_arm_runs_a_law_with_its_factors() -> None:
         ({"switching_gain": {"fov": -1.0}}, "switching_gain.fov of a law is a factor"),
         ({"switching_gain": "much"}, "not 'much'"),
         ({"K": {"fov": float("nan")}}, "K.fov of a law"),
-        ({"k": 2.0}, "'k'. Available: K, dead_time, observer, rank_tolerance, switching_gain"),
+        (
+            {"speed_gain": {"speed": 2.0}},
+            "speed_gain of a law is a factor on the scene's, positive: not {'speed': 2.0}",
+        ),
+        ({"k": 2.0}, "'k'. Available: K, dead_time, observer, rank_tolerance, speed_gain, switching_gain"),
     ],
 )
 def test_factors_that_cannot_be_used_are_named(options: dict[str, Any], told: str) -> None:

@@ -292,7 +292,6 @@ def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.Monkey
         ("pupil_apriltags", [1], [1]),
         ("mujoco", [2], []),
         ("optuna", [], [2]),
-        ("moocore", [], [2]),
     ):
         monkeypatch.setattr(machine, "module_version", lambda name, its=module: "9" if name == its else loaded(name))
         now, words = identities()

@@ -138,7 +138,7 @@ def urdf(folder: Path) -> Seen:
 def journal(folder: Path) -> Seen:
     kept = folder / "journal.jsonl"
     with watched() as seen:
-        Journal(kept).add(("law", "{}"), Judged((0.1, 3.0, 1.0), 0.0, 1, 1))
+        Journal(kept).add(("law", "{}"), {"": Judged((0.1, 3.0, 1.0), 0.0, 1, 1, 1)})
         kept.write_bytes(kept.read_bytes() + b'{"law": "mine:Law"')
         assert ("law", "{}") in Journal(kept)
     assert seen.written == {str(kept)} == seen.read

@@ -25,26 +25,33 @@ from vsconstraints.comparisons.tuning.objectives import (
     REFERENCE,
     Judged,
     Outcome,
+    Point,
     choose,
-    front,
-    hypervolume,
     judged,
+    loss,
     outcome,
 )
-from vsconstraints.comparisons.tuning.problem import Searched, evaluating
+from vsconstraints.comparisons.tuning.problem import ALL, Searched, evaluating
 from vsconstraints.comparisons.tuning.tune import Evaluation, Journal, Search
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.tuning import write_report
-from vsconstraints.rows import Array
 from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
 
 LAWS = """
 [controllers.sliding-mode]
+K = 1.0
+switching_gain = { speed = 1.0 }
+speed_gain = 1.0
 [controllers.hierarchical-qp]
+K = 1.0
+margin = 0.0
 [controllers.cbf-filter]
+K = 1.0
+margin = 0.0
 """
+ONE = "[controllers.hierarchical-qp]\nK = 1.0\nmargin = 0.0\n"
 BEST = {"hierarchical-qp": 40.0, "cbf-filter": 8.0}
 """The rate that the made-up runs are best with."""
 
@@ -59,23 +66,24 @@ def campaign(folder: Path, controllers: str = LAWS, more: str = "") -> Campaign:
 def made_up(setting: ControllerSpec) -> Judged:
     """Unused space is least with the best rate, and beyond three times that rate every run violates a row."""
     if setting.law == "sliding-mode":
-        return Judged((0.1, 3.0, 1.1), 0.0, 10, 10)
+        return Judged((0.1, 3.0, 1.1), 0.0, 10, 10, 10)
     ratio = setting.options["alpha"] / BEST[setting.law]
-    return Judged((0.05 + 0.1 * math.log(ratio) ** 2, 1.0, 1.2), 1.0 if ratio > 3.0 else 0.0, 10, 10)
+    violating = ratio > 3.0
+    return Judged((0.05 + 0.1 * math.log(ratio) ** 2, 1.0, 1.2), float(violating), 10, 10, 0 if violating else 10)
 
 
 class MadeUp:
     """Evaluates by a function, and notes what it is asked for; raises after so many settings."""
 
-    def __init__(self, worth: Callable[[ControllerSpec], Judged] = made_up, until: float = math.inf) -> None:
+    def __init__(self, worth: Callable[..., Judged] = made_up, until: float = math.inf) -> None:
         self.worth, self.until, self.asked = worth, until, list[ControllerSpec]()
 
-    def evaluate(self, settings: Sequence[ControllerSpec]) -> list[Judged]:
+    def evaluate(self, settings: Sequence[ControllerSpec]) -> list[dict[str, Judged]]:
         for setting in settings:
             if len(self.asked) >= self.until:
                 raise KeyboardInterrupt
             self.asked.append(setting)
-        return [self.worth(setting) for setting in settings]
+        return [dict.fromkeys((ALL, "planar-arm"), self.worth(setting)) for setting in settings]
 
 
 @pytest.fixture
@@ -137,15 +145,16 @@ def test_known_optima_are_found(tmp_path: Path, run: Any) -> None:
 
     def worth(setting: ControllerSpec) -> Judged:
         too_large = any(setting.options[key] > 3.0 * value for key, value in best[setting.law].items())
-        return Judged((0.05 + 0.1 * distance(setting.law, dict(setting.options)) ** 2, 1.0, 1.2), too_large, 10, 10)
+        unused = 0.05 + 0.1 * distance(setting.law, dict(setting.options)) ** 2
+        return Judged((unused, 1.0, 1.2), too_large, 10, 10, 10 * (not too_large))
 
-    own = campaign(tmp_path, "[controllers.hierarchical-qp]\n[controllers.potential-field]\nstrength = 1.0\n")
+    rest = "K = 1.0\nswitching_gain = 1.0\nspeed_gain = 1.0\nmargin = 0.0\nstrength = 1.0\n"
+    own = campaign(tmp_path, f"{ONE}[controllers.potential-field]\n{rest}")
     tuning, _ = run(Problem(own, Budget(40, 4)), tmp_path / "out", MadeUp(worth))
     found = table(tmp_path / "out")
-    for (law, _), one in found[found.feasible].groupby(["law", "seed"]):
+    for (law, _), one in found[found.successes == 10].groupby(["law", "seed"]):
         assert distance(law, json.loads(one.loc[one.unused.idxmin()].options)) < within[law]
     for law in tuning.laws:
-        assert law.chosen is not None
         assert distance(law.law.name, law.chosen.options) < within[law.law.name]
 
 
@@ -154,7 +163,7 @@ def test_the_same_budget_gives_the_same(tmp_path: Path, run: Any) -> None:
     for name in ("a", "b"):
         run(problem, tmp_path / name)
     assert files(tmp_path / "a") == files(tmp_path / "b")
-    assert len(files(tmp_path / "a")) == 4
+    assert {*files(tmp_path / "a")} == {"evaluations.parquet", "tuned.toml", "tuned-planar-arm.toml", "report.md"}
 
 
 @pytest.mark.parametrize("until", [0, 1, 7, 20])
@@ -181,7 +190,7 @@ def journal(tmp_path: Path) -> Path:
     """A journal with three settings."""
     kept = Journal(tmp_path / "journal.jsonl")
     for number in range(3):
-        kept.add(("law", f'{{"alpha": {number}}}'), Judged((0.1, 3.0, 1.0 / 3.0), 0.1 * number, 10, 9))
+        kept.add(("law", f'{{"alpha": {number}}}'), {ALL: Judged((0.1, 3.0, 1.0 / 3.0), 0.1 * number, 10, 9, 8)})
     return tmp_path / "journal.jsonl"
 
 
@@ -197,7 +206,7 @@ def test_a_journal_that_is_opened_is_never_written_again(journal: Path, monkeypa
             kept = Journal(journal)
         assert journal.read_bytes() == whole
         assert journal.stat().st_ino == before.st_ino
-        assert kept["law", '{"alpha": 2}'] == Judged((0.1, 3.0, 1.0 / 3.0), 0.2, 10, 9)
+        assert kept["law", '{"alpha": 2}'] == {ALL: Judged((0.1, 3.0, 1.0 / 3.0), 0.2, 10, 9, 8)}
 
 
 def test_every_damaged_bit_of_a_journal_is_told(journal: Path) -> None:
@@ -238,8 +247,8 @@ def test_more_evaluations_go_on_from_fewer(tmp_path: Path, run: Any) -> None:
 
 
 def test_settings_that_are_asked_for_twice_are_run_once(tmp_path: Path, run: Any) -> None:
-    controllers = '[controllers.s]\ntype = "cbf-filter"\nalpha = 5.0\ndamping = 1e-8\n'
-    worth = Judged((0.1, 1.0, 1.0), 0.0, 1, 1)
+    controllers = '[controllers.s]\ntype = "cbf-filter"\nalpha = 5.0\ndamping = 1e-8\nK = 1.0\nmargin = 0.0\n'
+    worth = Judged((0.1, 1.0, 1.0), 0.0, 1, 1, 1)
     _, evaluator = run(Problem(campaign(tmp_path, controllers), Budget(10, 2)), tmp_path / "o", MadeUp(lambda _: worth))
     assert sorted(setting.options["metric"] for setting in evaluator.asked) == ["joint", "task"]
     assert all(setting.options["alpha"] == 5.0 for setting in evaluator.asked)
@@ -261,51 +270,91 @@ def test_settings_are_ready_for_a_campaign(tmp_path: Path, run: Any) -> None:
     own = campaign(tmp_path, more='tuned = "out/tuned.toml"')
     names = ["tracking", "sliding-mode", "hierarchical-qp", "cbf-filter", "hierarchical-qp-tuned", "cbf-filter-tuned"]
     assert [entry.name for entry in own.controllers] == names
-    assert own.controllers[-1].options == {**tuning.laws[2].chosen.options}
+    assert own.controllers[-1].options == {**tuning.laws[2].law.law.options, **tuning.laws[2].chosen.options}
+    assert "\n# cbf-filter" not in (text := (tmp_path / "out" / "tuned.toml").read_text("utf-8"))
+    assert "# sliding-mode: nothing is searched\n\n# 100.0 % of 10 training runs succeed, 100.0 % by default\n" in text
 
 
 def test_the_report_tells_default_from_tuned(tmp_path: Path, run: Any) -> None:
     run(Problem(campaign(tmp_path), Budget(12, 3)), tmp_path / "out")
     lines = (tmp_path / "out" / "report.md").read_text("utf-8").splitlines()
     assert (tmp_path / "out" / "report.html").is_file()
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
-    assert all(len(line) == 7 for line in cells)
+    every = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    cells = [line for line in every if len(line) == 7]
     named = [(line[0], line[1].partition(" ")[0]) for line in cells[2:]]
     assert named[:3] == [("sliding-mode", "default"), ("", "nothing"), ("hierarchical-qp", "default")]
     default, tuned = cells[4], cells[5]
-    assert default[2] == f"{0.05 + 0.1 * math.log(0.5) ** 2:.3f}"
-    assert float(tuned[2]) < float(default[2])
-    assert "confidence of 75 %" in "\n".join(lines)
+    assert default[3] == f"{0.05 + 0.1 * math.log(0.5) ** 2:.3f}"
+    assert float(tuned[3]) < float(default[3])
+    assert default[2] == tuned[2] == "100.0 %"
 
 
-def test_hypervolumes_are_those_of_feasible_evaluations(tmp_path: Path, run: Any) -> None:
-    run(Problem(campaign(tmp_path), Budget(15, 2)), tmp_path / "out")
-    found, volumes = table(tmp_path / "out"), pandas.read_parquet(tmp_path / "out" / "hypervolumes.parquet")
-    assert len(volumes) == 5
-    for line in volumes.itertuples():
-        own = found[(found.law == line.law) & (found.seed == line.seed) & (found.violations <= 0.2)]
-        # variation and settling time are the same for all: a box
-        points = own[["unused", "log_variation", "settling"]].to_numpy()
-        expected = np.prod(np.array(REFERENCE) - points.min(axis=0))
-        assert line.hypervolume == pytest.approx(expected, rel=1e-12)
-    assert (found.violations > 0.2).any()
-    assert not found[found.violations > 0.2].on_front.any()
+def by_count(setting: ControllerSpec) -> Judged:
+    """Of ten runs, the more succeed the nearer the rate is to 100, but with all of the space unused."""
+    distance = abs(math.log(setting.options["alpha"] / 100.0))
+    return Judged((1.0 - 0.2 * min(distance, 4.0), 1.0, 1.0), 0.5, 10, 10, max(0, 9 - round(4.0 * distance)))
 
 
-def test_nothing_feasible_is_said_and_the_least_violation_chosen(tmp_path: Path, run: Any) -> None:
-    def worth(setting: ControllerSpec) -> Judged:
-        return Judged((0.1, 1.0, 1.0), 0.4 if setting.options.get("alpha", 20.0) < 20.0 else 0.7, 10, 10)
+def test_success_is_shown_by_the_budget(tmp_path: Path, run: Any) -> None:
+    """0, 20 and as many as there are: what is best by then, least and greatest of tuner seeds."""
+    tuning, _ = run(Problem(campaign(tmp_path, ONE), Budget(24, 3)), tmp_path / "out", MadeUp(by_count))
+    text = (tmp_path / "out" / "report.md").read_text("utf-8").partition("## Success over budget")[2]
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    assert lines[0] == ["law, evaluations", "all families", "planar-arm"]
+    found = table(tmp_path / "out")
+    for line, budget in zip(lines[2:], (0, 20, 24), strict=True):
+        best = found[found.number < max(budget, 1)].groupby("seed").successes.max() * 10.0
+        spread = f" [{best.min():.2f}–{best.max():.2f}]" if best.min() < best.max() else ""
+        assert line == [f"hierarchical-qp, {budget}", *[f"{best.median():.2f}{spread}"] * 2]
+    assert lines[2][1] == "30.00"
+    assert found[found.chosen].successes.item() == found.successes.max() > 5
+    assert tuning.laws[0].chosen.judged.successes == found.successes.max()
 
-    tuning, _ = run(Problem(campaign(tmp_path), Budget(8, 2)), tmp_path / "out", MadeUp(worth))
-    assert [law.hypervolumes for law in tuning.laws] == [(0.0,), (0.0, 0.0), (0.0, 0.0)]
-    assert tuning.laws[0].chosen is None
-    for law in tuning.laws[1:]:
-        assert law.chosen is not None
-        assert (law.chosen.feasible, law.chosen.judged.violations) == (False, 0.4)
-    text = (tmp_path / "out" / "tuned.toml").read_text("utf-8")
-    assert "# cbf-filter: no setting is feasible; 40 % of its runs violate a row\n[controllers" in text
-    lines = (tmp_path / "out" / "report.md").read_text("utf-8").splitlines()
-    assert any(line.strip("| ").startswith("none of 16 is feasible, least: alpha = ") for line in lines)
+
+def test_success_comes_first_and_flipped_flags_change_the_choice(tmp_path: Path, run: Any) -> None:
+    """The same settings and objectives, with other runs that succeed: the choice follows these."""
+
+    def worth(setting: ControllerSpec, good: bool = True) -> Judged:
+        high = setting.options["alpha"] > 30.0
+        return Judged((0.9 if high else 0.1, 1.0, 1.0), 0.0, 10, 10, 7 + (high is good))
+
+    chosen = [
+        run(
+            Problem(campaign(tmp_path, ONE), Budget(10, 1)), tmp_path / f"{good}", MadeUp(lambda s, g=good: worth(s, g))
+        )
+        for good in (True, False)
+    ]
+    rates = [tuning.laws[0].chosen.options["alpha"] for tuning, _ in chosen]
+    assert rates[0] > 30.0 >= rates[1]
+
+
+def test_each_family_has_a_choice_of_its_own(tmp_path: Path, run: Any) -> None:
+    own = campaign(tmp_path, ONE)
+    own = replace(own, families=(*own.families, Family.load("ur5")))
+
+    class ByFamily(MadeUp):
+        def evaluate(self, settings: Sequence[ControllerSpec]) -> list[dict[str, Judged]]:
+            answers = []
+            for setting in settings:
+                high = setting.options["alpha"] > 30.0
+                arm, ur5 = (Judged((0.1, 1.0, 1.0), 0.0, 10, 10, n) for n in ((9, 2) if high else (3, 10)))
+                answers.append(
+                    {ALL: arm._replace(runs=20, successes=11 if high else 13), "planar-arm": arm, "ur5": ur5}
+                )
+            return answers
+
+    tuning, _ = run(Problem(own, Budget(10, 1)), tmp_path / "out", ByFamily())
+    rates = [
+        read_toml(tmp_path / "out" / f"tuned{name}.toml")["controllers"]["hierarchical-qp-tuned"]["alpha"]
+        for name in ("", "-planar-arm", "-ur5")
+    ]
+    assert rates[0] <= 30.0 < rates[1]
+    assert rates[2] <= 30.0
+    found = table(tmp_path / "out")
+    assert {*zip(found["successes[planar-arm]"], found["successes[ur5]"], strict=True)} == {(9, 2), (3, 10)}
+    line = (tmp_path / "out" / "report.md").read_text("utf-8").splitlines()[-1]
+    assert [cell.strip() for cell in line.strip("|").split("|")] == ["hierarchical-qp, 10", "65.00", "90.00", "100.00"]
+    assert len(tuning.laws[0].evaluations) == 10
 
 
 # --- what is refused ---
@@ -317,8 +366,6 @@ def test_nothing_feasible_is_said_and_the_least_violation_chosen(tmp_path: Path,
         ({"evaluations": 0}, "evaluations must be 1 or more, not 0"),
         ({"seeds": -1}, "seeds must be 1 or more, not -1"),
         ({"scenes": 0}, "scenes must be 1 or more, not 0"),
-        ({"violations": 1.5}, r"from 0 to 1, not 1\.5"),
-        ({"violations": math.nan}, "from 0 to 1, not nan"),
     ],
 )
 def test_budgets_that_are_none(arguments: dict[str, Any], words: str) -> None:
@@ -364,13 +411,17 @@ def test_folders_of_something_else_are_refused(tmp_path: Path, run: Any) -> None
     before = files(tmp_path / "out")
     for another, words in (
         (Problem(own, Budget(2, 1, scenes=7)), "scenes is 10 there and 7 here"),
-        (Problem(own, Budget(2, 1, violations=0.3)), r"violations is 0\.2 there and 0\.3 here"),
         (Problem(replace(own, seed=3), Budget(2, 1)), "seed is 0 there and 3 here"),
         (Problem(own.select(controllers=["cbf-filter"]), Budget(2, 1)), r"controllers\.sliding-mode is only there"),
     ):
         with pytest.raises(ConfigurationError, match=f"holds another tuning: .*{words}"):
             run(another, tmp_path / "out")
     assert files(tmp_path / "out") == before
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text("utf-8"))
+    manifest["tuning"] |= {"violations": 0.2, "objectives": manifest["tuning"]["objectives"][1:]}
+    (tmp_path / "out" / "manifest.json").write_text(json.dumps(manifest), "utf-8")
+    with pytest.raises(ConfigurationError, match=r"holds another tuning: .*objectives.*violations is only there"):
+        run(Problem(own, Budget(2, 1)), tmp_path / "out")
     (tmp_path / "out" / "manifest.json").write_text('{"configuration": {}}', "utf-8")
     with pytest.raises(ConfigurationError, match="holds a comparison, not a tuning"):
         run(Problem(own, Budget(2, 1)), tmp_path / "out")
@@ -417,50 +468,35 @@ def test_objectives_by_hand() -> None:
     assert [math.isnan(value) for value in nothing.point] == [True, False, True]
     means = judged([outcome(result(), result()), nothing, trapped, FAILED])
     assert means.point == pytest.approx(((0.1 + 1.0 + 1.0) / 3, (2 + 2 + 4 + 4) / 4, (1 + 2 + 2) / 3))
-    assert (means.violations, means.runs, means.converged) == (0.25, 4, 2)
+    assert (means.violations, means.runs, means.converged, means.successes) == (0.25, 4, 2, 2)
+    assert judged([outcome(result(violated="fov[marker 1]"), result())])[1:] == (1.0, 1, 1, 0)
     assert judged([nothing]).point == pytest.approx((1.0, 2.0, 2.0))
 
 
-def boxes(points: Array, reference: Array) -> float:
-    """Hypervolume by brute force: of all cells between coordinates of points, those that some point dominates."""
-    grid = [np.unique(np.append(points[:, j], reference[j])) for j in range(points.shape[1])]
-    volume = 0.0
-    for cell in np.ndindex(*(len(one) - 1 for one in grid)):
-        low = np.array([grid[j][i] for j, i in enumerate(cell)])
-        high = np.array([grid[j][i + 1] for j, i in enumerate(cell)])
-        if (points <= low).all(axis=1).any():
-            volume += float(np.prod(high - low))
-    return volume
-
-
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("dimensions", [2, 3])
-def test_hypervolumes_and_fronts_by_brute_force(seed: int, dimensions: int) -> None:
-    rng = np.random.default_rng(seed)
-    points, reference = rng.integers(0, 6, (8, dimensions)) / 5.0, np.ones(dimensions)
-    inside = points[(points < reference).all(axis=1)]
-    found = hypervolume([tuple(point) for point in points], tuple(reference))
-    assert found == pytest.approx(boxes(inside, reference) if len(inside) else 0.0, abs=1e-12)
-    best = [
-        i
-        for i, one in enumerate(points)
-        if not any((other <= one).all() and (other < one).any() for other in points)
-        and not any((other == one).all() for other in points[:i])
-    ]
-    assert front([tuple(point) for point in points]) == best
+def of(points: Sequence[Point], successes: int = 5) -> list[Judged]:
+    return [Judged(point, 0.0, 10, 10, successes) for point in points]
 
 
 def test_the_chosen_point_by_hand() -> None:
     """Units are 0.1, 1 and 0.1: of these the second is (0.1, 0.1, 0) from the ideal point, the others 1 or more."""
     points = [(0.1, 2.0, 1.0), (0.11, 1.1, 1.0), (0.2, 1.0, 1.0), (0.3, 3.0, 1.5)]
-    assert choose(points) == 1
-    assert choose([*points, points[1]]) == 1
-    assert choose([*points, (0.1, 1.0, 1.0)]) == 4
+    assert choose(of(points)) == 1
+    assert choose(of([*points, points[1]])) == 1
+    assert choose(of([*points, (0.1, 1.0, 1.0)])) == 4
     # from the ideal point (0.1, 1, 1) the first is 0.4 away and the second 0.8; from zero the second is nearer
-    assert choose([(0.1, 1.0, 1.04), (0.18, 1.0, 1.0)]) == 0
+    assert choose(of([(0.1, 1.0, 1.04), (0.18, 1.0, 1.0)])) == 0
     assert [objective.unit for objective in OBJECTIVES] == [0.1, 1.0, 0.1]
-    assert front([]) == []
-    assert hypervolume([]) == 0.0
+    # one success more outweighs all of these, and those with fewer have no part in the ideal point
+    assert choose([*of(points), *of([REFERENCE], 6)]) == 4
+    assert choose([*of([(0.0, 0.0, 0.0)], 4), *of([(0.1, 1.0, 1.04), (0.18, 1.0, 1.0)])]) == 1
+
+
+def test_the_tuner_is_told_success_first() -> None:
+    best, worst = (0.0, 0.0, 0.0), REFERENCE
+    settings = [*of([best, worst], 5), *of([(-1.0, -4.0, -2.0), best, worst], 4)]
+    order = sorted(range(5), key=lambda i: loss(settings[i]))
+    assert order == [0, 1, 2, 3, 4]
+    assert loss(of([(0.2, 1.5, 0.3)])[0]) == pytest.approx(500.0 + 2.0 + 1.5 + 3.0)
 
 
 def test_ties_are_broken_alike_whatever_the_order() -> None:
@@ -469,38 +505,36 @@ def test_ties_are_broken_alike_whatever_the_order() -> None:
     points = [(0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.1)] * 2
     for order in itertools.permutations(range(6)):
         shuffled = [points[i] for i in order]
-        expected = [i for i, point in enumerate(shuffled) if point not in shuffled[:i]]
-        assert front(shuffled) == expected
-        assert choose(shuffled) == shuffled.index((0.0, 0.0, 0.1))
+        assert choose(of(shuffled)) == shuffled.index((0.0, 0.0, 0.1))
 
 
 def test_the_order_in_which_evaluations_come_decides_nothing(tmp_path: Path) -> None:
     problem = Problem(campaign(tmp_path, "[controllers.hierarchical-qp]"), Budget(4, 2))
-    worth = [(0.1, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 2.0, 1.0), (0.1, 1.0, 1.0)]
+    worth = of([(0.1, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 2.0, 1.0), (0.1, 1.0, 1.0)])
     found = [
-        Evaluation(seed, number, {"alpha": 1.0 + seed + number}, Judged(worth[number], 0.0, 10, 10), feasible=True)
+        Evaluation(seed, number, {"alpha": 1.0 + seed + number}, {ALL: worth[number]})
         for seed in range(2)
         for number in range(4)
     ]
     rng = np.random.default_rng(0)
     for _ in range(50):
         tuned = Tuned.of(problem.laws[0], [found[i] for i in rng.permutation(len(found))])
-        assert tuned.chosen is not None
         assert (tuned.chosen.seed, tuned.chosen.number) == (0, 1)
-        assert [(one.seed, one.number) for one in tuned.evaluations if one.on_front] == [(0, 0), (0, 1)]
+        assert [each.judged for each in tuned.evaluations] == worth * 2
 
 
-def test_infeasible_settings_teach_the_tuner() -> None:
-    """Where low rates are better but not allowed: by chance a quarter of what is asked for would be allowed."""
-    searched = Searched(ControllerSpec("hierarchical-qp"))
-    allowed = []
+def test_failures_teach_the_tuner() -> None:
+    """Where low rates are better but fail: by chance a quarter of what is asked for would succeed."""
+    searched = Searched(ControllerSpec("hierarchical-qp", options={"K": 1.0, "margin": 0.0}))
+    succeed = []
     for seed in range(3):
         search = Search(searched, seed)
         for number in range(40):
             alpha = search.ask()["alpha"]
-            search.tell((0.1 + 0.1 * math.log10(alpha), 1.0, 1.0), 50.0 / alpha - 1.0)
-            allowed += [alpha >= 50.0] if number >= 20 else []
-    assert np.mean(allowed) > 0.4
+            good = alpha >= 50.0
+            search.tell(Judged((0.1 + 0.1 * math.log10(alpha), 1.0, 1.0), 0.0, 10, 10, 10 if good else 5))
+            succeed += [good] if number >= 20 else []
+    assert np.mean(succeed) > 0.4
 
 
 # --- runs as evidence makes them ---
@@ -532,7 +566,7 @@ def test_the_same_by_one_process_and_by_two(
     tmp_path: Path, stages: tuple[Stage, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Problem, "stages", lambda self, *_: stages)
-    problem = Problem(campaign(tmp_path, "[controllers.hierarchical-qp]\n"), Budget(3, 2))
+    problem = Problem(campaign(tmp_path, ONE), Budget(3, 2))
     for jobs in (1, 2):
         tune(problem, tmp_path / f"{jobs}", workers=jobs)
     assert files(tmp_path / "1") == files(tmp_path / "2")
@@ -546,5 +580,6 @@ def test_a_law_that_ends_its_process_fails_alone(tmp_path: Path, stages: tuple[S
         same, well, lost = evaluate([ControllerSpec("hierarchical-qp"), *dying])
         assert evaluate([]) == []
     assert well == same
-    assert well.converged == 1
-    assert lost == Judged(REFERENCE, 0.0, 1, 0)
+    assert well[ALL] == well["planar-arm"]
+    assert well[ALL].converged == 1
+    assert lost[ALL] == Judged(REFERENCE, 0.0, 1, 0, 0)

@@ -173,7 +173,6 @@ def tune(
     evaluations: _Evaluations = 40,
     seeds: Annotated[int, Option(help="How often tuning is repeated with another seed.")] = 3,
     scenes: Annotated[int, Option(help="Training scenes of each family.")] = 10,
-    violations: Annotated[float, Option(help="Share of runs that may have a violated row.")] = 0.2,
     family: options.Families = None,
     controller: options.Controllers = None,
     settings: options.Settings = None,
@@ -194,13 +193,10 @@ def tune(
             why = "laws are tuned on training scenes alone, and --scenes says on how many"
             raise ConfigurationError(f"--set {key}: {why}")
     chosen = Campaign.load(campaign).select(family or (), controller or (), settings=settings or ())
-    problem = Problem(chosen, Budget(evaluations, seeds, scenes, violations))
+    problem = Problem(chosen, Budget(evaluations, seeds, scenes))
     note_processes(jobs)
     with progress(out) as show:
         show("starting")
         tuning = run(problem, out, workers=jobs, command=typed_command(), on_progress=show)
         write_tuning(tuning, out)
-    for law in tuning.laws:
-        if law.chosen is not None and not law.chosen.feasible:
-            note(f"no setting of {law.law.name} keeps to the violations that are allowed")
     console.print(f"Settings: {out / TUNED}. {where(out / REPORT)}")

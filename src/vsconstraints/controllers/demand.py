@@ -12,7 +12,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, shown
-from .ranges import Part, positive, share
+from .ranges import ROWS, Part, positive, share
 
 #: What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed.
 USES: dict[str, str] = {
@@ -56,6 +56,7 @@ class Demand(Part, ABC):
     ahead: bool = field(default=False, kw_only=True)
     #: Share of each row's scale by which φ and σ count as greater than they are, for what the law cannot know.
     margin: float = field(default=0.0, kw_only=True)
+    ranges = ROWS
 
     def __post_init__(self) -> None:
         if not isinstance(self.ahead, bool):

@@ -23,7 +23,7 @@ from .barriers import (
     SampledBarrier,
 )
 from .demand import Demand
-from .ranges import option
+from .ranges import GAINS, ROWS, option
 
 # --- sliding modes ---
 
@@ -297,7 +297,7 @@ class PublishedFiras(Demand):
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
     eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
 
-    name, uses = "firas-published", ("sigma", "K")
+    name, uses, inert = "firas-published", ("sigma", "K"), GAINS
     relative, everywhere = True, True
 
     @staticmethod
@@ -315,7 +315,7 @@ class PublishedFiras(Demand):
 class Nothing(Demand):
     """No row demands anything."""
 
-    name, everywhere = "nothing", True
+    name, everywhere, inert = "nothing", True, tuple(ROWS)
 
     @staticmethod
     def formula(row: Row) -> Any:

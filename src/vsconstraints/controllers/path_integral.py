@@ -9,7 +9,7 @@ import numpy as np
 
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .predictive import Plan, PredictiveControl, whole_number
-from .ranges import Declared, Range, positive_number
+from .ranges import ROWS, Declared, Range, positive_number
 from .resolver import row_weights
 
 MOST = 100_000  #: Samples, and seeds.
@@ -50,6 +50,7 @@ class PathIntegralControl(PredictiveControl):
         "temperature": Range(0.1, 10.0),
         "noise": Range(0.02, 2.0),
         "penalty": Range(0.01, 100.0),
+        "margin": ROWS["margin"],
     }
 
     def __init__(

@@ -24,7 +24,7 @@ from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import COUNT, SCRATCH, BoundLaw, whole_call
 from .least_norm import RANK_TOLERANCE
-from .ranges import Declared, Range, positive_number, share
+from .ranges import ROWS, Declared, Range, positive_number, share
 from .resolver import row_weights
 from .resolvers import Hierarchy
 
@@ -102,6 +102,7 @@ class PredictiveControl(Controller):
         "block": Range(5, 25, integer=True),
         "approach": Range(1.5, 10.0),
         "damping": Range(1e-8, 1e-4),
+        "margin": ROWS["margin"],
     }
 
     def __init__(

@@ -12,6 +12,11 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown
+from ..rows.factors import FACTORS
+
+
+def _finite(value: object) -> bool:
+    return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)
 
 
 def positive(value: object) -> float | None:
@@ -116,6 +121,15 @@ class Choices:
         return " or ".join("none" if value is None else str(value).lower() for value in self.values)
 
 
+#: Of what laws may set of their rows: :class:`.RowFactors`, and a share of the scale.
+ROWS = {
+    "K": Range(0.3, 10.0),
+    "switching_gain": Range(0.1, 10.0),
+    "speed_gain": Range(0.1, 10.0),
+    "margin": Range(0.0, 0.2, logarithmic=False),
+}
+GAINS = "switching_gain", "speed_gain"
+
 #: What classes declare; a pair of numbers is a logarithmic :class:`Range`.
 Declared = Range | Choices | tuple[float, float]
 
@@ -131,12 +145,13 @@ class Part:
     """A demand or resolver: a frozen dataclass whose fields are options, with :attr:`ranges` of search by option."""
 
     ranges: ClassVar[Mapping[str, Declared]] = {}
+    inert: ClassVar[tuple[str, ...]] = ()  #: Options with a range that change nothing here.
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "ranges" not in vars(cls):
-            own = {key: each.metadata.get("range") for key, each in vars(cls).items() if isinstance(each, Field)}
-            cls.ranges = {**cls.ranges, **{key: search for key, search in own.items() if search is not None}}
+        own = {key: each.metadata.get("range") for key, each in vars(cls).items() if isinstance(each, Field)}
+        ranges = {**super(cls, cls).ranges, **own, **vars(cls).get("ranges", {})}  # type: ignore[misc]
+        cls.ranges = {key: search for key, search in ranges.items() if search is not None and key not in cls.inert}
 
 
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
@@ -151,14 +166,15 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
     for part in ("demand", "resolver"):
         # the constructor of a user's law need not have the options of its parts
         searched = getattr(getattr(law, part, None), "ranges", {})
-        declared |= {key: each for key, each in searched.items() if anything or key in parameters}
+        declared |= {key: each for key, each in searched.items() if anything or key in (*parameters, *FACTORS)}
     declared |= getattr(type(law), "ranges", {})
     ranges = {}
     for key, each in declared.items():
-        if key in fixed:
+        default = default_of(law, key)
+        if key in fixed or isinstance(default, Mapping):
             continue
         where = f"{name} declares a range of {key!r}"
-        if not anything and key not in parameters:
+        if not anything and key not in (*parameters, *FACTORS):
             raise ConfigurationError(f"{where}, which is none of its options")
         try:
             search = Range(*each) if isinstance(each, tuple) and len(each) == 2 else each
@@ -166,7 +182,6 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
             raise ConfigurationError(f"{where}: {error}") from error
         if not isinstance(search, Range | Choices):
             raise ConfigurationError(f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(search)}")
-        default = default_of(law, key)
         if default not in search:
             raise ConfigurationError(f"{where} that does not hold its default {shown(default)}: {search}")
         ranges[key] = search
@@ -176,9 +191,7 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
 def default_of(law: object, option: str) -> Any:
     """The value of an option of a law as constructed; None where neither the law nor its constructor has one."""
     parameter = inspect.signature(type(law)).parameters.get(option)
+    if option in FACTORS and parameter is None:
+        return getattr(law.factors, option) or 1.0  # type: ignore[attr-defined]
     default = None if parameter is None or parameter.default is parameter.empty else parameter.default
     return getattr(law, option, default)
-
-
-def _finite(value: object) -> bool:
-    return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)

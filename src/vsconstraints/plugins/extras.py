@@ -20,7 +20,7 @@ _TABLES = ("pandas", "pyarrow")
 #: By their names in pyproject.toml.
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
-    "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
+    "tune": Extra("tuning of laws", (*_TABLES, "optuna")),
     "images": Extra("control by images", ("cv2", "pupil_apriltags")),
     "pandas": Extra("tables as data frames", ("pandas",)),
     "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),

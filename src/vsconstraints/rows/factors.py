@@ -14,16 +14,19 @@ class RowFactors:
     """What a law's rows have in place of the scene's K and u⁺, as factors: for all rows, or by kind of constraint.
 
     σ and the boundaries stay those of the scene, and so do all scores: a larger K makes a row act earlier and more
-    slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have no K. A number is for every kind; of
-    a table, kinds that it does not name have the factor 1. Raises ConfigurationError if a factor is not positive.
+    slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have no K; ``speed_gain`` is a further
+    factor on u⁺ of joint speeds. A number is for every kind; of a table, kinds that it does not name have the factor 1.
+    Raises ConfigurationError if a factor is not positive.
     """
 
     K: float | Mapping[str, float] = field(default_factory=dict)
     switching_gain: float | Mapping[str, float] = field(default_factory=dict)
+    speed_gain: float = 1.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            for kind, factor in value.items() if isinstance(value, Mapping) else [("", value)]:
+            by_kind = isinstance(value, Mapping) and name != "speed_gain"
+            for kind, factor in value.items() if by_kind else [("", value)]:
                 number = isinstance(factor, float | int) and factor is not True and 0.0 < factor < float("inf")
                 if not (number and isinstance(kind, str)):
                     where = f"{name}.{kind}" if kind else name
@@ -39,7 +42,7 @@ class RowFactors:
         """The factors on K and u⁺ of rows of a kind."""
         both = (self.K, self.switching_gain)
         K, gain = (value.get(kind, 1.0) if isinstance(value, Mapping) else value for value in both)
-        return K, gain
+        return K, gain * (self.speed_gain if kind == "speed" else 1.0)
 
     def remark(self, kinds: tuple[str, ...]) -> str:
         """Which kinds are named of which there is no row; empty if none is."""

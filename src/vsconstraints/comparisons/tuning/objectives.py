@@ -1,4 +1,4 @@
-"""How settings are judged: three objectives and one constraint, as means over training runs, and the front of them."""
+"""How settings are judged: by how many training runs succeed, then by three objectives, as means over these runs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 class Objective(NamedTuple):
     """A quantity to be minimized, by its name in files and in reports.
 
-    ``worst`` bounds it from above and is that of a run that does not converge: the reference point of hypervolumes.
-    ``unit`` weighs as much as one unit of another objective where one setting is chosen.
+    ``worst`` bounds it from above and is that of a run that does not converge. ``unit`` weighs as much as one unit of
+    another objective.
     """
 
     column: str
@@ -49,12 +49,21 @@ FAILED = Outcome("failed", False, REFERENCE)
 
 
 class Judged(NamedTuple):
-    """Means of a setting's objectives, share of runs with a violation, and how many runs there are and converge."""
+    """Means of a setting's objectives, share of runs with a violation, and how many runs there are and converge.
+
+    ``successes`` converge and violate nothing: those of the report of evidence.
+    """
 
     point: Point
     violations: float
     runs: int
     converged: int
+    successes: int
+
+    @property
+    def success(self) -> str:
+        """As reports show it."""
+        return f"{100.0 * self.successes / self.runs:.1f} %"
 
 
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
@@ -89,38 +98,30 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
         values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
         point.append(math.fsum(values) / len(values) if values else worst)
     violated = sum(each.violated for each in outcomes)
-    converged = sum(each.status == "converged" for each in outcomes)
-    return Judged(tuple(point), violated / len(outcomes), len(outcomes), converged)
+    converged = [each for each in outcomes if each.status == "converged"]
+    successes = sum(not each.violated for each in converged)
+    return Judged(tuple(point), violated / len(outcomes), len(outcomes), len(converged), successes)
 
 
-def front(points: Sequence[Point]) -> list[int]:
-    """Positions of the points that no other dominates; of equal ones the first."""
-    import moocore
+def loss(judged: Judged) -> float:
+    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their units.
 
-    if not points:
-        return []
-    # which of equal points moocore leaves out differs from version to version
-    best = np.flatnonzero(moocore.is_nondominated(np.array(points), keep_weakly=True))
-    return sorted({points[i]: int(i) for i in best[::-1]}.values())
-
-
-def hypervolume(points: Sequence[Point], reference: Point = REFERENCE) -> float:
-    """Volume that the points dominate up to the reference point; 0 if none is better than it in every objective."""
-    import moocore
-
-    inside = [point for point in points if all(a < b for a, b in zip(point, reference, strict=True))]
-    return float(moocore.hypervolume(np.array(inside), ref=np.array(reference))) if inside else 0.0
-
-
-def choose(points: Sequence[Point]) -> int:
-    """Position of the point nearest to the ideal one, which has the least value of each objective on the front.
-
-    Distances are Euclidean, in the objectives' units, which are the same for all laws. Of points as near as each other,
-    to rounding, the one with the least first objective is taken, then second, third; of equal ones the first.
-    ("Compromise programming": Zeleny 1973.)
+    A failed run outweighs any sum, and the tuner uses the order alone.
     """
-    best = front(points)
-    on_front = np.array([points[i] for i in best]) / [objective.unit for objective in OBJECTIVES]
-    distance = np.linalg.norm(on_front - on_front.min(axis=0), axis=1)
+    lengths = (value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True))
+    return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
+
+
+def choose(settings: Sequence[Judged]) -> int:
+    """Position of the setting with the most successes; of as many, the one nearest to their ideal point.
+
+    That has the least value of each objective. Distances are Euclidean, in the objectives' units, which are the same
+    for all laws ("compromise programming": Zeleny 1973). Of points as near as each other, to rounding, the one with the
+    least first objective is taken, then second, third; of equal ones the first.
+    """
+    most = max(each.successes for each in settings)
+    best = [i for i, each in enumerate(settings) if each.successes == most]
+    points = np.array([settings[i].point for i in best]) / [objective.unit for objective in OBJECTIVES]
+    distance = np.linalg.norm(points - points.min(axis=0), axis=1)
     nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
-    return min((best[i] for i in nearest), key=lambda i: (points[i], i))
+    return min((best[i] for i in nearest), key=lambda i: (settings[i].point, i))

@@ -23,7 +23,11 @@ from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
 
 Options = dict[str, Any]
 
-Evaluate = Callable[[Sequence[ControllerSpec]], list[Judged]]  #: judges settings, all on the same runs
+ALL = ""  #: stands for all families where settings are judged by family
+
+ByFamily = dict[str, Judged]  #: how a setting is judged on all runs, and on those of each family
+
+Evaluate = Callable[[Sequence[ControllerSpec]], list[ByFamily]]  #: judges settings, all on the same runs
 
 TRAINING = "training"  #: the only half of a family that tuning sees; the other is for judging the result
 
@@ -58,20 +62,17 @@ class Searched:
 
 @dataclass(frozen=True)
 class Budget:
-    """What every law gets alike: settings per tuner seed, seeds, scenes of each family, share of violating runs."""
+    """What every law gets alike: settings per tuner seed, seeds, scenes of each family."""
 
     evaluations: int = 40
     seeds: int = 3
     scenes: int = 10
-    violations: float = 0.2
 
     def __post_init__(self) -> None:
         for name in ("evaluations", "seeds", "scenes"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f"{name} must be 1 or more, not {shown(value)}")
-        if not 0.0 <= self.violations <= 1.0:
-            raise ConfigurationError(f"violations is a share of runs from 0 to 1, not {shown(self.violations)}")
 
 
 @dataclass(frozen=True)
@@ -117,11 +118,10 @@ class Problem:
         campaign = self.campaign
         return {
             **code_identity(),
-            "tuner": {"name": "TPE", **module_versions(("optuna", "moocore"))},
-            "objectives": [objective._asdict() for objective in OBJECTIVES],
+            "tuner": {"name": "TPE", **module_versions(("optuna",))},
+            "objectives": ["success", *(objective._asdict() for objective in OBJECTIVES)],
             "seed": campaign.seed,
             "scenes": self.budget.scenes,
-            "violations": self.budget.violations,
             "controllers": of_controllers(campaign.controllers),
             "families": {
                 family.name: {**of_family(family), "conditions": list(campaign.conditions_of(family))}
@@ -168,8 +168,12 @@ def evaluating(stages: Sequence[Stage], baseline: ControllerSpec, workers: int |
     that fails again counts as a failed run.
     """
     with Pool(outcomes, process_count(workers)) as pool:
+        of_family = {
+            name: [at for at, stage in enumerate(stages) if name in (ALL, stage.scene.family)]
+            for name in (ALL, *dict.fromkeys(stage.scene.family for stage in stages))
+        }
 
-        def evaluate(settings: Sequence[ControllerSpec]) -> list[Judged]:
+        def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             results: dict[tuple[int, int], Outcome] = {}
             calls = [(at, tuple(range(len(settings)))) for at in range(len(stages)) if settings]
             for last in (False, True):
@@ -186,6 +190,9 @@ def evaluating(stages: Sequence[Stage], baseline: ControllerSpec, workers: int |
                         results[at, numbers[0]] = FAILED
                     else:
                         calls += [(at, (i,)) for i in numbers]
-            return [judged([results[at, i] for at in range(len(stages))]) for i in range(len(settings))]
+            return [
+                {name: judged([results[at, i] for at in own]) for name, own in of_family.items()}
+                for i in range(len(settings))
+            ]
 
         yield evaluate

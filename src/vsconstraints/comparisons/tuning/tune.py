@@ -8,7 +8,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,10 @@ from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
-from .objectives import OBJECTIVES, Judged, Point, choose, front, hypervolume
-from .problem import Evaluate, Options, Problem, Searched, evaluating
+from .objectives import OBJECTIVES, Judged, choose, loss
+from .problem import ALL, ByFamily, Evaluate, Options, Problem, Searched, evaluating
 
-JOURNAL, TUNED = "journal.jsonl", "tuned.toml"
-EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
-
-EXCESS = "excess"  #: attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
+JOURNAL, TUNED, EVALUATIONS = "journal.jsonl", "tuned.toml", "evaluations.parquet"
 
 Setting = tuple[str, str]  #: a law's name, and its options as JSON
 
@@ -37,8 +34,8 @@ Progress = Callable[[str, int, int], None]
 class Search:
     """Suggests settings of a law, one after the other, the default first.
 
-    The others are drawn by the tree-structured Parzen estimator for several objectives (Ozaki et al. 2022), with the
-    constraint (Watanabe and Hutter 2023), for all options together. They depend only on the seed and on what was told.
+    The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all options together:
+    Falkner et al. 2018), which uses the order of settings alone. They depend only on the seed and on what was told.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
@@ -58,10 +55,8 @@ class Search:
                 self._distributions[option] = kind(*bounds, log=ranged.logarithmic)
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         with warnings.catch_warnings(action="ignore"):  # what Optuna calls experimental
-            sampler = optuna.samplers.TPESampler(
-                seed=seed, multivariate=True, constraints_func=lambda trial: (trial.user_attrs[EXCESS],)
-            )
-        self._study = optuna.create_study(directions=["minimize"] * len(OBJECTIVES), sampler=sampler)
+            sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True)
+        self._study = optuna.create_study(sampler=sampler)
         self._study.enqueue_trial(default)
 
     def ask(self) -> Options:
@@ -73,13 +68,12 @@ class Search:
             for option, ranged in ranges
         }
 
-    def tell(self, point: Point, excess: float) -> None:
-        """Tell the objectives of the last setting, and by how much it exceeds what the constraint allows."""
-        self._trial.set_user_attr(EXCESS, excess)
-        self._study.tell(self._trial, list(point))
+    def tell(self, judged: Judged) -> None:
+        """Tell how the last setting is judged."""
+        self._study.tell(self._trial, loss(judged))
 
 
-class Journal(dict[Setting, Judged]):
+class Journal(dict[Setting, ByFamily]):
     """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
 
     A last line without an end, which was being written when the process ended, is cut off; nothing else is ever written
@@ -99,9 +93,11 @@ class Journal(dict[Setting, Judged]):
                 entry = dict(json.loads(line))
                 if entry.pop("checksum") != _checksum(entry):
                     raise ValueError("it is not what was written")
-                values = {**entry["judged"], "point": tuple(entry["judged"]["point"])}
-                self[entry["law"], entry["options"]] = Judged(**values)
-            except (ValueError, TypeError, KeyError, RecursionError) as error:
+                self[entry["law"], entry["options"]] = {
+                    family: Judged(**{**values, "point": tuple(values["point"])})
+                    for family, values in entry["judged"].items()
+                }
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 raise ConfigurationError(
                     f"{path}, line {number} is damaged ({type(error).__name__}): delete it, and its setting is "
                     "evaluated again"
@@ -110,9 +106,10 @@ class Journal(dict[Setting, Judged]):
             with storing("evaluations", path.parent):
                 os.truncate(path, len(data) - len(rest))
 
-    def add(self, setting: Setting, judged: Judged) -> None:
+    def add(self, setting: Setting, judged: ByFamily) -> None:
         """Store how a setting is judged; raises StorageError if that cannot be written."""
-        entry = {"law": setting[0], "options": setting[1], "judged": judged._asdict()}
+        by_family = {family: values._asdict() for family, values in judged.items()}
+        entry = {"law": setting[0], "options": setting[1], "judged": by_family}
         line = json.dumps({**entry, "checksum": _checksum(entry)})
         with storing("evaluations", self._path.parent), self._path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
@@ -125,65 +122,66 @@ def _checksum(entry: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A setting that a tuner with this seed suggested, by its number there (0 is the default), and how it is judged.
-
-    ``feasible``: it violates no more than is allowed. ``on_front``: no feasible evaluation of this law dominates it, of
-    all tuner seeds.
-    """
+    """A setting that a tuner with this seed suggested, by its number there (0 is the default), and how it is judged."""
 
     seed: int
     number: int
     options: Options
-    judged: Judged
-    feasible: bool
-    on_front: bool = False
+    by_family: ByFamily
+
+    @property
+    def judged(self) -> Judged:
+        """How it is judged on all runs."""
+        return self.by_family[ALL]
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default.
-
-    ``hypervolumes`` are of each tuner seed's feasible evaluations, to :data:`.objectives.REFERENCE`. ``chosen`` is, of
-    the feasible settings, the one that :func:`.objectives.choose` finds; if there is none, of those that violate least
-    (Deb 2000). None if nothing is searched.
-    """
+    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default."""
 
     law: Searched
     evaluations: tuple[Evaluation, ...]
-    hypervolumes: tuple[float, ...]
-    chosen: Evaluation | None
 
     @property
     def default(self) -> Evaluation:
         """The law as the campaign defines it."""
         return self.evaluations[0]
 
+    @property
+    def chosen(self) -> Evaluation:
+        """The best on all runs."""
+        return self.best(ALL)
+
+    def best(self, family: str) -> Evaluation:
+        """The evaluation that :func:`.objectives.choose` finds by the runs of a family."""
+        return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
+
+    def success(self, family: str, evaluations: int) -> list[float]:
+        """By tuner seed, the greatest share of runs in a family that succeeds with a setting within that budget."""
+        shares: dict[int, float] = {}
+        for each in self.evaluations:
+            if each.number < max(evaluations, 1):
+                judged = each.by_family[family]
+                shares[each.seed] = max(shares.get(each.seed, 0.0), judged.successes / judged.runs)
+        return list(shares.values())
+
     @classmethod
     def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
         """A law's evaluations in any order."""
-        every = sorted(evaluations, key=lambda each: (each.seed, each.number))
-        feasible = [i for i, each in enumerate(every) if each.feasible]
-        for i in front([every[i].judged.point for i in feasible]):
-            every[feasible[i]] = replace(every[feasible[i]], on_front=True)
-        least = min(each.judged.violations for each in every)
-        best = [each for each in every if each.feasible or (not feasible and each.judged.violations == least)]
-        volumes = [
-            hypervolume([every[i].judged.point for i in feasible if every[i].seed == seed])
-            for seed in dict.fromkeys(each.seed for each in every)
-        ]
-        chosen = best[choose([each.judged.point for each in best])] if law.ranges else None
-        return cls(law, tuple(every), tuple(volumes), chosen)
+        return cls(law, tuple(sorted(evaluations, key=lambda each: (each.seed, each.number))))
 
-    def toml(self) -> list[str]:
-        """Lines of the chosen setting as a table of controllers."""
-        name = self.law.name
-        if self.chosen is None:
+    def toml(self, family: str) -> list[str]:
+        """Lines of the setting that is best in a family as a table of controllers."""
+        name, best = self.law.name, self.best(family)
+        if not self.law.ranges:
             return [f"# {name}: nothing is searched"]
-        share = f"{100.0 * self.chosen.judged.violations:.3g} % of its runs violate a row"
-        remark = [] if self.chosen.feasible else [f"# {name}: no setting is feasible; {share}"]
-        setting = self.law.setting(self.chosen.options)
-        options = {"type": setting.law, **setting.options}
-        return [*remark, f"[controllers.{_toml(f'{name}-tuned')}]", *_items(options)]
+        judged, default = (each.by_family[family] for each in (best, self.default))
+        setting = self.law.setting(best.options)
+        return [
+            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default",
+            f"[controllers.{_toml(f'{name}-tuned')}]",
+            *_items({"type": setting.law, **setting.options}),
+        ]
 
 
 @dataclass(frozen=True)
@@ -205,32 +203,30 @@ class Tuning:
                 "number": each.number,
                 "options": json.dumps(each.options, sort_keys=True),
                 **dict(zip((*columns, *Judged._fields[1:]), (*each.judged.point, *each.judged[1:]), strict=True)),
-                "feasible": each.feasible,
-                "on_front": each.on_front,
-                "chosen": each is law.chosen,
+                **{f"successes[{family}]": each.by_family[family].successes for family in self.families},
+                "chosen": each is chosen,
             }
-            for law in self.laws
+            for law, chosen in ((law, law.chosen) for law in self.laws)
             for each in law.evaluations
         ]
-        hypervolumes = [
-            {"law": law.law.name, "seed": seed, "hypervolume": volume}
-            for law in self.laws
-            for seed, volume in enumerate(law.hypervolumes)
-        ]
         with storing("results", folder):
-            for name, lines in ((EVALUATIONS, evaluations), (HYPERVOLUMES, hypervolumes)):
-                with replaced(folder / name) as part:
-                    pandas.DataFrame(lines).to_parquet(part, index=False)
-            with replaced(folder / TUNED) as part:
-                part.write_text(self.toml(), encoding="utf-8")
+            with replaced(folder / EVALUATIONS) as part:
+                pandas.DataFrame(evaluations).to_parquet(part, index=False)
+            for family in (ALL, *self.families):
+                with replaced(folder / (f"tuned-{family}.toml" if family else TUNED)) as part:
+                    part.write_text(self.toml(family), encoding="utf-8")
 
-    def toml(self) -> str:
-        """Chosen settings as tables of controllers, which a campaign can take over."""
-        campaign = self.problem.campaign
-        families = ", ".join(family.name for family in campaign.families)
-        lines = [f"# Laws of the campaign {campaign.name}, tuned on training scenes of {families}."]
+    @property
+    def families(self) -> list[str]:
+        """Names of the campaign's families."""
+        return [family.name for family in self.problem.campaign.families]
+
+    def toml(self, family: str = ALL) -> str:
+        """Settings that are best in a family as tables of controllers, which a campaign can take over."""
+        of = family or ", ".join(self.families)
+        lines = [f"# Laws of the campaign {self.problem.campaign.name}, tuned on training scenes of {of}."]
         for law in self.laws:
-            lines += ["", *law.toml()]
+            lines += ["", *law.toml(family)]
         return "\n".join(lines) + "\n"
 
 
@@ -299,9 +295,8 @@ def _evaluations(
         for key, judged in zip(new, evaluate(list(new.values())), strict=True):
             journal.add(key, judged)
         for key, (search, options) in zip(keys, asked, strict=True):
-            judged, allowed = journal[key], budget.violations
-            search.tell(judged.point, judged.violations - allowed)
-            yield search.searched, Evaluation(search.seed, number, options, judged, judged.violations <= allowed)
+            search.tell(journal[key][ALL])
+            yield search.searched, Evaluation(search.seed, number, options, journal[key])
     on_progress("evaluating", budget.evaluations, budget.evaluations)
 
 

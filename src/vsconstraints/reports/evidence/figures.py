@@ -1,4 +1,4 @@
-"""Figures of the report of evidence: profiles, mean ranks, fronts of tuning, and the worst runs."""
+"""Figures of the report of evidence: profiles, mean ranks, success over the budget of tuning, and the worst runs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ...comparisons.statistics import Profile, Ranks
 from ...simulation import Setup
 from ..figures import View
 from ..figures.tracks import LAST, VIOLATED, draw_run
-from ..plots import FAINT, INK, WIDTH, Figure, Sheet, darker, line, logarithmic, looks, shortened, symbol, widths
+from ..plots import FAINT, INK, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
 from ..plots.image import START, Plane
 from ..plots.style import LOOKS
 
-GREY, COLUMNS = "#666666", 3
+COLUMNS = 3
 
 #: Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis.
 MAX_RATIO, TICK_GAP = 100.0, 0.12
@@ -110,57 +110,30 @@ CRITICAL_DIFFERENCE = Figure(
     draw_critical_difference,
 )
 
-ROUND_NUMBERS = [factor * 10.0**k for k in range(-6, 7) for factor in (1.0, 2.0, 5.0)]
-FRONT_COLUMNS = {"law", "feasible", "on_front", "chosen", "number", "unused", "log_variation"}
 
-
-def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
-    """All feasible settings small, those on the fronts large, default and chosen ones marked.
-
-    Fronts are of three objectives: seen in two of them, a setting on a front may seem worse than another one.
-    """
-    if not set(evaluations.columns) >= FRONT_COLUMNS or evaluations.empty:
-        return None
-    look, sheet = looks(laws), Sheet(left=0.72, right=0.2)
-    (ax,) = sheet.panels(1, height=3.6, above=0.05)
+def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
+    """A curve per law, median over tuner seeds, and a band from the least to the greatest where they differ."""
+    look, width, sheet = looks(laws), widths(laws, 2.4, 1.2), Sheet(left=0.72, right=0.2)
+    (ax,) = sheet.panels(1, height=3.2, above=0.05)
     for law in laws:
-        own, (colour, shape) = evaluations[evaluations["law"] == law], (look[law].colour, look[law].marker)
-        feasible, front, chosen = (own[own[name].astype(bool)] for name in ("feasible", "on_front", "chosen"))
-        marks = (
-            (feasible, symbol("o", colour, "none", 3.0, alpha=0.35)),
-            (front, symbol(shape, colour, darker(colour), 6.0)),
-            (own[own["number"] == 0].head(1), symbol(shape, "white", colour, 9.0)),
-            (chosen, symbol("*", colour, INK, 10.0)),
-        )
-        for zorder, (some, mark) in enumerate(marks, start=2):
-            x, y = 100.0 * some["unused"].clip(lower=1e-6), 10.0 ** some["log_variation"]
-            ax.plot(x, y, **mark, zorder=zorder)
-    for axis in (ax.xaxis, ax.yaxis):
-        logarithmic(axis)
-        low, high = axis.get_view_interval()
-        logarithmic(axis, [tick for tick in ROUND_NUMBERS if low <= tick <= high])
-    ax.set_xlabel("← less is better, unused share of the allowed space [%]")
-    ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
-    entries = [
-        symbol(look[law].marker, look[law].colour, darker(look[law].colour), 7.0, label=shortened(law)) for law in laws
-    ]
-    entries += [
-        symbol("o", GREY, "none", 3.0, label="feasible setting"),
-        symbol("o", GREY, GREY, 6.0, label="on a law's front"),
-        symbol("o", "white", GREY, 9.0, label="default setting"),
-        symbol("*", GREY, INK, 10.0, label="chosen setting"),
-    ]
-    sheet.at += 0.08
-    sheet.legend(entries, 4)
+        own = evaluations[evaluations["law"] == law].sort_values("number")
+        share = own.assign(share=100.0 * own["successes"] / own["runs"])
+        best = share.pivot_table(index="number", columns="seed", values="share").cummax()
+        number = best.index + 1
+        ax.plot(number, best.median(axis=1), color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
+        ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look[law].colour, alpha=0.12, linewidth=0)
+    ax.set_xlabel("evaluations of each law, the default first")
+    ax.set_ylabel("success on training scenes [%]")
+    sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
     return sheet
 
 
-FRONTS = Figure(
-    "fronts",
-    "fronts of tuning",
-    "What tuning found on training scenes, in two of its three objectives: what seems worse on a front may be better "
-    "in the third, settling time.",
-    draw_fronts,
+BUDGETS = Figure(
+    "budgets",
+    "success over the budget of tuning",
+    "Success on training scenes of the best setting so far, by the number of evaluations: median over tuner seeds, and "
+    "from the least to the greatest.",
+    draw_budgets,
 )
 
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42

@@ -20,7 +20,7 @@ from ..plots import PNG, Formats
 from . import tables
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
-from .figures import CRITICAL_DIFFERENCE, FRONTS, PROFILES, Diagram, Panel
+from .figures import BUDGETS, CRITICAL_DIFFERENCE, PROFILES, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
 from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
@@ -180,11 +180,11 @@ def _failures(dataset: Dataset) -> dict[str, Any]:
 def _tuning(dataset: Dataset) -> dict[str, Any]:
     evaluations = tables.evaluations_of(dataset)
     if evaluations is None:
-        return {"fronts": "", "fronts_figure": ""}
+        return {"evaluations": "", "budgets_figure": ""}
     laws = list(dict.fromkeys(evaluations["law"].astype(str)))
     return {
-        "fronts": tables.fronts_table(dataset, evaluations),
-        "fronts_figure": dataset.picture(FRONTS, evaluations, laws),
+        "evaluations": tables.evaluations_table(evaluations),
+        "budgets_figure": dataset.picture(BUDGETS, evaluations, laws),
     }
 
 

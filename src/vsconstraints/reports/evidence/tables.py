@@ -232,35 +232,28 @@ def tuning_table(dataset: Dataset) -> Table:
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
     """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if unreadable."""
-    return _tuning_data(dataset, "evaluations.parquet", {"law", "chosen", "options", "feasible"})
-
-
-def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> Table:
-    """What tuning evaluated for each controller, how well, and the setting that was chosen."""
-    volumes, lines = _tuning_data(dataset, "hypervolumes.parquet", {"law", "hypervolume"}), []
-    for law in dict.fromkeys(evaluations["law"].astype(str)):
-        own = evaluations[evaluations["law"] == law]
-        chosen = own[own["chosen"].astype(bool)]
-        options = plain(str(chosen["options"].iloc[0]).strip("{}").replace('"', "")) if len(chosen) else DASH
-        feasible = int(own["feasible"].astype(bool).sum())
-        volume = [] if volumes is None else volumes[volumes["law"] == law]["hypervolume"].astype(float).tolist()
-        spread = f" ({number(min(volume))}–{number(max(volume))})" if len(volume) > 1 else ""
-        lines.append([law, str(len(own)), str(feasible), number(median(volume)) + spread, options or "default"])
-    return Table(["law", "evaluations", "feasible", "hypervolume", "chosen setting"], lines)
-
-
-def _tuning_data(dataset: Dataset, name: str, columns: set[str]) -> pd.DataFrame | None:
     import pandas as pd
 
-    if dataset.tuning is None or not (path := dataset.tuning / name).is_file():
+    if dataset.tuning is None or not (path := dataset.tuning / "evaluations.parquet").is_file():
         return None
     try:
         data = pd.read_parquet(path)
     except UNREADABLE as error:
         raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
-    if missing := columns.difference(data.columns):
+    if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(data.columns):
         raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
     return data
+
+
+def evaluations_table(evaluations: pd.DataFrame) -> Table:
+    """What tuning evaluated for each controller, and the setting that was chosen, with successes."""
+    lines = []
+    for law, own in evaluations.groupby("law", sort=False, observed=True):
+        chosen = own.loc[own["chosen"].astype(bool).idxmax()]
+        shares = [percentage(float(one["successes"] / one["runs"]), 1) for one in (own.iloc[0], chosen)]
+        options = plain(str(chosen["options"]).strip("{}").replace('"', ""))
+        lines.append([str(law), str(len(own)), *shares, options or "default"])
+    return Table(["law", "evaluations", "default", "chosen", "chosen setting"], lines)
 
 
 def scenes_table(dataset: Dataset) -> Table:
