@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from numpy_form import evaluate_rows, evaluate_task, feature_motion
+from vsconstraints.compiled import goal_governor
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
-from vsconstraints.controllers.response import response
+from vsconstraints.controllers.goal_governor import Governor
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.tracking import retargeted
 from vsconstraints.rows import Rows, Task
@@ -34,6 +35,16 @@ def model_of(setup: Setup, moving: float = 0.0) -> Model:
     step = ControlStep(setup.scene, setup.constraints, setup.task)
     step.evaluate(0.0, setup.q0, moving * np.cos(np.arange(len(setup.q0))))
     return step.model()
+
+
+def response(model: Model, reference: Any, periods: Any) -> Any:
+    """What is known of the response to a reference, in arrays of a governor; None if nothing is."""
+    now = model.at(*model.present)
+    governor = Governor.of(model, periods, (len(reference), now.task.J.shape[1]))
+    governor.own.reference[:], governor.own.counts[goal_governor.GOAL] = reference, model.goal
+    governor.decide(model, now.rows, now.task)
+    np.testing.assert_array_equal(governor.own.reference, reference)
+    return governor.own if governor.own.times[goal_governor.KNOWN] > 0.0 else None
 
 
 # --- formulas ---
@@ -67,24 +78,23 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
 
 
 @pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image", "panda-fov"])
-def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    setup = scene(name)
-    model, scale = model_of(setup, 0.1), setup.constraints.scale
+def test_responses_are_alike_where_python_predicts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = model_of(scene(name), 0.1)
     reference = 0.7 * model.at(*model.present).error
-    compiled = response(model, reference, SHORT, scale)
+    compiled = response(model, reference, SHORT)
     monkeypatch.setattr(model, "step", None)
-    defined = response(model, reference, SHORT, scale)
-    assert compiled is not None
-    assert defined is not None
-    for one, other in zip(compiled, defined, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7)
+    asked = response(model, reference, SHORT)
+    assert compiled.step != 0
+    assert asked.step == 0
+    for part in ("least", "sigma", "Lg", "Jt"):
+        np.testing.assert_allclose(getattr(compiled, part), getattr(asked, part), rtol=1e-7, atol=1e-7)
 
 
 def test_a_response_to_the_goal_is_what_tracking_does() -> None:
     """Against the closed loop: the deepest that each row gets; and at rest the arm is where the goal was taken from."""
     setup = scene("case-study-6r", duration=3.9)
     run = simulate(setup, Tracking())
-    found = response(model_of(setup), np.zeros(6), np.full(195, 0.02), setup.constraints.scale)
+    found = response(model_of(setup), np.zeros(6), np.full(195, 0.02))
     assert found is not None
     deepest = -(run.sigma[1:] / setup.constraints.scale).max(axis=0)
     # accelerations are held ten times as long as in the loop, and the deepest is seen as seldom
@@ -104,18 +114,17 @@ def test_a_response_is_to_the_goal_of_now() -> None:
     assert model.goal == 0
     assert model.until == pytest.approx(4.0)
     first = scene("case-study-6r", task__goals=Scenario.load("case-study-6r").tables["task"]["goals"][:1])
-    alone = response(model_of(first), np.zeros(6), SHORT, first.constraints.scale)
-    found = response(model, np.zeros(6), SHORT, setup.constraints.scale)
+    alone = response(model_of(first), np.zeros(6), SHORT)
+    found = response(model, np.zeros(6), SHORT)
     assert alone is not None
     assert found is not None
     np.testing.assert_allclose(found.least, alone.least, atol=1e-9)
 
 
 def test_what_cannot_be_seen_has_no_response() -> None:
-    setup = scene("case-study-6r")
-    model = model_of(setup)
+    model = model_of(scene("case-study-6r"))
     far = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
-    assert response(model, far, np.full(40, 0.1), setup.constraints.scale) is None
+    assert response(model, far, np.full(40, 0.1)) is None
 
 
 # --- what it holds ---
