@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -198,6 +199,47 @@ def test_in_a_loop_of_ones_own() -> None:
     for k in range(len(run.t)):
         _, command = step.command(other, run.t[k], run.q[k], run.qd[k])
         np.testing.assert_allclose(command.qdd, run.qdd_command[k], rtol=1e-9, atol=1e-9)
+
+
+# --- what it commands ---
+
+RECORDED = dict(np.load(Path(__file__).parent / "data" / "goal-governor.npz"))
+BARRIER = {"demand": "barrier", "resolver": "hierarchy", "speed": 5.0, "margin": 0.05, "influence": 0.1}
+OPTIONS = {"tracking": {}, "barrier": BARRIER, "switch": {"demand": "switch", "speed": 4.0, "influence": 0.05}}
+
+
+@pytest.mark.parametrize("form", ["in one", "in two", "python predicts"])
+@pytest.mark.parametrize("key", sorted(name for name in RECORDED if name.count("--") == 1))
+def test_commands_are_those_of_the_decision_in_numpy(key: str, form: str) -> None:
+    """Sixty samples of a run, so far apart that many steps are refused; with goals that change, and unknown motion."""
+    name, kind = key.split("--")
+    setup, law = scene(name), GoalGovernor(**OPTIONS[kind])
+    step, n = ControlStep(setup.scene, setup.constraints, setup.task), len(setup.q0)
+    law.reset(period=setup.Ts, model=step.model())
+    if form == "python predicts":
+        law.model.step = None
+    for sample in RECORDED[key][: 8 if form == "python predicts" else None]:
+        q, qd, qdd = (part.copy() for part in sample[1 : 1 + 3 * n].reshape(3, n))
+        if form == "in one":
+            command = step.command(law, sample[0], q, qd)[1]
+        else:
+            seen = step.evaluate(sample[0], q, qd)
+            command = law.command(seen.rows, seen.task)
+        np.testing.assert_allclose(command.qdd, qdd, atol=1e-9 * max(1.0, np.abs(qdd).max()))
+        assert law.reference is not None
+        np.testing.assert_allclose(law.reference, sample[1 + 3 * n :], atol=1e-9)
+
+
+@pytest.mark.parametrize("key", sorted(name for name in RECORDED if name.endswith("--run")))
+def test_runs_are_those_of_the_decision_in_numpy(key: str) -> None:
+    name, kind, _ = key.split("--")
+    duration = 6.0 if name == "case-study-6r" else 4.0
+    setup = scene(name, duration=duration)
+    run, n = simulate(setup, GoalGovernor(**OPTIONS[kind])), len(setup.q0)
+    assert run.compiled
+    places = RECORDED[key][:, 0].astype(int)
+    np.testing.assert_allclose(run.q[places], RECORDED[key][:, 1 : 1 + n], atol=1e-9)
+    np.testing.assert_allclose(run.qdd_command[places], RECORDED[key][:, 1 + n :], atol=1e-8)
 
 
 # --- what it refuses ---
