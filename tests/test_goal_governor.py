@@ -182,6 +182,31 @@ def test_another_law_underneath() -> None:
     assert run.sigma.max() < 0.0
 
 
+def test_a_law_underneath_that_is_not_compiled_gets_the_same_task() -> None:
+    """One that asks a QP solver by its name, in Python, and the compiled one: the same least squares."""
+    setup, commands = scene("ur5-fov", duration=0.1), []
+    for solver in ("auto", "quadprog"):
+        run = simulate(setup, GoalGovernor(demand="barrier", resolver="hierarchy", solver=solver))
+        assert run.compiled == (solver == "auto")
+        commands.append(run.qdd_command)
+    np.testing.assert_allclose(*commands, atol=1e-5)
+
+
+def test_options_may_change_on_the_way() -> None:
+    """Of the governor, whose reference stays, and of the law underneath."""
+    setup, governor = scene(), GoalGovernor(demand="barrier", resolver="hierarchy", speed=1.0)
+    step, references = ControlStep(setup.scene, setup.constraints, setup.task), []
+    for t, speed in ((0.0, 1.0), (0.001, 1.0), (0.002, 2.0)):
+        governor.speed = speed
+        step.command(governor, t, setup.q0, setup.qd0)
+        references.append(governor.reference)
+    slowly, fast = np.linalg.norm(np.diff(references, axis=0), axis=1)
+    assert fast == pytest.approx(2.0 * slowly, rel=1e-2)
+    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() > 0.02
+    governor.law.max_acceleration = 0.01
+    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() == pytest.approx(0.01)
+
+
 def test_it_begins_again_after_a_reset() -> None:
     setup, governor = scene(duration=0.5), GoalGovernor()
     first = simulate(setup, governor)

@@ -159,11 +159,7 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
 
 @in_place
 def go_on(own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, task: TaskArrays) -> None:
-    """Go on with rows and task at a predicted state, if they are found there.
-
-    A move that is not acceptable is given up for the response to the reference where it is; else the reference is
-    there.
-    """
+    """Go on with rows and task at a predicted state, if they are found there; give a move up that is not acceptable."""
     counts, acceptable = own.counts, found
     if found:
         advance(own, law, rows, task)
