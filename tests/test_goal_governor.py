@@ -306,6 +306,17 @@ def test_what_it_needs_is_asked_for() -> None:
         governor.command(rows, Task(np.eye(2), np.ones(2), np.ones(2)))
     with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
         governor.command(rows, task)
+    # a task of another size, at first and later, which moves nothing
+    seen = governor.model.at(*governor.model.present)
+    fewer = Task(seen.task.J[:2], *(part[:2] for part in (seen.task.b, seen.task.error, seen.task.error_rate)))
+    with pytest.raises(InvalidInput, match="predicts other rows and another task than these"):
+        governor.command(seen.rows, fewer)
+    governor.reset()
+    governor.command(seen.rows, seen.task)
+    before = governor.reference
+    with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
+        governor.command(seen.rows, fewer)
+    np.testing.assert_array_equal(governor.reference, before)
 
 
 def test_references_of_their_own_and_motions_without_end_are_refused() -> None:

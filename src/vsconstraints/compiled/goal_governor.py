@@ -198,10 +198,9 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
     if stage in (ALL, BEGIN):
         if own.loop != 0:
             step = load_step(own.loop)
-            t, goal = step.time[0], step.last[0].goal
-            counts[PRESENT], own.now[0] = goal, t
-            until = step.goals[goal + 1].from_time - JUST_BEFORE if goal + 1 < len(step.goals) else math.inf
-            times[UNTIL] = t if own.frozen else until
+            counts[PRESENT], own.now[0], following = step.last[0].goal, step.time[0], step.last[0].goal + 1
+            until = step.goals[following].from_time - JUST_BEFORE if following < len(step.goals) else math.inf
+            times[UNTIL] = own.now[0] if own.frozen else until
         if counts[GOAL] < 0:
             counts[GOAL], times[LAST] = counts[PRESENT], own.now[0]
             copy_vector(own.reference, task.error)
@@ -213,6 +212,8 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
         start(own)
     if stage == ALL:
         step = load_step(own.step)
+        if not fits(own, step.rows, step.task):
+            return NEEDS_PYTHON
         while counts[NEXT] >= 0:
             state = own.step, times[AHEAD], own.state[0], own.state[1]
             go_on(own, law, call_int_pointer(step.evaluate, state) == 0, step.rows, step.task)

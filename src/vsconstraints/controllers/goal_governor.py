@@ -194,12 +194,11 @@ class GoalGovernor(Controller):
             )
         if len(task.error) != len(task.b) or len(task.error_rate) != len(task.b):
             raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
-        if rows.labels != model.labels or n != len(model.present.q):
+        made = self._governor or Governor.of(model, self.periods, (k, n))
+        if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        if self._governor is None or self._governor.own.Jt.shape != (n, k):
-            self._governor = Governor.of(model, self.periods, (k, n))
-        self._governor.own.settings[:] = self.speed, self.margin, self.influence
-        return self._governor
+        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence)
+        return made
 
 
 class Governor:
