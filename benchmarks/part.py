@@ -128,6 +128,7 @@ class Part:
 OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
+    "goal-governor": ("goal-governor", {}),
 }
 """Laws and options that are timed beside those of the default comparison."""
 

@@ -57,6 +57,7 @@ TARGETS = (
     Target("hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.35),
     Target("hierarchical QP, active rows, the same", "steps", f"{CASE_STUDY}, hierarchical-qp-active: ratio", 0.35),
     Target("predictive control, ten blocks, the same", "steps", f"{CASE_STUDY}, predictive: ratio", 15.0),
+    Target("goal governor, the same", "steps", f"{CASE_STUDY}, goal-governor: ratio", 4.0),
     Target("any demand with priority: beyond the paper's law", "laws", "priority: extra", 0.05),
     Target("any demand with hierarchy: beyond the hierarchical QP", "laws", "hierarchy: extra", 0.05),
     Target("measured pixels, depth and time: beyond without", "measured", f"{CASE_STUDY}, {ALL}: extra", 0.05),

@@ -21,14 +21,12 @@ from vsconstraints.simulation import simulate
 
 pytestmark = pytest.mark.skipif(load("laws") is None, reason="there is no compiler")
 
-#: Decisions of these are made in Python.
-IN_PYTHON = {"goal-governor"}
 SCENARIOS = [scenario.name for scenario in Suite.load().scenarios]
 
 
 def laws() -> Iterator[Controller]:
     """Every registered law, every demand with both kinds of resolvers, and every resolver."""
-    yield from (law() for name, law in CONTROLLERS.items() if name not in IN_PYTHON)
+    yield from (law() for law in CONTROLLERS.values())
     yield from (Law(demand(), resolver) for demand in DEMANDS for resolver in (Priority(), Hierarchy()))
     yield from (Law(Barrier(), resolver()) for resolver in RESOLVERS)
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from copy import copy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from numpy_form import evaluate_rows, evaluate_task, feature_motion
+from vsconstraints.compiled import goal_governor
 from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
-from vsconstraints.controllers.response import response
+from vsconstraints.controllers.goal_governor import Governor
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.tracking import retargeted
 from vsconstraints.rows import Rows, Task
@@ -34,6 +36,16 @@ def model_of(setup: Setup, moving: float = 0.0) -> Model:
     step = ControlStep(setup.scene, setup.constraints, setup.task)
     step.evaluate(0.0, setup.q0, moving * np.cos(np.arange(len(setup.q0))))
     return step.model()
+
+
+def response(model: Model, reference: Any, periods: Any) -> Any:
+    """What is known of the response to a reference, in arrays of a governor; None if nothing is."""
+    now = model.at(*model.present)
+    governor = Governor.of(model, periods, (len(reference), now.task.J.shape[1]))
+    governor.own.reference[:], governor.own.counts[goal_governor.GOAL] = reference, model.goal
+    governor.decide(model, now.rows, now.task)
+    np.testing.assert_array_equal(governor.own.reference, reference)
+    return governor.own if governor.own.times[goal_governor.KNOWN] > 0.0 else None
 
 
 # --- formulas ---
@@ -67,24 +79,23 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
 
 
 @pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image", "panda-fov"])
-def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    setup = scene(name)
-    model, scale = model_of(setup, 0.1), setup.constraints.scale
+def test_responses_are_alike_where_python_predicts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = model_of(scene(name), 0.1)
     reference = 0.7 * model.at(*model.present).error
-    compiled = response(model, reference, SHORT, scale)
+    compiled = response(model, reference, SHORT)
     monkeypatch.setattr(model, "step", None)
-    defined = response(model, reference, SHORT, scale)
-    assert compiled is not None
-    assert defined is not None
-    for one, other in zip(compiled, defined, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7)
+    asked = response(model, reference, SHORT)
+    assert compiled.step != 0
+    assert asked.step == 0
+    for part in ("least", "sigma", "Lg", "Jt"):
+        np.testing.assert_allclose(getattr(compiled, part), getattr(asked, part), rtol=1e-7, atol=1e-7)
 
 
 def test_a_response_to_the_goal_is_what_tracking_does() -> None:
     """Against the closed loop: the deepest that each row gets; and at rest the arm is where the goal was taken from."""
     setup = scene("case-study-6r", duration=3.9)
     run = simulate(setup, Tracking())
-    found = response(model_of(setup), np.zeros(6), np.full(195, 0.02), setup.constraints.scale)
+    found = response(model_of(setup), np.zeros(6), np.full(195, 0.02))
     assert found is not None
     deepest = -(run.sigma[1:] / setup.constraints.scale).max(axis=0)
     # accelerations are held ten times as long as in the loop, and the deepest is seen as seldom
@@ -104,18 +115,17 @@ def test_a_response_is_to_the_goal_of_now() -> None:
     assert model.goal == 0
     assert model.until == pytest.approx(4.0)
     first = scene("case-study-6r", task__goals=Scenario.load("case-study-6r").tables["task"]["goals"][:1])
-    alone = response(model_of(first), np.zeros(6), SHORT, first.constraints.scale)
-    found = response(model, np.zeros(6), SHORT, setup.constraints.scale)
+    alone = response(model_of(first), np.zeros(6), SHORT)
+    found = response(model, np.zeros(6), SHORT)
     assert alone is not None
     assert found is not None
     np.testing.assert_allclose(found.least, alone.least, atol=1e-9)
 
 
 def test_what_cannot_be_seen_has_no_response() -> None:
-    setup = scene("case-study-6r")
-    model = model_of(setup)
+    model = model_of(scene("case-study-6r"))
     far = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
-    assert response(model, far, np.full(40, 0.1), setup.constraints.scale) is None
+    assert response(model, far, np.full(40, 0.1)) is None
 
 
 # --- what it holds ---
@@ -172,6 +182,31 @@ def test_another_law_underneath() -> None:
     assert run.sigma.max() < 0.0
 
 
+def test_a_law_underneath_that_is_not_compiled_gets_the_same_task() -> None:
+    """One that asks a QP solver by its name, in Python, and the compiled one: the same least squares."""
+    setup, commands = scene("ur5-fov", duration=0.1), []
+    for solver in ("auto", "quadprog"):
+        run = simulate(setup, GoalGovernor(demand="barrier", resolver="hierarchy", solver=solver))
+        assert run.compiled == (solver == "auto")
+        commands.append(run.qdd_command)
+    np.testing.assert_allclose(*commands, atol=1e-5)
+
+
+def test_options_may_change_on_the_way() -> None:
+    """Of the governor, whose reference stays, and of the law underneath."""
+    setup, governor = scene(), GoalGovernor(demand="barrier", resolver="hierarchy", speed=1.0)
+    step, references = ControlStep(setup.scene, setup.constraints, setup.task), []
+    for t, speed in ((0.0, 1.0), (0.001, 1.0), (0.002, 2.0)):
+        governor.speed = speed
+        step.command(governor, t, setup.q0, setup.qd0)
+        references.append(governor.reference)
+    slowly, fast = np.linalg.norm(np.diff(references, axis=0), axis=1)
+    assert fast == pytest.approx(2.0 * slowly, rel=1e-2)
+    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() > 0.02
+    governor.law.max_acceleration = 0.01
+    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() == pytest.approx(0.01)
+
+
 def test_it_begins_again_after_a_reset() -> None:
     setup, governor = scene(duration=0.5), GoalGovernor()
     first = simulate(setup, governor)
@@ -189,6 +224,47 @@ def test_in_a_loop_of_ones_own() -> None:
     for k in range(len(run.t)):
         _, command = step.command(other, run.t[k], run.q[k], run.qd[k])
         np.testing.assert_allclose(command.qdd, run.qdd_command[k], rtol=1e-9, atol=1e-9)
+
+
+# --- what it commands ---
+
+RECORDED = dict(np.load(Path(__file__).parent / "data" / "goal-governor.npz"))
+BARRIER = {"demand": "barrier", "resolver": "hierarchy", "speed": 5.0, "margin": 0.05, "influence": 0.1}
+OPTIONS = {"tracking": {}, "barrier": BARRIER, "switch": {"demand": "switch", "speed": 4.0, "influence": 0.05}}
+
+
+@pytest.mark.parametrize("form", ["in one", "in two", "python predicts"])
+@pytest.mark.parametrize("key", sorted(name for name in RECORDED if name.count("--") == 1))
+def test_commands_are_those_of_the_decision_in_numpy(key: str, form: str) -> None:
+    """Sixty samples of a run, so far apart that many steps are refused; with goals that change, and unknown motion."""
+    name, kind = key.split("--")
+    setup, law = scene(name), GoalGovernor(**OPTIONS[kind])
+    step, n = ControlStep(setup.scene, setup.constraints, setup.task), len(setup.q0)
+    law.reset(period=setup.Ts, model=step.model())
+    if form == "python predicts":
+        law.model.step = None
+    for sample in RECORDED[key][: 8 if form == "python predicts" else None]:
+        q, qd, qdd = (part.copy() for part in sample[1 : 1 + 3 * n].reshape(3, n))
+        if form == "in one":
+            command = step.command(law, sample[0], q, qd)[1]
+        else:
+            seen = step.evaluate(sample[0], q, qd)
+            command = law.command(seen.rows, seen.task)
+        np.testing.assert_allclose(command.qdd, qdd, atol=1e-9 * max(1.0, np.abs(qdd).max()))
+        assert law.reference is not None
+        np.testing.assert_allclose(law.reference, sample[1 + 3 * n :], atol=1e-9)
+
+
+@pytest.mark.parametrize("key", sorted(name for name in RECORDED if name.endswith("--run")))
+def test_runs_are_those_of_the_decision_in_numpy(key: str) -> None:
+    name, kind, _ = key.split("--")
+    duration = 6.0 if name == "case-study-6r" else 4.0
+    setup = scene(name, duration=duration)
+    run, n = simulate(setup, GoalGovernor(**OPTIONS[kind])), len(setup.q0)
+    assert run.compiled
+    places = RECORDED[key][:, 0].astype(int)
+    np.testing.assert_allclose(run.q[places], RECORDED[key][:, 1 : 1 + n], atol=1e-9)
+    np.testing.assert_allclose(run.qdd_command[places], RECORDED[key][:, 1 + n :], atol=1e-8)
 
 
 # --- what it refuses ---
@@ -230,6 +306,17 @@ def test_what_it_needs_is_asked_for() -> None:
         governor.command(rows, Task(np.eye(2), np.ones(2), np.ones(2)))
     with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
         governor.command(rows, task)
+    # a task of another size, at first and later, which moves nothing
+    seen = governor.model.at(*governor.model.present)
+    fewer = Task(seen.task.J[:2], *(part[:2] for part in (seen.task.b, seen.task.error, seen.task.error_rate)))
+    with pytest.raises(InvalidInput, match="predicts other rows and another task than these"):
+        governor.command(seen.rows, fewer)
+    governor.reset()
+    governor.command(seen.rows, seen.task)
+    before = governor.reference
+    with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
+        governor.command(seen.rows, fewer)
+    np.testing.assert_array_equal(governor.reference, before)
 
 
 def test_references_of_their_own_and_motions_without_end_are_refused() -> None:

@@ -6,7 +6,7 @@ Two rows of one joint: ``a`` on σ with K = 0.5, and ``b`` on φ itself.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, inf, sqrt
+from math import exp, inf, log, sqrt
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.compiled import plan_program, predictive
+from vsconstraints.compiled import goal_governor, plan_program, predictive
 from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.control.model import Model, Prediction
-from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor
+from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
+from vsconstraints.controllers.goal_governor import Governor
 from vsconstraints.controllers.predictive import Planner
-from vsconstraints.controllers.response import Response, response
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.rows.tolerances import PULLING
-from vsconstraints.vision.tracking import Rest
+from vsconstraints.vision.tracking import FREE, Rest, TrackingGains
 
 K = np.array([0.5, 0.0])
 
@@ -420,85 +420,133 @@ def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
 # --- the goal governor ---
 
 
-def governor(least: float, sigma: Array, Lg: Array, J: Array) -> GoalGovernor:
-    law = GoalGovernor(speed=2.0, margin=0.1, influence=0.3)
-    law.seen = Response(np.array([least]), sigma, Lg, J)
-    return law
+def governor(sigma: Array, Lg: Array, J: Array, K: Array) -> Governor:
+    """One with v = 2, δ = 0.1 and ζ = 0.3 that knows what comes at rest."""
+    gains = SimpleNamespace(gains=TrackingGains(1.0), rest_of=lambda n, k: FREE)
+    model = SimpleNamespace(task=gains, K=K, labels=tuple("abcdefgh"[: len(K)]))
+    made = Governor.of(model, np.ones(1), (J.shape[0], J.shape[1]))
+    own = made.own
+    own.settings[:], own.sigma[:], own.Lg[:], own.Jt[:], own.least[:] = (2.0, 0.1, 0.3), sigma, Lg, J.T, 0.3
+    own.times[goal_governor.KNOWN] = inf
+    return made
+
+
+def direction(made: Governor, r: Array) -> Array:
+    """ρ at a reference: where half a second leads by 2 a second."""
+    made.own.reference[:] = r
+    goal_governor.move(made.own, made.arrays, 0.5)
+    assert made.own.counts[goal_governor.MOVES] == (made.own.trial != r).any()
+    return made.own.trial - r
 
 
 def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_margin_is_reached() -> None:
     """At (2, 0) the goal attracts by (−1, 0). J⁻ᵀ(1, 1) = (1, ½); 0.2 inside it counts half, 0.4 inside not at all."""
     J, Lg, r = np.diag([1.0, 2.0]), np.array([[1.0, 1.0], [1.0, 1.0], [5.0, 0.0]]), np.array([2.0, 0.0])
     unit = np.array([1.0, 0.5]) / sqrt(1.25)
-    model: Any = SimpleNamespace(K=np.array([0.2, 0.2, 0.0]))
     for inside, strength in ((0.1, 1.0), (0.2, 0.5), (0.4, 0.0)):
-        law = governor(0.2, np.array([-inside, -0.4, -0.1]), Lg, J)
-        np.testing.assert_allclose(
-            law.direction_of_reference(r, model, np.ones(3)), np.array([-1.0, 0.0]) - strength * unit
-        )
+        law = governor(np.array([-inside, -0.4, -0.1]), Lg, J, np.array([0.2, 0.2, 0.0]))
+        np.testing.assert_allclose(direction(law, r), np.array([-1.0, 0.0]) - strength * unit, atol=1e-15)
     # near the goal the attraction falls: 0.05 away of the 0.2 from which on it does
-    np.testing.assert_allclose(law.direction_of_reference(np.array([0.0, 0.05]), model, np.ones(3)), [0.0, -0.25])
+    np.testing.assert_allclose(direction(law, np.array([0.0, 0.05])), [0.0, -0.25], atol=1e-15)
 
 
 @pytest.mark.parametrize("size", [1.0, 0.1])
 def test_how_steep_a_row_is_does_not_count_and_one_that_is_flat_repels_nothing(size: float) -> None:
-    law = governor(0.2, np.array([-0.1, -0.1]), np.array([[size], [0.0]]), np.eye(1))
-    model: Any = SimpleNamespace(K=np.array([0.2, 0.2]))
-    np.testing.assert_allclose(law.direction_of_reference(np.array([2.0]), model, np.ones(2)), [-2.0])
-
-
-@pytest.mark.parametrize(("least", "there"), [(0.05, 0.0), (0.049, 0.05)])
-def test_the_reference_moves_where_its_motion_keeps_half_the_margin(
-    least: float, there: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Near the goal the attraction of (0.05, 0) is a quarter: 0.1 s by 2 a second lead to the goal."""
-    asked: list[Array] = []
-
-    def responds(model: Model, reference: Array, periods: Array, scale: Array) -> Response:
-        asked.append(reference)
-        return Response(np.array([0.5 if len(asked) == 1 else least]), np.empty(0), np.empty((0, 2)), np.eye(2))
-
-    monkeypatch.setattr(goal_governor, "response", responds)
-    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
-    present, task = CurrentState(0.0, np.zeros(2), np.zeros(2)), SimpleNamespace(gains=gains, goals=[])
-    model: Any = SimpleNamespace(present=present, task=task, goal=0, labels=(), K=np.empty(0))
-    law, given = (
-        GoalGovernor(speed=2.0, margin=0.1, influence=0.3),
-        Task(np.eye(2), np.zeros(2), np.array([0.05, 0.0]), np.zeros(2)),
-    )
-    law.reset(model=model)
-    for t in (0.0, 0.1):
-        model.present = present._replace(t=t)
-        law.command(Rows.none(2), given)
-    assert law.reference is not None
-    np.testing.assert_allclose(law.reference, [there, 0.0], atol=1e-15)
-    np.testing.assert_allclose(asked[1], [0.0, 0.0], atol=1e-15)
+    law = governor(np.array([-0.1, -0.1]), np.array([[size], [0.0]]), np.eye(1), np.array([0.2, 0.2]))
+    np.testing.assert_allclose(direction(law, np.array([2.0])), [-2.0])
 
 
 def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> None:
+    law = governor(np.zeros(1), np.zeros((1, 2)), np.eye(2), np.zeros(1))
     for least, speed in ((0.5, 2.0), (0.3, 2.0), (0.2, 1.0), (0.1, 0.0), (-1.0, 0.0)):
-        law = governor(least, np.empty(0), np.empty((0, 2)), np.eye(2))
-        assert law.speed_of_reference() == pytest.approx(speed)
-    law.seen = None
-    assert law.speed_of_reference() == 0.0
+        law.own.least[:] = least
+        np.testing.assert_allclose(direction(law, np.array([3.0, 0.0])), [-0.5 * speed, 0.0])
+    law.own.least[:], law.own.times[goal_governor.KNOWN] = 0.5, -inf
+    np.testing.assert_array_equal(direction(law, np.array([3.0, 0.0])), 0.0)
+
+
+class Moved:
+    """A model that Python asks: rows by σ of t, q and q̇, of a task whose feature is the first joints themselves."""
+
+    until, goal, labels = inf, 0, ("a",)
+
+    def __init__(
+        self, gains: TrackingGains, q: Array, sigma: Any, qd: Array | None = None, k: int | None = None
+    ) -> None:
+        n = len(q)
+        self.J, self.sigma, self.gains = np.eye(n)[:k], sigma, gains
+        self.present, self.times = CurrentState(0.0, q, np.zeros(n) if qd is None else qd), list[float]()
+        rest = FREE if k is None else Rest()
+        self.task = SimpleNamespace(gains=gains, goals=[], rest_of=lambda n, k: rest)
+        self.K = np.zeros(len(self.labels))
+
+    def at(self, t: float, q: Array, qd: Array) -> Any:
+        """See :class:`.Model`."""
+        self.times.append(t)
+        e, rate, rest = self.J @ q, self.J @ qd, UNKNOWN if len(self.J) == len(q) else -5.0 * qd
+        Kp, Kv = self.gains.at(e)
+        sigma = self.sigma(t, q, qd)
+        m = len(sigma)
+        zeros, Lg = np.zeros(m), np.full((m, len(q)), 7.0)
+        rows = Rows(sigma, Lg, zeros, np.ones(m), self.labels, np.full(m, 2.0), sigma, zeros, zeros)
+        return SimpleNamespace(task=Task(self.J, -Kp * e - Kv * rate, e, rate, rest), rows=rows)
+
+    def command(self, law: GoalGovernor, t: float) -> Command:
+        """That of the present state at time t."""
+        self.present = self.present._replace(t=t)
+        now = self.at(t, self.present.q, self.present.qd)
+        return law.command(now.rows, now.task)
+
+
+@pytest.mark.parametrize(("least", "there"), [(0.05, 0.0), (0.049, 0.05)])
+def test_the_reference_moves_where_its_motion_keeps_half_the_margin(least: float, there: float) -> None:
+    """Near the goal the attraction of (0.05, 0) is a quarter: 0.1 s by 2 a second lead to the goal."""
+    model = Moved(TrackingGains(4.0, damping=2.5), np.array([0.05, 0.0]), lambda t, q, qd: np.array([-inside[0]]))
+    law, inside = GoalGovernor(speed=2.0, margin=0.1, influence=0.3), [1.0]
+    law.reset(model=cast(Model, model))
+    for t, inside[0] in ((0.0, 1.0), (0.1, 2.0 * least)):
+        model.command(law, t)
+    assert law.reference is not None
+    np.testing.assert_allclose(law.reference, [there, 0.0], atol=1e-15)
+
+
+def test_a_move_is_given_up_as_soon_as_it_comes_too_near() -> None:
+    """The first state that the moved reference leads to is within half the margin; without a move all is predicted."""
+    model = Moved(TrackingGains(4.0), np.ones(1), lambda t, q, qd: np.array([-2.0 if q[0] > edge[0] else -0.09]))
+    law, edge = GoalGovernor(speed=2.0, margin=0.1, influence=0.3), [0.5]
+    law.reset(model=cast(Model, model))
+    model.command(law, 0.0)
+    edge[0] = 1.0 - 1e-9
+    model.times.clear()
+    model.command(law, 0.1)
+    # with the two states that are evaluated before: of now for the rows, and of each response
+    assert len(model.times) == 1 + 2 + 43
+    assert law.reference == pytest.approx([1.0])
 
 
 def test_from_a_hundredth_on_it_says_what_holds_the_reference() -> None:
-    law = GoalGovernor()
-    law.seen = Response(np.array([0.4, 0.1]), np.empty(2), np.empty((2, 2)), np.eye(2))
+    model = Moved(TrackingGains(1.0), np.zeros(2), lambda t, q, qd: np.array([-0.8, -0.2]))
+    model.labels, model.K, law = ("a", "b"), np.zeros(2), GoalGovernor()
+    law.reset(model=cast(Model, model))
+    assert law.remark(("a", "b")) == ""
     for away, said in ((0.007, ""), (0.01, "0.01 from the task's"), (0.02, "0.02 from the task's")):
-        law.reference = np.array([0.0, away])
+        model.present = model.present._replace(q=np.array([0.0, away]))
+        law.reset()
+        model.command(law, 0.0)
         assert law.remark(("a", "b")) == (said and f"the governor's goal is {said}, held by b")
-    law.seen, seen = None, law.seen
+        assert law.remark(()) == ""
+    # nothing is known where nothing can be evaluated
+    model.sigma = lambda t, q, qd: np.full(2, np.nan) if len(model.times) > 1 else -np.ones(2)
+    model.times.clear()
+    law.reset()
+    model.command(law, 0.0)
+    assert law.reference is not None
     assert law.remark(("a", "b")) == ""
-    law.seen, law.reference = seen, None
-    assert law.remark(("a", "b")) == ""
-    assert law.remark(()) == ""
 
 
 def test_a_governor_begins_without_a_reference_and_uses_what_its_law_does() -> None:
     law = GoalGovernor(demand="implicit-switch")
-    assert (law.reference, law.seen, len(law.periods)) == (None, None, 0)
+    assert (law.reference, len(law.periods)) == (None, 0)
     assert law.uses == ("T_s", "memory", "model")
     law.reset(period=0.1)
     assert law.law.period == 0.1
@@ -512,42 +560,36 @@ def test_influence_must_exceed_the_margin() -> None:
 
 
 def test_the_law_underneath_is_given_the_task_of_the_reference() -> None:
-    """K_p = 4|e| and K_v = 5|e|: with e = 1, ė = 0.1 and r = 0.8, b = 4.5 − 4 × 0.2² − 5 × 0.2 × 0.1 less 4.5.
+    """K_p = 4/2^|e| and K_v = 2.5 √K_p: with e = 1, ė = 0.1 and r = 0.8, b = −0.2 K_p(0.2) − 0.1 K_v(0.2).
 
     Where the goal changes, the reference is carried there.
     """
     given: list[Task] = []
-
-    def at(t: float, q: Array, qd: Array) -> Any:
-        rows = SimpleNamespace(Lg=np.ones((1, 1)))
-        return SimpleNamespace(task=Task(np.eye(1), np.zeros(1), q, qd), error=q, sigma=-np.ones(1), rows=rows)
-
-    goals = [SimpleNamespace(reference=None, place=place) for place in (0.0, 0.5)]
-    feature = SimpleNamespace(carried=lambda r, before, after, error: r + before.place - after.place + 0.0 * error)
-    gains = SimpleNamespace(at=lambda error: (4.0 * np.abs(error).max(), 5.0 * np.abs(error).max()))
-    model: Any = SimpleNamespace(
-        present=CurrentState(0.0, np.ones(1), np.zeros(1)),
-        task=SimpleNamespace(gains=gains, goals=goals, feature=feature),
-        goal=0, until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
-    )  # fmt: skip
-    rows = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
+    gains = TrackingGains(4.0, 4.0 * log(2.0), 2.5)
+    model = Moved(gains, np.ones(1), lambda t, q, qd: -2.0 * np.ones(1), np.array([0.1]))
+    model.task.goals = [SimpleNamespace(reference=None, place=place) for place in (0.0, 0.5)]
+    model.task.feature = SimpleNamespace(
+        carried=lambda r, before, after, error: r + before.place - after.place + 0.0 * error
+    )
     law = GoalGovernor(speed=2.0, margin=0.1, influence=0.3, horizon=3.0)
-    law.reset(model=model)
+    law.reset(model=cast(Model, model))
 
     def command(rows: Rows, task: Task) -> Command:
         given.append(task)
         return Command(np.zeros(1), "ok", np.zeros(1, dtype=bool), rows.labels)
 
     law.law.command = command  # type: ignore[method-assign]
-    task = Task(np.eye(1), np.array([-4.5]), np.ones(1), np.array([0.1]))
     for t in (0.0, 0.1):
-        model.present = model.present._replace(t=t)
-        law.command(rows, task)
+        model.command(law, t)
     np.testing.assert_allclose([law.reference, given[-1].error], [[0.8], [0.2]])
-    np.testing.assert_allclose(given[-1].b, [-4.0 * 0.2**2 - 5.0 * 0.2 * 0.1])
+    Kp = 4.0 / 2.0**0.2
+    np.testing.assert_allclose(given[-1].b, [-0.2 * Kp - 0.25 * sqrt(Kp)])
     model.goal = 1
-    law.command(rows, task)
+    model.command(law, 0.1)
     np.testing.assert_allclose(law.reference, [0.3])
+    # it goes on from there
+    model.command(law, 0.2)
+    np.testing.assert_allclose(law.reference, [0.1])
 
 
 @pytest.mark.parametrize(("gains", "T"), [((0.16, 1.0), 20.0), ((1.0, 1.0), 8.0)])
@@ -576,55 +618,32 @@ def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
     """K_p = 4 and K_v = 5 where the reference is 0.5 away, held for 1 s: 4/4.5 and 7/4.5 by the implicit midpoint rule.
 
     q̈₁ = −(0.5 × 4 + 0.3 × 7)/4.5 = −4.1/4.5; the other joint, which nothing asks of, is damped by 5/3.5. At rest q₁ is
-    0.5. Of the goal there is no more to be known after 0.6 s.
+    0.5. Of the goal there is no more to be known after 0.6 s. Scales are 2.
     """
-    times: list[float] = []
-
-    def at(t: float, q: Array, qd: Array) -> Any:
-        times.append(t)
-        J, error, Kp = np.array([[1.0, 0.0]]), q[:1], 8.0 * abs(q[0])
-        task = Task(J, np.array([-Kp * q[0] - 1.25 * Kp * qd[0]]), error, qd[:1], -5.0 * qd)
-        sigma = np.array([q[0], -q[0], q[1]])
-        return SimpleNamespace(task=task, error=error, sigma=sigma, rows=SimpleNamespace(Lg=np.full((3, 2), 7.0)))
-
-    gains = SimpleNamespace(at=lambda error: (8.0 * abs(error[0]), 10.0 * abs(error[0])))
-    present = CurrentState(0.0, np.array([1.0, 0.0]), np.array([0.3, 0.3]))
-    task = SimpleNamespace(gains=gains, rest_of=lambda n, k: Rest())
-    model = SimpleNamespace(present=present, task=task, until=0.6, at=at, compiled=lambda: None)
-    found = response(cast(Model, model), np.array([0.5]), np.ones(1), np.full(3, 2.0))
-    assert found is not None
+    gains, q, qd = TrackingGains(8.0, 16.0 * log(2.0), 2.5), np.array([1.0, 0.0]), np.array([0.3, 0.3])
+    model = Moved(gains, q, lambda t, q, qd: np.array([q[0], -q[0], q[1]]), qd, k=1)
+    model.labels, model.K, model.until = ("a", "b", "c"), np.zeros(3), 0.6
+    own = (made := Governor.of(model, np.ones(1), (1, 2))).own
+    now = model.at(*model.present)
+    model.times.clear()
+    own.reference[:], own.counts[goal_governor.GOAL] = 0.5, 0
+    made.decide(model, now.rows, now.task)
+    assert own.times[goal_governor.KNOWN] == inf
     first, other = 1.3 - 0.5 * 4.1 / 4.5, 0.3 - 0.5 * 0.3 * 5.0 / 3.5
-    np.testing.assert_allclose(found.least, [-0.5 * first, 0.25, -0.5 * other])
-    np.testing.assert_allclose(found.sigma, [0.25, -0.25, 0.5 * other])
-    np.testing.assert_allclose(found.Lg, 7.0)
-    np.testing.assert_allclose(found.J, [[1.0, 0.0]])
-    assert times == [0.0, 0.6, 0.6, 0.6]
+    np.testing.assert_allclose(own.least, [-0.5 * first, 0.25, -0.5 * other])
+    np.testing.assert_allclose(own.sigma, [0.25, -0.25, 0.5 * other])
+    np.testing.assert_allclose(own.Lg, 7.0)
+    np.testing.assert_allclose(own.Jt, [[1.0], [0.0]])
+    assert model.times == [0.0, 0.6, 0.6, 0.6]
 
 
 def test_in_each_sample_the_reference_moves_on() -> None:
     """From 1 off, by 2 a second where no row is near; beyond what is acceptable it stays, and where time goes back."""
-    rows, least = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), [1.0]
-
-    def at(t: float, q: Array, qd: Array) -> Any:
-        return SimpleNamespace(
-            task=Task(np.ones((1, 1)), np.zeros(1), q, qd),
-            error=q, sigma=np.full(1, -least[0]), rows=SimpleNamespace(Lg=np.ones((1, 1))),
-        )  # fmt: skip
-
-    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
-    model: Any = SimpleNamespace(
-        present=CurrentState(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=[]), goal=0,
-        until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
-    )  # fmt: skip
-    law, task = (
-        GoalGovernor(speed=2.0, margin=0.1, influence=0.3),
-        Task(np.eye(1), np.zeros(1), np.ones(1), np.zeros(1)),
-    )
-    law.reset(model=model)
-    seen = []
-    for t, inside in ((1.0, 1.0), (1.1, 1.0), (1.2, 0.2), (1.3, 0.049), (1.4, 0.2), (1.3, 1.0)):
-        model.present, least[0] = model.present._replace(t=t), inside
-        law.command(rows, task)
+    model = Moved(TrackingGains(4.0, damping=2.5), np.ones(1), lambda t, q, qd: np.array([-2.0 * inside[0]]))
+    law, inside, seen = GoalGovernor(speed=2.0, margin=0.1, influence=0.3), [1.0], []
+    law.reset(model=cast(Model, model))
+    for t, inside[0] in ((1.0, 1.0), (1.1, 1.0), (1.2, 0.2), (1.3, 0.049), (1.4, 0.2), (1.3, 1.0)):
+        model.command(law, t)
         assert law.reference is not None
         seen.append(law.reference[0])
     np.testing.assert_allclose(seen, [1.0, 0.8, 0.6, 0.6, 0.6, 0.6])

@@ -109,7 +109,7 @@ def test_the_page_on_structure_names_what_is_there():
     paths = re.findall(r"`([a-z_/]+(?:/|\.py))`", page)
     tests = re.findall(r"`(test_\w+)`", page)
     assert len(paths) > 40
-    assert len(tests) >= 3  # of the pairs that stand twice
+    assert len(tests) >= 2  # of the pairs that stand twice
     package = root / "src" / "vsconstraints"
     assert [path for path in paths if not (package / path).exists() and not (root / path).exists()] == []
     assert {f"{file.parent.name}/" for file in package.glob("*/__init__.py")} <= set(paths)

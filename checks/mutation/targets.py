@@ -45,7 +45,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/plan_program.py",
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/goal_governor.py",
-        "src/vsconstraints/controllers/response.py",
+        "src/vsconstraints/compiled/goal_governor.py",
     ),
     "formulas": (
         "src/vsconstraints/formulas",

@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 from ..rows import Array
-from .compiler import IN_PLACE, compiled
+from .compiler import IN_PLACE, compiled, in_place
 from .laws import apply_law, load_answer
+from .linear import copy_vector
 from .parts import call_int_pointer, checked, load_step
 from .workspace import NEEDS_PYTHON, Answer, LawArrays, Step
 
 REFUSED = -1  #: The step cannot be evaluated: the NumPy form says why.
+
+
+@in_place
+def start_from(loop: int, predicting: int, now: Array) -> None:
+    """Write the present state t, q, q̇ (1 + 2n,) of the step in the loop, and let the one that predicts remember it."""
+    source, target, n = load_step(loop), load_step(predicting), now.size // 2
+    now[0] = source.time[0]
+    for j in range(n):
+        now[1 + j], now[1 + n + j] = source.q[j], source.qd[j]
+    target.last[0].goal, target.last[0].time = source.last[0].goal, source.last[0].time
+    copy_vector(target.last_error, source.last_error)
+    copy_vector(target.last_partial, source.last_partial)
+    copy_vector(target.last_command, source.last_command)
+    for i in range(source.last_J.shape[0]):
+        copy_vector(target.last_J[i], source.last_J[i])
+    for i in range(source.correction.shape[0]):
+        copy_vector(target.correction[i], source.correction[i])
 
 
 @checked(Step, LawArrays, Answer)

@@ -11,6 +11,7 @@ from ..formulas.tracking import gains
 from ..rows import Array, IntArray
 from ..rows.tolerances import PULLING
 from .compiler import IN_PLACE, compiled, in_place
+from .from_state import start_from
 from .laws import RESOLVER, load_law
 from .least_distance import FORCE
 from .linear import copy_vector
@@ -117,25 +118,6 @@ def _example() -> PlanArrays:
 
 
 load_plans = struct_loader(_example())
-
-
-@in_place
-def start_from(plans: PlanArrays) -> None:
-    """Take over the present state from the step in the loop, and what it remembers."""
-    source, target, n = load_step(plans.loop), load_step(plans.step), plans.then.size
-    plans.now[0] = source.time[0]
-    for j in range(n):
-        plans.now[1 + j], plans.now[1 + n + j] = source.q[j], source.qd[j]
-    target.last[0].goal, target.last[0].time = source.last[0].goal, source.last[0].time
-    copy_vector(target.last_error, source.last_error)
-    copy_vector(target.last_partial, source.last_partial)
-    copy_vector(target.last_command, source.last_command)
-    for i in range(source.last_J.shape[0]):
-        for j in range(source.last_J.shape[1]):
-            target.last_J[i, j] = source.last_J[i, j]
-    for i in range(source.correction.shape[0]):
-        for j in range(source.correction.shape[1]):
-            target.correction[i, j] = source.correction[i, j]
 
 
 @in_place
@@ -409,7 +391,7 @@ def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         return NEEDS_PYTHON
     plans, stage = load_plans(law.demand), law.options[1]
     if plans.loop != 0:
-        start_from(plans)
+        start_from(plans.loop, plans.step, plans.now)
     if stage != CONCLUDE:
         set_box(plans, rows)
         if stage == BRAKE:

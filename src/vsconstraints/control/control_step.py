@@ -44,7 +44,7 @@ class ControlStep(Evaluator):
         """
         options = self._options
         try:
-            changed = options is not None and controller.__dict__ != options
+            changed = options is not None and _options_of(controller) != options
         except ValueError:
             # arrays of its own do not compare
             changed = True
@@ -64,7 +64,7 @@ class ControlStep(Evaluator):
         in_one = self._in_one_call(controller)
         self._controller, self._to_command = controller, in_one or partial(self._in_two_calls, controller)
         # only a law that is bound has options that were read beforehand
-        self._options = None if in_one is None else dict(vars(controller))
+        self._options = None if in_one is None else _options_of(controller)
         return self._to_command
 
     def _in_two_calls(
@@ -135,6 +135,11 @@ class ControlStep(Evaluator):
             return evaluation, with_doubts(evaluation, command) if innovation[6] > 1.0 else command
 
         return in_one
+
+
+def _options_of(controller: Controller) -> dict[str, Any]:
+    """Its attributes, and those of the law that it asks, if there is one."""
+    return {**vars(vars(controller).get("law", controller)), **vars(controller)}
 
 
 def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None] | None:

@@ -10,11 +10,10 @@ import numpy as np
 
 from ..compiled import load
 from ..errors import InvalidInput, SceneError
+from ..formulas.tracking import JUST_BEFORE
 from ..rows import Array
 from ..vision.tracking import VisualTask
 from .evaluator import Bound, CurrentState, Evaluation, Evaluator
-
-JUST_BEFORE = 1e-6  #: How long before the next goal [s] the current goal ends.
 
 ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
 TASK = ("J", "b", "error", "error_rate", "rest")

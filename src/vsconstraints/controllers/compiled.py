@@ -29,6 +29,12 @@ def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
     return load("laws").follow_whole, workspace, (rows.phi, rows.Lg, rows.Lf, *known), of_task
 
 
+def tracking_of(task: Any, n: int, k: int) -> Array:
+    """(5,) K_p(0), its slope and K_v/√K_p of a visual task; d and (d/2)² of its q̈₀, of n joints and k features."""
+    gains, rest = task.gains, task.rest_of(n, k)
+    return np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness])
+
+
 class CompiledLaw:
     """A demand and a resolver for rows of some labels, as compiled functions take them: a ``workspace``.
 

@@ -7,16 +7,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
-from ..formulas.tracking import retargeted
-from ..rows import Array, Command, Rows, Task
+from ..compiled import load
+from ..compiled.workspace import LawArrays, Workspace, zeros
+from ..errors import ConfigurationError, InvalidInput, SceneError, shown
+from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller, restart
+from .compiled import COUNT, BoundLaw, CompiledLaw, in_usual_layout, tracking_of, whole_call
+from .demands import Nothing
 from .laws import Pair
-from .least_norm import RANK_TOLERANCE, least_norm
+from .least_norm import RANK_TOLERANCE
 from .ranges import Choices, Declared, Range, positive
-from .response import Response, response
+from .resolver import Priority
 
-SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
 #: How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first.
 STEPS, GROWTH = 40, 3.5
 TIME_CONSTANTS = 4.0  #: Of the tracking law's slowest motion, which are predicted before it comes to rest.
@@ -81,7 +83,6 @@ class GoalGovernor(Controller):
     }
 
     model: Any
-    reference: Array | None
 
     def __init__(
         self,
@@ -110,14 +111,22 @@ class GoalGovernor(Controller):
                 )
         super().__setattr__(name, value)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but addresses, which are those of one process."""
+        return {**vars(self), "_governor": None}
+
     def __repr__(self) -> str:
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
 
     def _forget(self) -> None:
-        self.reference = None
-        self._goal, self._last = -1, np.nan
         self.periods: Array = np.empty(0)
-        self.seen: Response | None = None
+        self._governor: Governor | None = None
+
+    @property
+    def reference(self) -> Array | None:
+        """See the class."""
+        own: Any = self._governor and self._governor.own
+        return None if own is None or own.counts[load("goal_governor").GOAL] < 0 else own.reference.copy()
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -150,71 +159,105 @@ class GoalGovernor(Controller):
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """Where the reference stopped, and at which row."""
-        said = self.law.remark(labels)
-        if self.reference is None or self.seen is None or not len(labels) or np.linalg.norm(self.reference) < NEAR:
+        own: Any = self._governor and self._governor.own
+        said, known = self.law.remark(labels), own is not None and own.times[load("goal_governor").KNOWN] > 0.0
+        if not (known and labels) or np.linalg.norm(own.reference) < NEAR:
             return said
-        row = labels[int(np.argmin(self.seen.least))]
-        left = f"the governor's goal is {np.linalg.norm(self.reference):.3g} from the task's, held by {row}"
+        row = labels[int(np.argmin(own.least))]
+        left = f"the governor's goal is {np.linalg.norm(own.reference):.3g} from the task's, held by {row}"
         return "; ".join(filter(None, (said, left)))
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
-        model, e = self.model, task.error
+        rows, task = in_usual_layout(rows, task) or (rows, task)
+        own = self._ready(rows, task).decide(self.model, rows, task)
+        return self.law.command(rows, Task(task.J, own.b.copy(), own.error.copy(), task.error_rate, task.rest))
+
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+        """See :class:`.Controller`."""
+        inner = self.law.bind(rows, task, acted, qdd)
+        if inner is None or type(self).command is not Controller.command or type(self).solve is not GoalGovernor.solve:
+            return None
+        governor = self._ready(rows, task)
+        if not governor.own.step:
+            return None
+        over = governor.own._replace(law=inner.workspace.address)
+        return BoundLaw(inner.resolver, Governor(over, inner.law), rows, task, acted, qdd)
+
+    def _ready(self, rows: Rows, task: Task) -> Governor:
+        """What governs these rows, with the present options; raises InvalidInput if there is no model of them."""
+        model, (k, n) = self.model, task.J.shape
         if model is None:
             raise InvalidInput(
                 f"{self.name} uses a model: tell it by reset(model=...) before the first command, or let a control "
                 "step or a simulation do so"
             )
-        if len(e) != len(task.b) or len(task.error_rate) != len(task.b):
+        if len(task.error) != len(task.b) or len(task.error_rate) != len(task.b):
             raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
-        if rows.labels != model.labels:
+        made = self._governor or Governor.of(model, self.periods, (k, n))
+        if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        t = model.present.t
-        if self.reference is None:
-            self._see(model, e.copy(), rows.scale)
-        elif model.goal != self._goal:
-            goals = model.task.goals
-            there = model.task.feature.carried(self.reference, goals[self._goal], goals[model.goal], e)
-            self._see(model, there, rows.scale)
-        else:
-            self._move(model, max(t - self._last, 0.0), rows.scale)
-        self._last, self._goal = t, model.goal
-        assert self.reference is not None
-        r, gains = self.reference, model.task.gains
-        b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
-        return self.law.command(rows, Task(task.J, b, e - r, task.error_rate, task.rest))
+        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence)
+        return made
 
-    def _see(self, model: Any, reference: Array, scale: Array) -> None:
-        """Let the reference be there, whatever comes of it."""
-        self.reference, self.seen = reference, response(model, reference, self.periods, scale)
 
-    def _move(self, model: Any, period: float, scale: Array) -> None:
-        """Move the reference by what one period allows, if what comes of it is acceptable."""
-        r = self.reference
-        assert r is not None
-        step = period * self.speed_of_reference() * self.direction_of_reference(r, model, scale)
-        there = response(model, r + step, self.periods, scale) if step.any() else None
-        if there is not None and there.least.min(initial=np.inf) >= 0.5 * self.margin:
-            self.reference, self.seen = r + step, there
-        else:
-            self._see(model, r, scale)
+class Governor:
+    """The compiled governor before a compiled law: see :class:`.CompiledLaw` and :mod:`.compiled.goal_governor`."""
 
-    def speed_of_reference(self) -> float:
-        """V Δ."""
-        least = -np.inf if self.seen is None else float(self.seen.least.min(initial=np.inf))
-        return self.speed * float(np.clip((least - self.margin) / (self.influence - self.margin), 0.0, 1.0))
+    def __init__(self, own: Any, inner: CompiledLaw) -> None:
+        kernels, self.own = load("goal_governor"), own
+        self.labels, self.remark, self.measures = inner.labels, inner.remark, inner.measures
+        self._inner, self._workspace = inner, Workspace(own)
+        self.arrays: LawArrays = inner.arrays._replace(
+            resolver=load("parts").address(kernels.govern),
+            demand=self._workspace.address,
+            options=np.array([RANK_TOLERANCE, kernels.ALL]),
+        )
+        self.workspace = Workspace(self.arrays)
 
-    def direction_of_reference(self, r: Array, model: Any, scale: Array) -> Array:
-        """(k,) ρ."""
-        direction: Array = -r / max(float(np.linalg.norm(r)), SETTLING * self.speed)
-        if self.seen is None:
-            return direction
-        _, sigma, Lg, J = self.seen
-        strength = float(np.linalg.norm(direction)) / (self.influence - self.margin)
-        for i in np.flatnonzero((-sigma < self.influence) & (model.K > 0.0)):
-            # ∇sσ: of the joints' motions that move the feature so, the least counts
-            outwards = least_norm(J.T, Lg[i], RANK_TOLERANCE).qdd
-            length = float(np.linalg.norm(outwards))
-            if length > 0.0:
-                direction = direction - strength * (self.influence + sigma[i]) * outwards / length
-        return direction
+    @classmethod
+    def of(cls, model: Any, periods: Array, shape: tuple[int, int]) -> Governor:
+        """One without a law underneath, for the rows of a model and a task of that shape (k, n)."""
+        step, loop, (k, n) = getattr(model, "step", None), getattr(model, "loop", None), shape
+        both = (loop, step) if step is not None and loop is not None else ()
+        known = dict(zip(("loop", "step"), (each.packed.workspace.address for each in both), strict=False))
+        known |= {"frozen": int(bool(both) and model.frozen), "tracking": tracking_of(model.task, n, k)}
+        known |= {"K": np.array(model.K), "periods": periods}
+        lengths = {"k": k, "n": n, "m": len(model.labels), "1 + 2n": 1 + 2 * n}
+        own = zeros(load("goal_governor").GovernorArrays, lengths, known)
+        own.counts[:], own.times[-1] = -1, -np.inf  # there is no reference, and no response is known
+        return cls(own, CompiledLaw(Nothing(), Priority(), model.labels))
+
+    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
+        """See :meth:`.CompiledLaw.call`."""
+        return whole_call(self.workspace, rows, task)
+
+    def decide(self, model: Any, rows: Rows, task: Task) -> Any:
+        """The arrays with the reference moved; Python predicts where the model is not compiled."""
+        kernels, own, counts, now = load("goal_governor"), self.own, self.own.counts, model.present
+        if counts[kernels.GOAL] not in (-1, model.goal):
+            old, new = model.task.goals[counts[kernels.GOAL]], model.task.goals[model.goal]
+            own.reference[:] = model.task.feature.carried(own.reference.copy(), old, new, task.error)
+            counts[kernels.GOAL], own.times[kernels.LAST] = model.goal, now.t
+        if own.step:
+            self._ask(kernels.ALL, rows, task)
+            return own
+        counts[kernels.PRESENT], own.times[kernels.UNTIL] = model.goal, model.until
+        own.now[:] = np.concatenate(([now.t], now.q, now.qd))
+        self._ask(kernels.BEGIN, rows, task)
+        while counts[kernels.NEXT] >= 0:
+            try:
+                seen = model.at(own.times[kernels.AHEAD], own.state[0].copy(), own.state[1].copy())
+                self._ask(kernels.GO_ON, seen.rows, seen.task)
+            except (SceneError, InvalidInput):
+                self._ask(kernels.LOST, rows, task)
+        self._ask(kernels.CONCLUDE, rows, task)
+        return own
+
+    def _ask(self, stage: int, rows: Rows, task: Task) -> None:
+        """One stage of the decision; raises InvalidInput where the sizes of rows or task are others."""
+        follow, workspace, *arguments = self.call(rows, task)
+        self.arrays.options[1] = stage
+        n, m = len(self.own.rest), len(self.labels)
+        if follow(workspace, *arguments, np.empty(n), np.empty(m, np.bool_), np.empty(0), np.zeros(1, COUNT)):
+            raise InvalidInput(f"{GoalGovernor.name} predicts other rows and another task than these")

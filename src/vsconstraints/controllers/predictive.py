@@ -16,16 +16,16 @@ from ..compiled.workspace import (
     RELAXED_ROWS,
     SOLVED,
     LawArrays,
-    Scratch,
     Workspace,
 )
 from ..errors import InvalidInput, SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import COUNT, SCRATCH, BoundLaw, whole_call
+from .compiled import COUNT, BoundLaw, CompiledLaw, tracking_of, whole_call
+from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
 from .ranges import ROWS, Declared, Range, positive_number, share
-from .resolver import row_weights
+from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
 MAX_BLOCKS, MAX_PERIODS = 100, 10_000  #: Of a horizon, and of a block.
@@ -228,7 +228,6 @@ class Planner:
             out = step.out
         else:
             begins, out = [0, *np.cumsum([*sizes.values()])[:-1].tolist()], np.empty(sum(sizes.values()))
-        gains, rest = model.task.gains, model.task.rest_of(n, k)
         own = np.inf if law.max_acceleration is None else law.max_acceleration
         self.model, self.shape, self.labels, self.remark = model, shape, model.labels, law.remark(model.labels)
         self._begins, self._length = begins, T
@@ -241,7 +240,7 @@ class Planner:
             law.approach * T,
             law.damping,
             law.margin,
-            np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness]),
+            tracking_of(model.task, n, k),
             np.minimum(own, model.acceleration),
             np.array(model.K, dtype=np.float64),
             row_weights(model.labels, law.weights or {}) * np.ones(m),
@@ -255,25 +254,11 @@ class Planner:
             by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
             **kernels.plan_space(H, N, n, m),
         )
-        self._workspace, none, each = Workspace(self.plans), np.empty(0), np.empty((2, m))
-        self.arrays = LawArrays(
-            address(kernels.look_ahead),
-            self._workspace.address,
-            address(load("task_priority").track),
-            0,
-            0,
-            period,
-            np.array([RANK_TOLERANCE, kernels.ALL]),
-            none,
-            none,
-            np.empty((0, 0)),
-            none,
-            each[0],
-            each[1],
-            np.empty((0, 0)),
-            none,
-            np.full(1, np.nan),
-            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+        self._workspace = Workspace(self.plans)
+        self.arrays: LawArrays = CompiledLaw(Nothing(), Priority(), model.labels).arrays._replace(
+            resolver=address(kernels.look_ahead),
+            demand=self._workspace.address,
+            options=np.array([RANK_TOLERANCE, kernels.ALL]),
         )
         self.workspace = Workspace(self.arrays)
 

@@ -55,6 +55,7 @@ def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
 
 
 ROUNDING = 1e-9  #: By which the time of a goal may be missed [s].
+JUST_BEFORE = 1e-6  #: How long before the next goal [s] the current goal ends, for what is predicted.
 
 
 @formula

@@ -191,10 +191,10 @@ class _Run:
             loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
         law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
-        self._laws = [Workspace(part.arrays) for part in (alone, law) if part is not None]
-        loop.parts[4] = self._laws[0].address
+        self._laws = alone, law  # what is behind their arrays lives as long as they do
+        loop.parts[4] = alone.workspace.address
         if law is not None and not by_public_call:
-            loop.parts[3] = self.law = self._laws[1].address
+            loop.parts[3] = self.law = law.workspace.address
             # the same rank tolerance: the law's way to its answer may lead by tracking alone
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(slack=law.slack, alone=loop.alone if same else loop.answer.alone)

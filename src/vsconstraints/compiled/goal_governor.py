@@ -1,0 +1,229 @@
+"""The goal governor, compiled: how tracking answers to a reference that stands still, and how far it may be moved."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..formulas.tracking import JUST_BEFORE, gains, held_gains, held_rest, retargeted
+from ..rows import Array, IntArray
+from .compiler import IN_PLACE, compiled, in_place
+from .from_state import start_from
+from .laws import RESOLVER, load_law
+from .linear import copy_vector
+from .parts import call_int_pointer, load_step, struct_loader
+from .resolving import valid
+from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, TaskArrays, zeros
+
+#: The goal of the reference, −1 before the first sample, and that of now; whether a moved reference is on trial; and
+#: which state is to be evaluated next, −1 if none is.
+GOAL, PRESENT, MOVES, NEXT, COUNTS = range(5)
+#: The goal's end, the sample before, and the predicted state [s]; and ∞ where a response is known, −∞ where none is.
+UNTIL, LAST, AHEAD, KNOWN, TIMES = range(5)
+SPEED, MARGIN, INFLUENCE, SETTINGS = range(4)  #: v, δ and ζ.
+#: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
+ALL, BEGIN, GO_ON, LOST, CONCLUDE = range(5)
+SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
+NEWTON = 2  #: Steps of Newton from where a response ends to where it comes to rest.
+
+
+class GovernorArrays(NamedTuple):
+    """What a goal governor works with: k features, n joints, m rows, N predicted accelerations."""
+
+    #: Addresses of the step in the loop and of the one that predicts, 0 where Python predicts; and of the law
+    #: underneath, 0 where Python asks it; whether all is predicted at the present time.
+    loop: int
+    step: int
+    law: int
+    frozen: int
+    settings: Annotated[Array, F8, SETTINGS]
+    tracking: Annotated[Array, F8, 5]  #: K_p(0), its slope, K_v/√K_p; d and (d/2)² of q̈₀.
+    K: Annotated[Array, F8, "m"]  #: Of the rows, 0 of those on φ itself.
+    periods: Annotated[Array, F8, "N"]  #: How long each acceleration lasts [s].
+    now: Annotated[Array, F8, "1 + 2n"]  #: t, q, q̇.
+    times: Annotated[Array, F8, TIMES]
+    counts: Annotated[IntArray, I8, COUNTS]
+    #: s_ref less the feature's value at the goal, and one on trial; b and error of the task whose goal is there.
+    reference: Annotated[Array, F8, "k"]
+    trial: Annotated[Array, F8, "k"]
+    b: Annotated[Array, F8, "k"]
+    error: Annotated[Array, F8, "k"]
+    state: Annotated[Array, F8, 3, "n"]  #: Predicted q and q̇, and scratch.
+    rest: Annotated[Array, F8, "n"]  #: Scratch.
+    #: Of the response: the least −σ of each row on the way and at rest; and at rest σ, L_gφ and Jᵀ. σ counts by scale.
+    least: Annotated[Array, F8, "m"]
+    sigma: Annotated[Array, F8, "m"]
+    Lg: Annotated[Array, F8, "m", "n"]
+    Jt: Annotated[Array, F8, "n", "k"]
+
+
+load_governor = struct_loader(zeros(GovernorArrays))
+
+
+@in_place
+def nearest(own: GovernorArrays) -> float:
+    """D, how near the response comes to any row."""
+    least: float = own.times[KNOWN]
+    for i in range(own.least.size):
+        least = min(least, own.least[i])
+    return least
+
+
+@in_place
+def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
+    """Write the reference to be tried: where v Δ ρ leads in a period [s]."""
+    r, outwards, influence, squared = own.reference, own.error, own.settings[INFLUENCE], 0.0
+    margin, speed = own.settings[MARGIN], own.settings[SPEED]
+    step = period * speed * min(max((nearest(own) - margin) / (influence - margin), 0.0), 1.0)
+    copy_vector(own.trial, r)
+    own.counts[MOVES] = 0
+    for i in range(r.size):
+        squared += r[i] * r[i]
+    size = max(math.sqrt(squared), SETTLING * speed)
+    strength = step * math.sqrt(squared) / size / (influence - margin)
+    for i in range(r.size):
+        own.trial[i] -= step * r[i] / size
+    for i in range(own.sigma.size if step > 0.0 else 0):
+        if not (-own.sigma[i] < influence and own.K[i] > 0.0):
+            continue
+        # ∇sσ: of the joints' motions that move the feature so, the least counts
+        call_int_pointer(law.track, (law.scratch, own.Jt, own.Lg[i], law.options[0], own.rest[:0], outwards))
+        squared = 0.0
+        for j in range(r.size):
+            squared += outwards[j] * outwards[j]
+        share = strength * (influence + own.sigma[i]) / math.sqrt(squared) if squared > 0.0 else 0.0
+        for j in range(r.size):
+            own.trial[j] -= share * outwards[j]
+    for i in range(r.size):
+        own.counts[MOVES] |= own.trial[i] != r[i]
+
+
+@in_place
+def start(own: GovernorArrays) -> None:
+    """Begin to predict the response to the reference on trial, with the present state."""
+    if own.loop != 0:
+        start_from(own.loop, own.step, own.now)
+    copy_vector(own.state[0], own.now[1:])
+    copy_vector(own.state[1], own.now[1 + own.rest.size :])
+    own.times[AHEAD], own.times[KNOWN], own.counts[NEXT] = own.now[0], math.inf, 0
+    own.least[:] = math.inf
+
+
+@in_place
+def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> None:
+    """Write error and b of the task whose goal is at the reference, for q̈ that is held for h [s]."""
+    far = near = 0.0
+    for i in range(own.b.size):
+        own.error[i] = task.error[i] - reference[i]
+        far += task.error[i] * task.error[i]
+        near += own.error[i] * own.error[i]
+    now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
+    Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
+    then = held_gains(Kp, Kv, h)
+    for i in range(own.b.size):
+        own.b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
+
+
+@in_place
+def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArrays) -> None:
+    """Take rows and task at a predicted state, and write the next one, if any: q̈ by eq. (42), held for a period."""
+    k, N = own.counts[NEXT], own.periods.size
+    q, qd, qdd = own.state[0], own.state[1], own.state[2]
+    n, at_rest = q.size, k == N + NEWTON
+    if 0 < k <= N or at_rest:
+        for i in range(own.least.size):
+            own.sigma[i] = rows.sigma[i] / rows.scale[i]
+            own.least[i] = min(own.least[i], -own.sigma[i])
+    if at_rest:
+        for j in range(n):
+            for i in range(own.b.size):
+                own.Jt[j, i] = task.J[i, j]
+            for i in range(own.least.size):
+                own.Lg[i, j] = rows.Lg[i, j]
+        own.counts[NEXT] = -1
+        return
+    h, rest = own.periods[min(k, N - 1)], own.rest[: task.rest.size if k < N else 0]
+    aim(own, task, own.trial, h)
+    for i in range(own.b.size if k >= N else 0):
+        own.b[i] = -own.error[i]
+    for j in range(rest.size):
+        rest[j] = held_rest(task.rest[j], qd[j], own.tracking[3], own.tracking[4], h)
+    call_int_pointer(law.track, (law.scratch, task.J, own.b, law.options[0], rest, qdd))
+    for j in range(n):
+        q[j] += h * (qd[j] + 0.5 * h * qdd[j]) if k < N else qdd[j]
+        qd[j] = qd[j] + h * qdd[j] if k < N else 0.0
+    if k < N:
+        own.times[AHEAD] = min(own.times[AHEAD] + h, own.times[UNTIL])
+    own.counts[NEXT] = k + 1
+
+
+@in_place
+def go_on(own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, task: TaskArrays) -> None:
+    """Go on with rows and task at a predicted state, if they are found there; give a move up that is not acceptable."""
+    counts, acceptable = own.counts, found
+    if found:
+        advance(own, law, rows, task)
+        acceptable = not counts[MOVES] or nearest(own) >= 0.5 * own.settings[MARGIN]
+    if counts[MOVES] and not acceptable:
+        counts[MOVES] = 0
+        copy_vector(own.trial, own.reference)
+        start(own)
+    elif not found:
+        own.times[KNOWN], counts[NEXT] = -math.inf, -1
+    elif counts[NEXT] < 0:
+        copy_vector(own.reference, own.trial)
+
+
+@in_place
+def fits(own: GovernorArrays, rows: RowArrays, task: TaskArrays) -> bool:
+    """Whether rows and task are of these sizes."""
+    (m, n), k = own.Lg.shape, own.b.size
+    right = rows.Lg.shape[0] == m and rows.Lg.shape[1] == n and rows.scale.size == m
+    right &= task.J.shape[0] == k and task.J.shape[1] == n and task.b.size == k
+    return right and task.error.size == k and task.error_rate.size == k and (task.rest.size == 0 or task.rest.size == n)
+
+
+@compiled(RESOLVER, IN_PLACE, from_python=False)
+def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.GoalGovernor`; the code is that of the law underneath, if that is compiled.
+
+    Nothing is remembered with ``NEEDS_PYTHON`` of its own. A second call at the same time decides nothing else.
+    """
+    law = load_law(address)
+    own, stage = load_governor(law.demand), law.options[1]
+    counts, times = own.counts, own.times
+    if not fits(own, rows, task) or (own.law != 0 and not valid(law, rows, task, answer)):
+        return NEEDS_PYTHON
+    law.scratch.taken[0] = 0
+    if stage in (ALL, BEGIN):
+        if own.loop != 0:
+            step = load_step(own.loop)
+            counts[PRESENT], own.now[0], following = step.last[0].goal, step.time[0], step.last[0].goal + 1
+            until = step.goals[following].from_time - JUST_BEFORE if following < len(step.goals) else math.inf
+            times[UNTIL] = own.now[0] if own.frozen else until
+        if counts[GOAL] < 0:
+            counts[GOAL], times[LAST] = counts[PRESENT], own.now[0]
+            copy_vector(own.reference, task.error)
+        # Python says where another goal sees the reference
+        if counts[GOAL] != counts[PRESENT]:
+            return NEEDS_PYTHON
+        move(own, law, max(own.now[0] - times[LAST], 0.0))
+        times[LAST] = own.now[0]
+        start(own)
+    if stage == ALL:
+        step = load_step(own.step)
+        if not fits(own, step.rows, step.task):
+            return NEEDS_PYTHON
+        while counts[NEXT] >= 0:
+            state = own.step, times[AHEAD], own.state[0], own.state[1]
+            go_on(own, law, call_int_pointer(step.evaluate, state) == 0, step.rows, step.task)
+    elif stage in (GO_ON, LOST):
+        go_on(own, law, stage == GO_ON and rows.sigma.size == own.sigma.size, rows, task)
+    if stage in (ALL, CONCLUDE):
+        aim(own, task, own.reference, 0.0)
+        if own.law != 0:
+            moved = TaskArrays(task.J, own.b, own.error, task.error_rate, task.rest)
+            # what tracking alone commands is not what the moved task asks for
+            own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
+            return call_int_pointer(load_law(own.law).resolver, (own.law, rows, moved, own_answer))
+    return SOLVED
