@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsconstraints.controllers import Controller, Observed, Tracking, make_controller
+from vsconstraints.controllers import Controller, HierarchicalQP, Observed, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -88,14 +88,38 @@ def test_a_jump_counts_as_no_more_than_the_gain() -> None:
     assert law.rows.sigma_dot[0] == pytest.approx(5.0 * PERIOD / 0.1)
 
 
+@pytest.mark.parametrize("bound", [False, True])
+def test_a_law_with_an_observer_is_that_law_told_the_drift(bound: bool) -> None:
+    """Half of what is missing of it more in every sample, since τ = T_s: by calls, and compiled on arrays that stay."""
+    dead_time, task = 0.1, Task(np.eye(1, 2), np.array([500.0]))
+    law, rows, qdd = Observed(HierarchicalQP(), observer=PERIOD, dead_time=dead_time), rows_at(0.0), np.zeros(2)
+    law.reset(period=PERIOD)
+    whole = law.bind(rows, task, np.zeros(2, dtype=np.bool_), qdd)
+    assert whole is not None
+    for k in range(20):
+        true = rows_at(k * PERIOD)
+        for name in ("phi", "Lf", "sigma", "sigma_dot"):
+            getattr(rows, name)[:] = getattr(true, name)
+        if bound:
+            assert whole.solve() == 0
+        else:
+            qdd[:] = law.command(rows, task).qdd
+        drift = np.array([DRIFT * (1.0 - 0.5**k), 0.0])
+        told = replace(true, phi=true.phi + (dead_time + K) * drift, Lf=true.Lf + drift)
+        assert qdd == pytest.approx(HierarchicalQP().command(told, task).qdd, abs=1e-8)
+        assert qdd[0] < 200.0  # the row holds the task back
+
+
 @pytest.mark.parametrize("law", ["hierarchical-qp", "sliding-mode", "potential-field", "cbf-filter"])
 def test_compiled_and_by_calls_alike(law: str) -> None:
-    setup = Scenario.load("moving-sphere").with_override("duration", 0.5).setup()
-    options = {"observer": 0.1, "dead_time": 0.01}
+    """Where the sphere moves unknown to the model, so that what is observed changes the command."""
+    unknown = Scenario.load("moving-sphere").with_override("constraints.0.motion.known", False)
+    setup, options = unknown.with_override("duration", 1.0).setup(), {"observer": 0.1, "dead_time": 0.01}
     whole = simulate(setup, make_controller(law, options))
     by_calls = simulate(setup, make_controller(law, options), by_public_call=True)
     assert whole.compiled
     assert whole.qdd_command == pytest.approx(by_calls.qdd_command, abs=1e-9)
+    assert np.abs(whole.qdd_command - simulate(setup, make_controller(law)).qdd_command).max() > 0.1
 
 
 def test_it_forgets_at_a_reset() -> None:
