@@ -133,6 +133,11 @@ class Observed(Controller):
         return made
 
 
+def without_observer(law: Controller) -> Controller:
+    """The law that an observer is before; the law itself where there is none."""
+    return law.law if isinstance(law, Observed) else law
+
+
 class ObservedLaw:
     """A compiled law with an observer before it: see :class:`.CompiledLaw`."""
 
