@@ -39,7 +39,7 @@ BUDGETS = {
     "simulation": Budget(2508, 2000),
     "scenarios": Budget(2101, 1800),
     "comparisons": Budget(6601, 4000),
-    "reports": Budget(7254, 4000),
+    "reports": Budget(7258, 4000),
     "paper": Budget(3988, 2400),
     "arms": Budget(2162, 1300),
     "cli": Budget(1193, 700),
@@ -47,7 +47,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45698, 31_000)
+ALL = Budget(45708, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 305, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
