@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsconstraints.controllers import Controller, HierarchicalQP, Observed, Tracking, make_controller
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    DEMANDS,
+    Controller,
+    HierarchicalQP,
+    Observed,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -150,3 +158,20 @@ def test_rows_that_do_not_say_enough_are_refused() -> None:
     law.command(rows_at(0.0), TASK)
     with pytest.raises(InvalidInput, match="other rows"):
         law.command(replace(rows_at(0.0), labels=("another", "speed")), TASK)
+
+
+PARTS = [{"demand": demand.name, "resolver": "priority"} for demand in DEMANDS]
+UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.known", False)
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [*((name, {}) for name in CONTROLLERS), *(("law", part) for part in PARTS), ("goal-governor", PARTS[0])],
+)
+def test_options_that_change_no_command_are_said_and_no_others(name: str, parts: dict[str, str]) -> None:
+    setup = UNKNOWN.with_override("duration", 1.0).setup()
+    plain = simulate(setup, make_controller(name, parts))
+    for options in ({"K": 2.0}, {"observer": 0.1}, {"observer": 0.1, "dead_time": 0.05}):
+        run = simulate(setup, make_controller(name, {**parts, **options}))
+        said = f"no command of the law depends on {' or '.join(options)}, which it is given" in run.reason
+        assert said is np.array_equal(run.qdd_command, plain.qdd_command)

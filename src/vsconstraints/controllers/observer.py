@@ -46,7 +46,7 @@ class Observed(Controller):
     def __init__(self, law: Controller, *, observer: float = 0.1, dead_time: float = 0.0) -> None:
         self.law, self.period, self.model = law, None, None
         self.observer, self.dead_time = observer, dead_time
-        self.factors = law.factors
+        self.factors, self.ignores = law.factors, law.ignores
 
     period: float | None
     model: Any
