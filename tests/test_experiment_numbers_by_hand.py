@@ -19,6 +19,8 @@ from vsconstraints.paper.claims.experiments import (
     very_similar,
 )
 from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.studies.summary import RunSummary
+from vsconstraints.paper.studies.unselected_experiments import EXPERIMENTS, compared
 from vsconstraints.paper.verdicts import NotMeasured
 
 OTHER = "fov[marker 3]"
@@ -296,3 +298,18 @@ def test_6i() -> None:
     assert one.endswith("here T_s = 0.1 s, converged, max σ = −0.5")
     assert two.startswith("experiment 2: holds in this scene; in 190 of 200")
     assert two.endswith("here T_s = 0.1 s, converged, max σ = 0")
+
+
+@pytest.mark.parametrize(("apart", "similar"), [(32.0, True), (33.0, False)])
+def test_tracks_within_a_twentieth_of_the_image_are_very_similar(apart: float, similar: bool) -> None:
+    """Of 640 px, 32 px: the row that acts leaves a hundredth of its length in both runs."""
+    rows = {"fov[marker 1]": {"clearance_min": 0.1, "usage_max": 0.99, "phi_max": 0.5}}
+    exact, wrong = (
+        RunSummary(
+            "converged", "", rows=rows, t=np.array([0.0, 0.02]), pixels=np.array([[[0.0, 0.0]], [[x, 0.0]]]),
+            qd=np.ones((2, 1)),
+        )
+        for x in (0.0, apart)
+    )  # fmt: skip
+    found = compared(EXPERIMENTS[0], wrong, exact)
+    assert (found["track_px"], found["similar"]) == (apart, similar)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.tuning.problem import Searched
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
@@ -135,6 +137,15 @@ def test_what_is_given_stays() -> None:
     assert set(law_ranges("cbf-filter", {"metric": "task", "K": {"fov": 2.0}})) == {"alpha", "damping", "margin"}
     potential = {"region": 0.35, "strength": 5.0, "switching_gain": 1.0, "margin": 0.0}
     assert set(law_ranges("potential-field", potential)) == {"exponent", "K", "speed_gain"}
+
+
+@pytest.mark.parametrize("name", ["cbf-filter", "predictive"])
+def test_a_law_with_an_observer_is_searched_as_without(name: str) -> None:
+    plain, observed = (Searched(ControllerSpec("law", name, own)) for own in ({}, {"observer": 0.1, "dead_time": 0.02}))
+    assert observed.ranges == plain.ranges != {}
+    assert observed.default == plain.default
+    assert observed.setting({"damping": 0.5}).options == {"observer": 0.1, "dead_time": 0.02, "damping": 0.5}
+    assert observed.setting({"damping": 0.5}).make().law.damping == 0.5  # type: ignore[attr-defined]
 
 
 OWN = """

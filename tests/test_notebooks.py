@@ -27,7 +27,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import read_table
-from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
+from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
 from vsconstraints.reports.notebooks import Comparison, NotebookRun, inputs
@@ -269,6 +269,19 @@ def test_shipped_laws_are_told_by_name_and_options(name: str) -> None:
     assert not note
     assert (spec.name, spec.law, dict(spec.options)) == ("mine", name, {})
     assert not isinstance(spec, InstanceSpec)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("options", [{"observer": 0.2}, {"observer": 0.1, "dead_time": 0.01, "K": 2.0}])
+def test_laws_with_an_observer_are_told_by_name_and_options(name: str, options: dict[str, Any]) -> None:
+    law = make_controller(name, options)
+    spec, note = spec_of(law, "mine")
+    assert not note
+    assert (spec.name, spec.law, dict(spec.options)) == ("mine", name, options)
+    made = spec.make()
+    assert (repr(made), made.factors) == (repr(law), law.factors)
+    law.law.solve = law.solve  # type: ignore[attr-defined]
+    assert isinstance(spec_of(law)[0], InstanceSpec)
 
 
 @given(

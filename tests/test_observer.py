@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from vsconstraints.controllers import Controller, Observed, Tracking, make_controller
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    DEMANDS,
+    Controller,
+    HierarchicalQP,
+    Observed,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -88,14 +97,38 @@ def test_a_jump_counts_as_no_more_than_the_gain() -> None:
     assert law.rows.sigma_dot[0] == pytest.approx(5.0 * PERIOD / 0.1)
 
 
+@pytest.mark.parametrize("bound", [(False,), (True,), (True, False)])
+def test_a_law_with_an_observer_is_that_law_told_the_drift(bound: tuple[bool, ...]) -> None:
+    """Half of what is missing more in every sample, as τ = T_s: by calls, compiled on fixed arrays, and by turns."""
+    dead_time, task = 0.1, Task(np.eye(1, 2), np.array([500.0]))
+    law, rows, qdd = Observed(HierarchicalQP(), observer=PERIOD, dead_time=dead_time), rows_at(0.0), np.zeros(2)
+    law.reset(period=PERIOD)
+    whole = law.bind(rows, task, np.zeros(2, dtype=np.bool_), qdd)
+    assert whole is not None
+    for k in range(20):
+        true = rows_at(k * PERIOD)
+        for name in ("phi", "Lf", "sigma", "sigma_dot"):
+            getattr(rows, name)[:] = getattr(true, name)
+        if bound[k % len(bound)]:
+            assert whole.solve() == 0
+        else:
+            qdd[:] = law.command(rows, task).qdd
+        drift = np.array([DRIFT * (1.0 - 0.5**k), 0.0])
+        told = replace(true, phi=true.phi + (dead_time + K) * drift, Lf=true.Lf + drift)
+        assert qdd == pytest.approx(HierarchicalQP().command(told, task).qdd, abs=1e-8)
+        assert qdd[0] < 200.0  # the row holds the task back
+
+
 @pytest.mark.parametrize("law", ["hierarchical-qp", "sliding-mode", "potential-field", "cbf-filter"])
 def test_compiled_and_by_calls_alike(law: str) -> None:
-    setup = Scenario.load("moving-sphere").with_override("duration", 0.5).setup()
-    options = {"observer": 0.1, "dead_time": 0.01}
+    """Where the sphere moves unknown to the model, so that what is observed changes the command."""
+    unknown = Scenario.load("moving-sphere").with_override("constraints.0.motion.known", False)
+    setup, options = unknown.with_override("duration", 1.0).setup(), {"observer": 0.1, "dead_time": 0.01}
     whole = simulate(setup, make_controller(law, options))
     by_calls = simulate(setup, make_controller(law, options), by_public_call=True)
     assert whole.compiled
     assert whole.qdd_command == pytest.approx(by_calls.qdd_command, abs=1e-9)
+    assert np.abs(whole.qdd_command - simulate(setup, make_controller(law)).qdd_command).max() > 0.1
 
 
 def test_it_forgets_at_a_reset() -> None:
@@ -126,3 +159,59 @@ def test_rows_that_do_not_say_enough_are_refused() -> None:
     law.command(rows_at(0.0), TASK)
     with pytest.raises(InvalidInput, match="other rows"):
         law.command(replace(rows_at(0.0), labels=("another", "speed")), TASK)
+
+
+PARTS = [{"demand": demand.name, "resolver": "priority"} for demand in DEMANDS]
+UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.known", False)
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [*((name, {}) for name in CONTROLLERS), *(("law", part) for part in PARTS), ("goal-governor", PARTS[0])],
+)
+def test_options_that_change_no_command_are_said_and_no_others(name: str, parts: dict[str, str]) -> None:
+    setup = UNKNOWN.with_override("duration", 1.0).setup()
+    plain = simulate(setup, make_controller(name, parts))
+    for options in ({"K": 2.0}, {"observer": 0.1}, {"observer": 0.1, "dead_time": 0.05}):
+        run = simulate(setup, make_controller(name, {**parts, **options}))
+        said = f"no command of the law depends on {' or '.join(options)}, which it is given" in run.reason
+        assert said is np.array_equal(run.qdd_command, plain.qdd_command)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "names"),
+    [
+        ("predictive", {"K": 2.0, "observer": 0.1}, "K or observer"),
+        ("predictive", {"K": 2.0, "observer": 0.1, "dead_time": 0.05}, "K"),
+        ("goal-governor", {"observer": 0.1, "dead_time": 0.05}, "observer or dead_time"),
+        ("goal-governor", {"observer": 0.1, "demand": "barrier"}, ""),
+        ("tracking", {"switching_gain": 2.0}, ""),
+        ("hierarchical-qp", {"K": 2.0, "observer": 0.1}, ""),
+    ],
+)
+def test_options_that_change_no_command_by_name(name: str, options: dict[str, Any], names: str) -> None:
+    said = f"no command of the law depends on {names}, which it is given" if names else ""
+    assert make_controller(name, options).unused() == said
+
+
+def test_what_the_law_behind_it_is_told_and_uses() -> None:
+    told: list[dict[str, Any]] = []
+
+    class Told(Listening):
+        uses = ("K", "memory", "model", "L_fφ")  # type: ignore[assignment]
+
+        def reset(self, period: float | None = None, model: Any = None) -> None:
+            told.append({"period": period, "model": model})
+
+    law = Observed(Told())
+    law.reset()
+    law.reset(period=PERIOD)
+    law.reset(model="a model")
+    law.reset()
+    assert told == [{"period": p, "model": m} for p, m in ((None, None), (PERIOD, None), *[(PERIOD, "a model")] * 2)]
+    assert law.uses == ("K", "L_fφ", "σ", "σ̇", "T_s", "memory", "model")
+    assert Observed(Tracking()).uses == ("σ", "σ̇", "K", "T_s", "memory")
+    assert (law.observer, law.dead_time) == (0.1, 0.0)
+    assert law.bind(rows_at(0.0), TASK, np.zeros(2, dtype=np.bool_), np.zeros(2)) is None
+    with pytest.raises(ConfigurationError, match="dead_time"):
+        law.dead_time = False

@@ -18,7 +18,7 @@ from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsio
 from .goal_governor import GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
-from .observer import OBSERVER, Observed
+from .observer import OBSERVER, Observed, without_observer
 from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
@@ -92,4 +92,4 @@ def law_ranges(
     Parameters are those of :func:`make_controller`. ConfigurationError also if the class declares what is no range, or
     one that does not hold the option's default.
     """
-    return ranges_of(make_controller(name, options, folder), name, options or {})
+    return ranges_of(without_observer(make_controller(name, options, folder)), name, options or {})

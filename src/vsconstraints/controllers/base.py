@@ -14,7 +14,7 @@ from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import in_one_line
-from .ranges import Declared
+from .ranges import Declared, positive
 
 if TYPE_CHECKING:
     from .compiled import BoundLaw
@@ -35,6 +35,8 @@ class Controller(ABC):
 
     #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`; options of every law.
     factors: RowFactors = AS_THEY_ARE
+    #: Which options of every law, of ``K``, ``observer`` and ``dead_time``, change none of this one's commands.
+    ignores: tuple[str, ...] = ()
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.
@@ -86,6 +88,15 @@ class Controller(ABC):
     def uses(self) -> tuple[str, ...]:
         """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as printed in reports."""
         return ()
+
+    def unused(self) -> str:
+        """Which options are given though this law :attr:`ignores` them, in a sentence; else empty."""
+        observer = [key for key in ("observer", "dead_time") if positive(getattr(self, key, None))]
+        given = [*self.factors.options(), *observer]
+        used = [key for key in given if key not in self.ignores]
+        # what shifts σ is observed
+        names = [key for key in given if key not in used and not (key == "observer" and "dead_time" in used)]
+        return f"no command of the law depends on {' or '.join(names)}, which it is given" if names else ""
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""

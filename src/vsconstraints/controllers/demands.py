@@ -273,7 +273,7 @@ class Firas(Demand):
     strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
     contact: float = option(0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0)
 
-    name, uses = "firas", ("sigma",)
+    name, uses, ignores = "firas", ("sigma",), ("observer",)
     relative, everywhere = True, True
 
     @staticmethod
@@ -297,7 +297,7 @@ class PublishedFiras(Demand):
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
     eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
 
-    name, uses, inert = "firas-published", ("sigma", "K"), GAINS
+    name, uses, inert, ignores = "firas-published", ("sigma", "K"), GAINS, ("K", "observer")
     relative, everywhere = True, True
 
     @staticmethod
@@ -315,7 +315,7 @@ class PublishedFiras(Demand):
 class Nothing(Demand):
     """No row demands anything."""
 
-    name, everywhere, inert = "nothing", True, tuple(ROWS)
+    name, everywhere, inert, ignores = "nothing", True, tuple(ROWS), ("K", "observer", "dead_time")
 
     @staticmethod
     def formula(row: Row) -> Any:

@@ -97,6 +97,7 @@ class GoalGovernor(Controller):
     ) -> None:
         self.speed, self.margin, self.influence, self.horizon = speed, margin, influence, horizon
         self.law = Pair(demand=demand, resolver=resolver, **options)
+        self.ignores = self.law.ignores
         self.model = None
         self._forget()
 

@@ -61,6 +61,8 @@ class Law(Controller):
             name, value = part, replace(vars(self)[part], **{name: value})
         if name == "resolver":
             super().__setattr__("solvers", value.solvers())
+        if name == "demand" and type(self).solve is Law.solve:
+            super().__setattr__("ignores", value.ignores)
         if name in ("demand", "resolver", "period"):
             self._forget()
         super().__setattr__(name, value)

@@ -46,7 +46,7 @@ class Observed(Controller):
     def __init__(self, law: Controller, *, observer: float = 0.1, dead_time: float = 0.0) -> None:
         self.law, self.period, self.model = law, None, None
         self.observer, self.dead_time = observer, dead_time
-        self.factors = law.factors
+        self.factors, self.ignores = law.factors, law.ignores
 
     period: float | None
     model: Any
@@ -131,6 +131,11 @@ class Observed(Controller):
             made = fresh if made is None else fresh._replace(seen=made.seen, after=made.after)
             self._parts = rows.labels, made
         return made
+
+
+def without_observer(law: Controller) -> Controller:
+    """The law that an observer is before; the law itself where there is none."""
+    return law.law if isinstance(law, Observed) else law
 
 
 class ObservedLaw:

@@ -96,7 +96,7 @@ class PredictiveControl(Controller):
         Those of the last :meth:`reset`.
     """
 
-    name = "predictive"
+    name, ignores = "predictive", ("K", "observer")
     ranges: ClassVar[Mapping[str, Declared]] = {
         "horizon": Range(3, 30, integer=True),
         "block": Range(5, 25, integer=True),

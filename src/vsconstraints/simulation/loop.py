@@ -280,7 +280,7 @@ class _Run:
             )
         of_law = self.controller.remark(self.setup.constraints.labels)
         of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
-        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), of_law, of_factors]
+        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), of_law, of_factors, self.controller.unused()]
 
     def scores(self) -> RunScores:
         """Scores of the run."""

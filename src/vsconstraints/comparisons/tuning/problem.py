@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from ...controllers import Choices, Range, law_ranges
+from ...controllers.observer import without_observer
 from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
@@ -51,7 +52,7 @@ class Searched:
     @cached_property
     def default(self) -> Options:
         """The default values of these options."""
-        law = self.law.make()
+        law = without_observer(self.law.make())
         return {option: default_of(law, option) for option in self.ranges}
 
     def setting(self, options: Mapping[str, Any]) -> ControllerSpec:

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from ...comparisons.runs.spec import ControllerSpec
-from ...controllers import CONTROLLERS, Controller, Demand, Resolver, make_controller
+from ...controllers import CONTROLLERS, Controller, Demand, Observed, Resolver, make_controller
+from ...controllers.observer import OBSERVER, without_observer
 from ...errors import ConfigurationError, VsconstraintsError, described, shown
 from ...plugins.classes import IN_SESSION
 from ...plugins.provenance import noted_import
@@ -83,7 +84,7 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     law, name = instance_of(law), name or _name(law)
     options = _options(law)
     if options is not None:
-        return ControllerSpec(name, type(law).name, options), ""
+        return ControllerSpec(name, type(without_observer(law)).name, options), ""
     packed, why = _packed(law)
     note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
     return own_spec(law, name, packed), note
@@ -131,20 +132,23 @@ def _no_law(value: object) -> ConfigurationError:
 
 def _options(law: Controller) -> dict[str, Any] | None:
     """The options with which a file would name this law; None if it cannot."""
-    kind = type(law)
-    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or {"solve", "command", "define"} & vars(law).keys():
+    inner = without_observer(law)
+    kind, replaced = type(inner), {"solve", "command", "define"} & (vars(law).keys() | vars(inner).keys())
+    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or type(law) not in (kind, Observed) or replaced:
         return None
     options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
     for parameter in inspect.signature(kind).parameters.values():
-        if parameter.kind is parameter.VAR_KEYWORD or not hasattr(law, parameter.name):
+        if parameter.kind is parameter.VAR_KEYWORD or not hasattr(inner, parameter.name):
             continue
-        value = getattr(law, parameter.name)
+        value = getattr(inner, parameter.name)
         if isinstance(value, Demand | Resolver):
             own = {field.name: (getattr(value, field.name), field.default) for field in fields(value)}
             options |= {key: chosen for key, (chosen, default) in own.items() if chosen != default}
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
+    if inner is not law:
+        options |= {key: getattr(law, key) for key in OBSERVER if getattr(law, key)}
     try:
         json.dumps(options)
         return options if repr(make_controller(kind.name, options)) == repr(law) else None
