@@ -37,17 +37,17 @@ BUDGETS = {
     "controllers": Budget(3632, 2200),
     "control": Budget(967, 700),
     "simulation": Budget(2508, 2000),
-    "scenarios": Budget(2398, 1800),
-    "comparisons": Budget(6605, 4000),
+    "scenarios": Budget(2417, 1800),
+    "comparisons": Budget(6840, 4000),
     "reports": Budget(7231, 4000),
     "paper": Budget(3659, 2400),
     "arms": Budget(2162, 1300),
-    "cli": Budget(1295, 700),
+    "cli": Budget(1400, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45909, 31_000)
+ALL = Budget(46268, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 312, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +67,23 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     if level:
         raise ConfigurationError(too_deep)
     return tables
+
+
+def toml_items(table: Mapping[str, Any]) -> list[str]:
+    """Each key of a table with its value as TOML has it."""
+    return [
+        f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else toml_text(key)} = {toml_text(table[key])}"
+        for key in table
+    ]
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML has it, on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(toml_items(value)) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_text, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import warnings
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,6 +15,7 @@ from ...compiled import prepare
 from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
+from ...scenarios.toml import toml_items, toml_text
 from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
@@ -179,8 +179,8 @@ class Tuned:
         setting = self.law.setting(best.options)
         return [
             f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default",
-            f"[controllers.{_toml(f'{name}-tuned')}]",
-            *_items({"type": setting.law, **setting.options}),
+            f"[controllers.{toml_text(f'{name}-tuned')}]",
+            *toml_items({"type": setting.law, **setting.options}),
         ]
 
 
@@ -228,21 +228,6 @@ class Tuning:
         for law in self.laws:
             lines += ["", *law.toml(family)]
         return "\n".join(lines) + "\n"
-
-
-def _items(table: Mapping[str, Any]) -> list[str]:
-    """Each key of a table with its value as TOML has it."""
-    return [
-        f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else _toml(key)} = {_toml(table[key])}" for key in table
-    ]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(_items(value)) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
 
 
 def tune(

@@ -1,0 +1,70 @@
+"""What following the advice costs in scenes that it knows nothing of: ``python -m checks.advice [STUDY]``.
+
+Each family is left out in turn, and advice is taken from the others for each of its scenes and conditions. Regret is
+the success, in points, that this loses against the one law that succeeds most often in that family and condition, which
+nobody knows beforehand. Beside it stand the regret of advice by other rules, of always taking the law that succeeds
+most often in the other families, and of a law drawn at random; and how often advice calls a scene unlike anything in
+the study. The exit code is 1 if advice succeeds significantly less often than always the same law.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from vsconstraints.comparisons.advice import MARGIN, SHIPPED, Advice, Situation, Study, advise
+from vsconstraints.comparisons.statistics import mcnemar
+
+ADVICE, ALWAYS = "advice", "always the same law"
+RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}
+BY = ["family", "condition"]
+
+
+def followed(study: Study) -> Iterator[dict[str, Any]]:
+    """Of each scene and condition the success of the laws that are taken, and of all laws: one line each."""
+    for family, own in study.runs.groupby("family", sort=False):
+        rest = replace(study, runs=study.runs[study.runs["family"] != family])
+        always = rest.runs.groupby("controller")["success"].mean().idxmax()
+        success = own.astype({"success": float}).pivot(
+            index=["scene", "condition"], columns="controller", values="success"
+        )
+        known: dict[Situation, dict[str, Advice]] = {}
+        for scene in study.scenes[study.scenes["family"] == family].to_dict("records"):
+            situation = Situation(**{name: scene[name] for name in vars(Situation())})
+            laws = success.loc[scene["scene"], scene["condition"]]
+            if situation not in known:
+                known[situation] = {rule: advise(rest, situation, margin=margin) for rule, margin in RULES.items()}
+            advices = known[situation]
+            taken = {rule: laws[advice.laws[0].law.name] for rule, advice in advices.items()}
+            told = {"unlike": float(bool(advices[ADVICE].unlike)), ALWAYS: laws[always], "any law": laws.mean()}
+            yield {**{name: scene[name] for name in BY}, **told, **taken, **laws}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print shares in per cent and regrets in points."""
+    study = Study.load(Path(arguments[0]) if arguments else SHIPPED)
+    lines = pd.DataFrame(followed(study))
+    groups = lines.groupby(BY, sort=False)
+    best = groups[[*study.laws]].mean().max(axis=1)
+    table = pd.DataFrame({"scenes": groups.size(), "unlike": groups["unlike"].mean(), "best law": best})
+    for name in (*RULES, ALWAYS, "any law"):
+        table[name] = best - groups[name].mean()
+    print(table.to_string(float_format=lambda share: f"{100.0 * share:.1f}"))
+    mean = table.drop(columns="scenes").mul(table["scenes"] / len(lines), axis=0).sum()
+    print("\nall: " + "; ".join(f"{name} {100.0 * share:.1f}" for name, share in mean.items()))
+    lines["regret"] = best.reindex(pd.MultiIndex.from_frame(lines[BY])).to_numpy() - lines[ADVICE]
+    for flag, regret in lines.groupby("unlike")["regret"]:
+        print(f"regret where {'unlike' if flag else 'like'} the study: {100.0 * regret.mean():.1f} ({len(regret)})")
+    pair = mcnemar(lines[ADVICE], lines[ALWAYS])
+    low, high = 100.0 * pair.low, 100.0 * pair.high
+    print(f"advice less {ALWAYS}: {100.0 * pair.difference:.1f} ({low:.1f} to {high:.1f}) points")
+    return int(pair.high < 0.0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,104 @@
+"""``advise``: which law for a scene, how sure that is, and what another choice loses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from ..errors import ConfigurationError, unknown_name
+from ..plugins.extras import demand
+from . import options
+from .terminal import console, progress
+
+if TYPE_CHECKING:
+    from ..comparisons.advice import Advice
+
+MAX_LAWS = 8  # that are printed
+ROWS = "rows"  # what every law uses
+
+_SCENARIO = "A name, or the path of a file; or answer the questions below."
+_STUDY = "Runs that were kept, or a folder of `vsconstraints evidence`; those of the package if not given."
+_MAY_USE = f"Only laws that require nothing else: {ROWS}, T_s, L_fφ, model, … Can be repeated."
+_MOTION = "Whether target or obstacles move unknown to the law."
+_Scenario = Annotated[str | None, Argument(help=_SCENARIO, autocompletion=options.scenario_names)]
+_Motion = Annotated[bool | None, Option("--unknown-motion/--known-motion", help=_MOTION)]
+
+
+def advise(
+    scenario: _Scenario = None,
+    joints: Annotated[int | None, Option(min=1, help="How many there are.")] = None,
+    latency_ms: Annotated[float | None, Option(min=0.0, help="How old images are [ms].")] = None,
+    noise_px: Annotated[float | None, Option(min=0.0, help="Standard deviation of a pixel coordinate.")] = None,
+    rows: Annotated[options.Names, Option(help="A type of constraints. Can be repeated.")] = None,
+    unknown_motion: _Motion = None,
+    may_use: Annotated[options.Names, Option(help=_MAY_USE)] = None,
+    study: Annotated[Path | None, Option(help=_STUDY)] = None,
+    keep: Annotated[Path | None, Option(help="Write the study's runs to this file, for --study.")] = None,
+    as_json: Annotated[bool, Option("--json", help="Print all of it as JSON.")] = False,
+    trust: options.Trust = False,
+) -> None:
+    """Say which law to take for a scene, with settings, how sure that is, and what another choice loses."""
+    demand("evidence", "advice")
+    from ..comparisons import advice
+    from ..scenarios import CONSTRAINTS, Scenario
+
+    for kind in {*(rows or ())} - {*CONSTRAINTS}:
+        raise unknown_name("type of constraints", kind, CONSTRAINTS)
+    delay = None if latency_ms is None else latency_ms / 1e3
+    types = tuple(sorted({*rows})) if rows else None
+    asked = advice.Situation(joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion)
+    if scenario is not None:
+        if asked.said:
+            raise ConfigurationError(f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers")
+        asked = advice.Situation.of(Scenario.load(scenario))
+    elif not asked.said and keep is None:
+        raise ConfigurationError("advise takes a scenario, or answers such as --joints 6 --latency-ms 30")
+    with progress() as show:
+        runs = advice.Study.load(study or advice.SHIPPED, trust, lambda done, scenes: show("scenes", done, scenes))
+    known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
+    for word in {*(may_use or ())} - known:
+        raise unknown_name("information", word, known)
+    if keep is not None:
+        runs.keep(keep)
+        console.print(f"{len(runs.runs)} runs: {keep}")
+    if asked.said:
+        found = advice.advise(runs, asked, may_use or None)
+        console.print(_json(found) if as_json else _text(found))
+
+
+def _text(advice: Advice) -> str:
+    """One screen."""
+    from ..comparisons.statistics import rate_text, with_interval
+    from ..scenarios.toml import toml_items, toml_text
+
+    law = advice.laws[0]
+    lines = [
+        f"{law.law.name}: success in {rate_text(law.success)}; within 1 % of L in {law.tolerant.count}",
+        f"  scenes of {', '.join(advice.families)}" + "".join(f"; {what}" for what in advice.widened),
+        *(f"  unlike anything in the study: {reason}" for reason in advice.unlike),
+        *("", f"[controllers.{toml_text(law.law.name)}]", *toml_items({"type": law.law.law, **law.law.options}), ""),
+        f"{'':35} success  loses [points]     a call  requires",
+    ]
+    for law in advice.laws[:MAX_LAWS]:
+        lost = with_interval(law.loss.difference, law.loss.low, law.loss.high, 100.0)
+        name, lost = f"{'≈' if law.best else ' '} {law.law.name}", "" if law is advice.laws[0] else lost
+        required = ", ".join(law.requires) or ROWS
+        lines.append(f"{name:35} {law.success.share:>7.1%}  {lost:16} {law.call_us:>5.3g} µs  {required}")
+    return "\n".join([*lines, "≈ not distinguishable from the law that succeeds most often"])
+
+
+def _json(advice: Advice) -> str:
+    """All of it."""
+    laws = [
+        {**law._asdict(), "law": law.law.name, "settings": {"type": law.law.law, **law.law.options}}
+        | {"success": {"share": law.success.share, **asdict(law.success)}}
+        | {"tolerant": asdict(law.tolerant), "loss": law.loss._asdict()}
+        | {"call_us": None if isnan(law.call_us) else law.call_us}
+        for law in advice.laws
+    ]
+    return json.dumps({**advice._asdict(), "laws": laws}, ensure_ascii=False, indent=1)
