@@ -1,8 +1,5 @@
-"""Learned laws: scenes as an environment of Gymnasium, and policies as controllers.
+"""Learned laws: policies as controllers; scenes for Gymnasium are in :mod:`vsconstraints.learning.environment`."""
 
-The environment, :class:`vsconstraints.learning.environment.ServoEnv`, needs Gymnasium; policies do not.
-"""
+from .policy import Observer, Policy
 
-from .policy import Policy
-
-__all__ = ["Policy"]
+__all__ = ["Observer", "Policy"]

@@ -1,8 +1,7 @@
-"""A policy as a law: a small neural network gives q̈, which rows may filter."""
+"""A policy as a law: a small neural network gives q̈, and rows may filter it."""
 
 from __future__ import annotations
 
-from itertools import count
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -11,68 +10,76 @@ import numpy as np
 
 from ..controllers import Controller, Pair, make_controller
 from ..controllers.base import restart
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..controllers.ranges import positive_number
+from ..errors import ConfigurationError, InvalidInput
 from ..rows import Array, Command, Rows, Task
-from .observation import ACCELERATION, Observer
 
-PLANAR_ARM = Path(__file__).parent / "planar-arm.npz"  #: Weights for scenes of the family planar-arm.
+ACCELERATION = 10.0  #: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
+LARGE = 1e100  #: Weights below cannot overflow.
+
+
+class Observer:
+    """What a policy sees of a sample with m rows, n joints and k features: 2 m + m n + k n + k + 2 n numbers.
+
+    φ/s, L_fφ/s and L_gφ a/s, with each row's ``scale`` s (m,); J a/‖J a‖ and b/‖J a‖; q from the middle of its range by
+    half of it, and q̇ by the greatest speed, both as they are where there is no limit. Matrices come row by row. Of each
+    number x it is x/(1 + |x|). ``action`` is a (n,): the limit of ``acceleration`` (n,), or ``otherwise`` where that is
+    infinite. For ``ranges`` see :attr:`vsconstraints.robots.Robot.ranges`.
+    """
+
+    def __init__(self, scale: Array, acceleration: Array, ranges: tuple[Array, Array, Array], otherwise: float) -> None:
+        low, high, speed = (np.where(np.isfinite(each), each, np.nan) for each in ranges)
+        self.action = np.where(np.isfinite(acceleration), acceleration, otherwise)
+        self._middle = np.nan_to_num(0.5 * (low + high))
+        half = np.where(high > low, 0.5 * (high - low), 1.0)
+        self._of_rows = np.concatenate((1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel()))
+        self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
+
+    def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
+        """The observation of rows and task at q and q̇ (n,)."""
+        of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
+        Ja = (task.J * self.action).ravel()
+        of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
+        x = np.concatenate((of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints))
+        return np.asarray(x / (1.0 + np.abs(x)))
 
 
 class Policy(Controller):
-    """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), of an observation x.
+    """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), with x and a of :class:`Observer`.
 
-    π is a network of layers x ← W x + b with tanh between them; what the last one gives is cut to [-1, 1]. x and a are
-    those of :class:`~vsconstraints.learning.observation.Observer`. It keeps no row by itself. A demand and a resolver
-    filter it, of which q̈ is the task: with ``demand="barrier", resolver="filter"`` the command is the nearest to q̈
-    that meets the barrier of every row.
+    π is a network of layers W x + b with tanh between them, whose result is cut to [-1, 1]. It keeps no row by itself:
+    q̈ is the task of a demand and a resolver. With ``demand="barrier", resolver="filter"`` the command is the nearest to
+    q̈ that meets the barriers of all rows. Raises ConfigurationError if the file cannot be read, or an array lacks, has
+    the wrong shape, or a number that is not finite.
 
     Parameters
     ----------
     weights
-        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on, from the observation's size to n; and, if
-        they are not the defaults, ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and ``law``,
-        the name of the law it adds to. Relative paths begin in the working directory.
+        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the default, also
+        ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and ``law``, the name of that law.
     demand, resolver, options
-        As of :class:`vsconstraints.controllers.laws.Pair`; no row is looked at if not given.
-
-    Raises
-    ------
-    ConfigurationError
-        if the file cannot be read, an array lacks, is no matrix or vector that fits the one before, or has a number
-        that is not finite.
+        As of :class:`vsconstraints.controllers.laws.Pair`; no row counts if not given.
     """
 
     name = "policy"
     model: Any = None
 
-    def __init__(
-        self,
-        *,
-        weights: str | Path = PLANAR_ARM,
-        demand: str = "nothing",
-        resolver: str = "priority",
-        **options: Any,
-    ) -> None:
-        self.weights, self.filter = str(weights), Pair(demand=demand, resolver=resolver, **options)
+    def __init__(self, *, weights: str, demand: str = "nothing", resolver: str = "priority", **options: Any) -> None:
+        self.weights, self.filter = weights, Pair(demand=demand, resolver=resolver, **options)
         self.layers, self.otherwise, law = read_weights(Path(weights))
-        self.law = make_controller(law) if law else None
+        self.laws: list[Controller] = [self.filter, *([make_controller(law)] if law else [])]
         self._observer: Observer | None = None
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """A model, of which q and q̇ are, L_fφ, and what filter and law use."""
-        inner = (self.filter, *([self.law] if self.law else []))
-        return tuple(dict.fromkeys(("L_fφ", *(known for law in inner for known in law.uses), "model")))
+        """L_fφ, a model, for q and q̇, and what filter and law use."""
+        return tuple(dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses))))
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
         """Begin again; see :class:`.Controller`."""
-        if model is not None:
-            self.model, self._observer = model, None
-        for law in filter(None, (self.filter, self.law)):
-            if period is None:
-                law.reset()
-            else:
-                restart(law, period, lambda: self.model)
+        self.model, self._observer = model or self.model, None
+        for law in self.laws:
+            law.reset() if period is None else restart(law, period, lambda: self.model)
 
     def action(self, x: Array) -> Array:
         """π(x) of an observation."""
@@ -82,61 +89,41 @@ class Policy(Controller):
         return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput without a model, or if the network is of another size than this scene."""
-        model = self.model
+        """See the class; InvalidInput without a model, and if the network is not of this scene's size."""
+        model, n = self.model, task.J.shape[1]
         if model is None:
-            raise InvalidInput(
-                f"{self.name} uses a model: tell it by reset(model=...) before the first command, or let a control "
-                "step or a simulation do so"
-            )
+            raise InvalidInput(f"{self.name} uses a model: tell it by reset(model=...) before the first command")
         if self._observer is None:
             self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
         _, q, qd = model.present
-        x, n = self._observer(rows, task, q, qd), task.J.shape[1]
-        if (self.layers[0][0].shape[1], len(self.layers[-1][1])) != (len(x), n):
-            raise InvalidInput(
-                f"{self.weights}: the network takes {self.layers[0][0].shape[1]} numbers and gives "
-                f"{len(self.layers[-1][1])}; this scene, of {len(rows.phi)} rows, {n} joints and {len(task.b)} "
-                f"features, needs {len(x)} and {n}"
-            )
+        x, sizes = self._observer(rows, task, q, qd), (self.layers[0][0].shape[1], len(self.layers[-1][1]))
+        if sizes != (len(x), n):
+            scene = f"{len(rows.phi)} rows, {n} joints and {len(task.b)} features"
+            raise InvalidInput(f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}")
         qdd = self._observer.action * self.action(x)
-        if self.law is not None:
-            qdd += self.law.command(rows, task).qdd
+        for law in self.laws[1:]:
+            qdd += law.command(rows, task).qdd
         return self.filter.command(rows, Task(np.eye(n), qdd))
 
 
 def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
-    """Layers (W, b) of a network, its acceleration, and the name of the law it adds to; raises as :class:`Policy`."""
+    """Layers (W, b), acceleration and the name of a law, or empty; raises as :class:`Policy`."""
     try:
         with np.load(path, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, BadZipFile, AttributeError, TypeError) as error:
+            arrays = dict(file)
+    except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile) as error:
         raise ConfigurationError(f"{path}: no weights can be read: {error}") from error
-    law, acceleration = str(arrays.pop("law", "")), arrays.pop("acceleration", np.array(ACCELERATION))
-    if acceleration.shape != () or acceleration.dtype.kind not in "fi" or not 0.0 < acceleration < np.inf:
-        raise ConfigurationError(f"{path}: acceleration must be a positive number, not {shown(acceleration.tolist())}")
-    layers: list[tuple[Array, Array]] = []
-    for i in count():
-        if i and not arrays:
-            return layers, float(acceleration), law
-        W, b = (_array(path, f"{name}{i}", arrays, dimensions) for name, dimensions in (("W", 2), ("b", 1)))
-        size = len(layers[-1][1]) if layers else W.shape[1]
-        if W.shape != (len(b), size):
-            raise ConfigurationError(f"{path}: W{i} must be of the shape {(len(b), size)}, not {W.shape}")
-        layers.append((W, b))
-    raise AssertionError
-
-
-def _array(path: Path, name: str, arrays: dict[str, Any], dimensions: int) -> Array:
-    """An array of numbers that are finite, taken out of what a file holds."""
-    if name not in arrays:
-        others = ", ".join(arrays) or "nothing else"
-        raise ConfigurationError(f"{path}: there is no {name}; a layer has W and b, counted from 0, not {others}")
-    array = arrays.pop(name)
-    if array.ndim != dimensions or array.dtype.kind not in "fi" or array.size == 0:
-        raise ConfigurationError(
-            f"{path}: {name} must have {dimensions} dimension(s) of numbers, not {array.shape} of {array.dtype}"
-        )
-    if not np.isfinite(array).all():
-        raise ConfigurationError(f"{path}: {name} has numbers that are not finite")
-    return array.astype(np.float64)
+    law, acceleration = str(arrays.pop("law", "")), arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
+    names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
+    if {*arrays} != {name for pair in names for name in pair}:
+        raise ConfigurationError(f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}")
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
+            raise ConfigurationError(f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone")
+    size = arrays["W0"].shape[-1:]
+    for W, b in names:
+        if arrays[W].ndim != 2 or arrays[W].shape != (*arrays[b].shape, *size):
+            shapes = f"{W} and {b} have the shapes {arrays[W].shape} and {arrays[b].shape}"
+            raise ConfigurationError(f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)")
+        size = arrays[b].shape
+    return [(arrays[W], arrays[b]) for W, b in names], positive_number(f"acceleration in {path}", acceleration), law
