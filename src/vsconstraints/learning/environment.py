@@ -62,6 +62,35 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, self._observation.shape, np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
 
+    def _begin(self, number: int) -> None:
+        """Go to the first sample of a scene."""
+        scenes = self.scenes
+        if number not in self._prepared:
+            if isinstance(scenes, Family):
+                setup = scenes.scene(number, self.half).setup(self.condition)
+            else:
+                setup = scenes.setup()
+            setup.check_start()
+            self._prepared[number] = Prepared(setup, self.law.factors)
+        self._scene, prepared = number, self._prepared[number]
+        self._run = run = Run(prepared, self.law, whole=False, by_public_call=True)
+        setup, loop, self._violation = run.setup, run.loop, 0.0
+        self._k, stage = run.run(0, 1, STEP)
+        if prepared.bound is None or run.at_once == 1 or stage != LAW:
+            raise ConfigurationError(f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy")
+        now, ranges = prepared.bound.now, setup.scene.robot.ranges
+        self._seen = now.rows, now.task
+        self._observer = Observer(loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration)
+        self._look()
+        self._unit, times = self._error or 1.0, (setup.goal_begins[-1], setup.tolerances.dwell_s)
+        self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
+
+    def _look(self) -> None:
+        """Take the observation and the error of a sample."""
+        loop = self._run.loop
+        self._observation: Array = self._observer(*self._seen, *loop.plant.x[:2]).astype(np.float32)
+        self._error = float(loop.task.error @ loop.task.error) ** 0.5
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode; see the class."""
         super().reset(seed=seed)
@@ -88,33 +117,6 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         # sample k is the last one that is judged
         success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
         return self._observation, reward + success, success, self._k + 1 >= self._run.setup.samples, self._info(success)
-
-    def _begin(self, number: int) -> None:
-        """Go to the first sample of a scene."""
-        scenes = self.scenes
-        if number not in self._prepared:
-            family = isinstance(scenes, Family)
-            setup = scenes.scene(number, self.half).setup(self.condition) if family else scenes.setup()
-            setup.check_start()
-            self._prepared[number] = Prepared(setup, self.law.factors)
-        self._scene, prepared = number, self._prepared[number]
-        self._run = run = Run(prepared, self.law, whole=False, by_public_call=True)
-        setup, loop, self._violation = run.setup, run.loop, 0.0
-        self._k, stage = run.run(0, 1, STEP)
-        if prepared.bound is None or run.at_once == 1 or stage != LAW:
-            raise ConfigurationError(f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy")
-        now, ranges = prepared.bound.now, setup.scene.robot.ranges
-        self._seen = now.rows, now.task
-        self._observer = Observer(loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration)
-        self._look()
-        self._unit, times = self._error or 1.0, (setup.goal_begins[-1], setup.tolerances.dwell_s)
-        self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
-
-    def _look(self) -> None:
-        """Take the observation and the error of a sample."""
-        loop = self._run.loop
-        self._observation: Array = self._observer(*self._seen, *loop.plant.x[:2]).astype(np.float32)
-        self._error = float(loop.task.error @ loop.task.error) ** 0.5
 
     def _info(self, success: bool) -> dict[str, Any]:
         t = self._k * self._run.setup.Ts
