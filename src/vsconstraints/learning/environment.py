@@ -79,7 +79,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         if prepared.bound is None or run.at_once == 1 or stage != LAW:
             raise ConfigurationError(f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy")
         now, ranges = prepared.bound.now, setup.scene.robot.ranges
-        self._seen = now.rows, now.task
+        self.seen = now.rows, now.task
         self._observer = Observer(loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration)
         self._look()
         self._unit, times = self._error or 1.0, (setup.goal_begins[-1], setup.tolerances.dwell_s)
@@ -88,7 +88,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _look(self) -> None:
         """Take the observation and the error of a sample."""
         loop = self._run.loop
-        self._observation: Array = self._observer(*self._seen, *loop.plant.x[:2]).astype(np.float32)
+        self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
         self._error = float(loop.task.error @ loop.task.error) ** 0.5
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -104,7 +104,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         """One sampling period; see the class."""
         loop, k, before = self._run.loop, self._k, self._error
         qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
-        loop.answer.qdd[:] = qdd + self.law.command(*self._seen).qdd if self.adds else qdd
+        loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
         self._k, stage = self._run.run(k, k + 2, ALONE)
         if stage != LAW:
             return self._observation, -1.0, True, False, self._info(False)

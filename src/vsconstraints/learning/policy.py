@@ -15,7 +15,7 @@ from ..errors import ConfigurationError, InvalidInput
 from ..rows import Array, Command, Rows, Task
 
 ACCELERATION = 10.0  #: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
-LARGE = 1e100  #: Weights below cannot overflow.
+LARGE = 1e30  #: Weights below cannot overflow.
 
 
 class Observer:
@@ -109,7 +109,7 @@ class Policy(Controller):
 def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
     """Layers (W, b), acceleration and the name of a law, or empty; raises as :class:`Policy`."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = dict(file)
     except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile) as error:
         raise ConfigurationError(f"{path}: no weights can be read: {error}") from error
