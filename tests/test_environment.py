@@ -70,12 +70,13 @@ def test_a_seed_says_which_scene_and_all_that_follows() -> None:
         {"disturbances": {"pixel_noise": 0.5, "delay": 2, "time_constant": 0.02, "acceleration_noise": 0.5}},
         {"name": "moving-target"},
         {"name": "case-study-6r"},
+        {"name": "example-2d-fast", "duration": 4.0},
     ],
     ids=str,
 )
 def test_it_is_the_simulation(changes: dict[str, Any]) -> None:
     """No addition to a law: states, violation and end are those of the law's simulation."""
-    given = scenario(**changes, duration=2.0)
+    given = scenario(**{"duration": 2.0, **changes})
     run = simulate(given.setup(), Tracking())
     env = ServoEnv(given, law="tracking")
     env.reset()
@@ -93,7 +94,9 @@ def test_it_is_the_simulation(changes: dict[str, Any]) -> None:
     setup = given.setup()
     there = setup.reached(run.t, run.camera_error, run.feature_error_px, run.qd)
     begin, dwell = round(setup.goal_begins[-1] / setup.Ts), round(setup.tolerances.dwell_s / setup.Ts)
-    assert info["success"] == terminated == there[max(begin, k - 1 - dwell) : k].all() * (k - 1 - dwell >= begin)
+    ends = [end for end in range(begin + dwell + 1, len(run.t)) if there[end - 1 - dwell : end].all()]
+    assert info["success"] == terminated == (k in ends[:1])
+    assert terminated == ("duration" in changes)
 
 
 def test_an_action_is_an_acceleration() -> None:
@@ -112,36 +115,50 @@ def test_an_action_is_an_acceleration() -> None:
     np.testing.assert_allclose(limited._run.loop.plant.x[1], setup.qd0 + setup.Ts * 3.0, rtol=1e-12)
 
 
-def test_rewards_are_progress_less_violations() -> None:
+@pytest.mark.parametrize(("law", "action"), [("tracking", 0.0), (None, 0.5)])
+def test_rewards_are_progress_less_violations(law: str | None, action: float) -> None:
     """Both from the control step of the setup, which the environment does not use; with more weight it pays less."""
-    given, actions = Family.load("planar-arm").scene(0, "training").scenario(), np.zeros((5000, 3))
-    _, free, infos = played(ServoEnv(given, law="tracking", violation_weight=0.0), actions)
-    _, paid, _ = played(ServoEnv(given, law="tracking", violation_weight=3.0), actions)
+    given = Family.load("planar-arm").scene(0, "training").scenario()
+    paid, free = (ServoEnv(given, law=law, violation_weight=weight) for weight in (3.0, 0.0))
+    (free.reset(), paid.reset())
     setup = given.setup()
-    run, world = simulate(setup, Tracking()), setup.world()
-    steps = [world.evaluate(t, q, qd) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)][: len(free) + 1]
-    error = np.array([np.linalg.norm(step.error) for step in steps])
-    success = np.array([info["success"] for info in infos[1:]])
-    np.testing.assert_allclose(free, -np.diff(error) / error[0] + success, rtol=0.0, atol=1e-12)
-    outside = np.array([sum(1.0 + min(x, 1.0) for x in step.sigma / step.rows.scale if x > 0.0) for step in steps[1:]])
-    assert 0.0 < (outside > 0.0).mean() < 1.0
-    np.testing.assert_allclose(np.array(free) - paid, 3.0 * setup.Ts * outside, rtol=0.0, atol=1e-12)
+    world = setup.world()
+    before = first = np.linalg.norm(world.evaluate(0.0, setup.q0, setup.qd0).error)
+    shares, done = [], False
+    while not done:
+        rewards = [env.step(np.full(3, action)) for env in (free, paid)]
+        _, reward, terminated, truncated, info = rewards[0]
+        step = world.evaluate(info["t"], *free._run.loop.plant.x[:2])
+        outside = [x / s for x, s in zip(step.sigma, step.rows.scale, strict=True) if x > 0.0]
+        error = np.linalg.norm(step.error)
+        assert reward == pytest.approx((before - error) / first + info["success"], abs=1e-12)
+        assert reward - rewards[1][1] == pytest.approx(3.0 * setup.Ts * sum(1.0 + min(x, 1.0) for x in outside))
+        before, done, shares = error, terminated or truncated, [*shares, max(outside, default=0.0)]
+    assert min(shares) == 0.0 < max(shares)
+    assert max(shares) > 1.0 or law
+    assert info["violation"] == pytest.approx(max(shares))
+    assert info["success"] == bool(law)
 
 
 def test_an_observation_holds_rows_task_and_joints() -> None:
     env = ServoEnv("ur5-fov", acceleration=5.0)
-    observation, _ = env.reset()
+    env.reset()
     setup = env._run.setup
     a = np.full(6, setup.limits.acceleration)
     assert a[0] != 5.0
     low, high, speed = setup.scene.robot.ranges
     assert np.isfinite([low, high, speed]).all()
-    step = setup.world().evaluate(0.0, setup.q0, setup.qd0)
+    world = setup.world()
+    world.evaluate(0.0, setup.q0, setup.qd0)
+    observation, *_, info = env.step(np.array([0.1, -0.5, 0.2, 0.3, -0.1, 0.9]))
+    q, qd = env._run.loop.plant.x[:2]
+    step = world.evaluate(info["t"], q, qd)
+    assert np.abs(step.rows.Lf).max() > 1e-3
     rows, J = step.rows, step.task.J * a
     numbers = [*(rows.phi / rows.scale), *(rows.Lf / rows.scale)]
     numbers += [a[j] * rows.Lg[i, j] / rows.scale[i] for i in range(len(rows.phi)) for j in range(6)]
     numbers += [*(J / np.linalg.norm(J)).ravel(), *(step.task.b / np.linalg.norm(J))]
-    numbers += [*((2.0 * setup.q0 - low - high) / (high - low)), *(setup.qd0 / speed)]
+    numbers += [*((2.0 * q - low - high) / (high - low)), *(qd / speed)]
     np.testing.assert_allclose(observation, [x / (1.0 + abs(x)) for x in numbers], rtol=1e-6, atol=1e-7)
 
 
