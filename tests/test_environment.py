@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from gymnasium.utils.env_checker import check_env
 
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.learning import Policy
 from vsconstraints.learning.environment import ServoEnv
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.families import Family
@@ -97,6 +99,24 @@ def test_it_is_the_simulation(changes: dict[str, Any]) -> None:
     ends = [end for end in range(begin + dwell + 1, len(run.t)) if there[end - 1 - dwell : end].all()]
     assert info["success"] == terminated == (k in ends[:1])
     assert terminated == ("duration" in changes)
+
+
+def test_a_policy_meets_what_it_was_trained_on(tmp_path: Path) -> None:
+    """Its actions in the environment are its commands in a simulation, up to the rounding of observations."""
+    random, env = np.random.default_rng(0), ServoEnv("ur5-fov", law="tracking")
+    size = env.observation_space.shape[0]
+    arrays = {"W0": random.normal(0.0, 0.1, (8, size)), "b0": np.zeros(8), "W1": random.normal(0.0, 0.01, (6, 8))}
+    np.savez(tmp_path / "w.npz", b1=np.zeros(6), law="tracking", **arrays)
+    policy = Policy(weights=str(tmp_path / "w.npz"))
+    run = simulate(scenario("ur5-fov", duration=0.5).setup(), policy)
+    assert (
+        np.abs(run.qdd_command - simulate(scenario("ur5-fov", duration=0.5).setup(), Tracking()).qdd_command).max()
+        > 0.1
+    )
+    observation, _ = env.reset()
+    for qdd in run.qdd_command[:-1]:
+        observation, *_ = env.step(policy.action(observation))
+        np.testing.assert_allclose(env._run.loop.answer.qdd, qdd, rtol=0.0, atol=1e-4)
 
 
 def test_an_action_is_an_acceleration() -> None:

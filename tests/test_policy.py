@@ -107,10 +107,12 @@ def test_it_is_made_by_name_and_says_what_it_uses(tmp_path: Path) -> None:
     np.testing.assert_array_equal(run.q, simulate(scene(), policy).q)
 
 
-def test_it_stays_in_the_box_of_known_limits(tmp_path: Path) -> None:
-    setup = scene(limits={"acceleration": 2.0})
-    _, _, command = at_start(Policy(weights=weights(tmp_path, scale=100.0)), setup)
-    np.testing.assert_allclose(np.abs(command.qdd), 2.0, rtol=1e-9)
+@pytest.mark.parametrize(("limit", "law", "greatest"), [(2.0, None, 2.0), (20.0, None, 20.0), (0.1, "tracking", 0.1)])
+def test_an_action_is_a_share_of_known_limits(limit: float, law: str | None, greatest: float, tmp_path: Path) -> None:
+    """Which no command leaves."""
+    setup = scene(limits={"acceleration": limit})
+    _, _, command = at_start(Policy(weights=weights(tmp_path, scale=100.0, law=law)), setup)
+    assert np.abs(command.qdd).max() == pytest.approx(greatest, rel=1e-9)
 
 
 def test_other_sizes_and_no_model_are_refused(tmp_path: Path) -> None:
