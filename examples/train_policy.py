@@ -25,12 +25,12 @@ parser.add_argument("--out", default="policy.npz")
 parser.add_argument("--family", default="planar-arm")
 parser.add_argument("--law", default="tracking", help="what the network adds to")
 parser.add_argument("--teacher", default="hierarchical-qp")
-parser.add_argument("--acceleration", type=float, default=20.0, help="the most that it adds [rad/s²]")
+parser.add_argument("--acceleration", type=float, default=10.0, help="the most that it adds [rad/s²]")
 parser.add_argument("--violation-weight", type=float, default=3.0)
-parser.add_argument("--scenes", type=int, default=60)
+parser.add_argument("--scenes", type=int, default=300)
 parser.add_argument("--held-out", type=int, default=50)
-parser.add_argument("--imitation", type=float, default=150.0, help="seconds of one core")
-parser.add_argument("--ppo", type=float, default=120.0, help="seconds of one core")
+parser.add_argument("--imitation", type=float, default=180.0, help="seconds of one core")
+parser.add_argument("--ppo", type=float, default=40.0, help="seconds of one core")
 parser.add_argument("--seed", type=int, default=0)
 given = parser.parse_args()
 
@@ -72,7 +72,7 @@ def imitate(policy, env):
     """Fit the network to what the teacher adds to the law, in the teacher's states at first, then in its own."""
     teacher, law, random = make_controller(given.teacher), make_controller(given.law), np.random.default_rng(given.seed)
     network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
-    adam, inputs, outputs = torch.optim.Adam(network.parameters()), [], []
+    adam, inputs, outputs = torch.optim.AdamW(network.parameters()), [], []
     begun, learned = time.process_time(), None
 
     def act(observation):
@@ -82,7 +82,7 @@ def imitate(policy, env):
         return outputs[-1] if learned is None else learned.action(observation)
 
     while (share := (time.process_time() - begun) / given.imitation) < 1.0:
-        few = random.choice(given.scenes, min(20, given.scenes), replace=False)
+        few = random.choice(given.scenes, min(40, given.scenes), replace=False)
         for scene in few if learned else range(given.scenes):
             episode(env, scene, act)
         x, y = (torch.as_tensor(np.array(each, dtype=np.float32)) for each in (inputs, outputs))
@@ -117,7 +117,7 @@ options |= {"acceleration": given.acceleration, "violation_weight": given.violat
 model = PPO(
     "MlpPolicy",
     make_vec_env(ServoEnv, n_envs=4, seed=given.seed, env_kwargs=options),
-    learning_rate=1e-4,
+    learning_rate=3e-5,
     n_steps=2048,
     batch_size=1024,
     n_epochs=5,

@@ -84,13 +84,13 @@ def test_it_is_the_simulation(changes: dict[str, Any]) -> None:
     env.reset()
     done, k = False, 0
     while not done:
-        x = env._run.loop.plant.x
+        x = env.run.loop.plant.x
         assert np.array_equal(x[:2], [run.q[k], run.qd[k]])
         _, _, terminated, truncated, info = env.step(np.zeros(len(x[0])))
         k, done = k + 1, terminated or truncated
     assert truncated == (k == len(run.t) - 1)
     assert info["t"] == run.t[k]
-    scale = env._run.loop.true.scale
+    scale = env.run.loop.true.scale
     assert info["violation"] == max(0.0, float((run.sigma[1 : k + 1] / scale).max()))
     # success is what the run is judged by, as soon as it is there
     setup = given.setup()
@@ -116,23 +116,23 @@ def test_a_policy_meets_what_it_was_trained_on(tmp_path: Path) -> None:
     observation, _ = env.reset()
     for qdd in run.qdd_command[:-1]:
         observation, *_ = env.step(policy.action(observation))
-        np.testing.assert_allclose(env._run.loop.answer.qdd, qdd, rtol=0.0, atol=1e-4)
+        np.testing.assert_allclose(env.run.loop.answer.qdd, qdd, rtol=0.0, atol=1e-4)
 
 
 def test_an_action_is_an_acceleration() -> None:
     """Against the double integrator by hand; beyond -1 and 1 it is cut."""
     env = ServoEnv(scenario(), acceleration=4.0)
     env.reset()
-    setup, q, qd = env._run.setup, env._run.setup.q0, env._run.setup.qd0
+    setup, q, qd = env.run.setup, env.run.setup.q0, env.run.setup.qd0
     for action in ([0.5, -0.25, 0.1], [2.0, -7.0, 0.0]):
         env.step(np.array(action))
         qdd = 4.0 * np.clip(action, -1.0, 1.0)
         q, qd = q + setup.Ts * qd + 0.5 * setup.Ts**2 * qdd, qd + setup.Ts * qdd
-        np.testing.assert_allclose(env._run.loop.plant.x[:2], [q, qd], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(env.run.loop.plant.x[:2], [q, qd], rtol=1e-12, atol=1e-14)
     limited = ServoEnv(scenario(limits={"acceleration": 3.0}), acceleration=4.0)
     limited.reset()
     limited.step(np.ones(3))
-    np.testing.assert_allclose(limited._run.loop.plant.x[1], setup.qd0 + setup.Ts * 3.0, rtol=1e-12)
+    np.testing.assert_allclose(limited.run.loop.plant.x[1], setup.qd0 + setup.Ts * 3.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("law", "action"), [("tracking", 0.0), (None, 0.5)])
@@ -148,7 +148,7 @@ def test_rewards_are_progress_less_violations(law: str | None, action: float) ->
     while not done:
         rewards = [env.step(np.full(3, action)) for env in (free, paid)]
         _, reward, terminated, truncated, info = rewards[0]
-        step = world.evaluate(info["t"], *free._run.loop.plant.x[:2])
+        step = world.evaluate(info["t"], *free.run.loop.plant.x[:2])
         outside = [x / s for x, s in zip(step.sigma, step.rows.scale, strict=True) if x > 0.0]
         error = np.linalg.norm(step.error)
         assert reward == pytest.approx((before - error) / first + info["success"], abs=1e-12)
@@ -163,7 +163,7 @@ def test_rewards_are_progress_less_violations(law: str | None, action: float) ->
 def test_an_observation_holds_rows_task_and_joints() -> None:
     env = ServoEnv("ur5-fov", acceleration=5.0)
     env.reset()
-    setup = env._run.setup
+    setup = env.run.setup
     a = np.full(6, setup.limits.acceleration)
     assert a[0] != 5.0
     low, high, speed = setup.scene.robot.ranges
@@ -171,7 +171,7 @@ def test_an_observation_holds_rows_task_and_joints() -> None:
     world = setup.world()
     world.evaluate(0.0, setup.q0, setup.qd0)
     observation, *_, info = env.step(np.array([0.1, -0.5, 0.2, 0.3, -0.1, 0.9]))
-    q, qd = env._run.loop.plant.x[:2]
+    q, qd = env.run.loop.plant.x[:2]
     step = world.evaluate(info["t"], q, qd)
     assert np.abs(step.rows.Lf).max() > 1e-3
     rows, J = step.rows, step.task.J * a

@@ -73,7 +73,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             setup.check_start()
             self._prepared[number] = Prepared(setup, self.law.factors)
         self._scene, prepared = number, self._prepared[number]
-        self._run = run = Run(prepared, self.law, whole=False, by_public_call=True)
+        self.run = run = Run(prepared, self.law, whole=False, by_public_call=True)
         setup, loop, self._violation = run.setup, run.loop, 0.0
         self._k, stage = run.run(0, 1, STEP)
         if prepared.bound is None or run.at_once == 1 or stage != LAW:
@@ -87,7 +87,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     def _look(self) -> None:
         """Take the observation and the error of a sample."""
-        loop = self._run.loop
+        loop = self.run.loop
         self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
         self._error = float(loop.task.error @ loop.task.error) ** 0.5
 
@@ -102,10 +102,10 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One sampling period; see the class."""
-        loop, k, before = self._run.loop, self._k, self._error
+        loop, k, before = self.run.loop, self._k, self._error
         qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
         loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
-        self._k, stage = self._run.run(k, k + 2, ALONE)
+        self._k, stage = self.run.run(k, k + 2, ALONE)
         if stage != LAW:
             return self._observation, -1.0, True, False, self._info(False)
         self._look()
@@ -113,13 +113,13 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         outside = (loop.true.sigma / loop.true.scale)[loop.true.sigma > 0.0]
         if outside.size:
             self._violation = max(self._violation, float(outside.max()))
-            reward -= self.violation_weight * self._run.setup.Ts * float((1.0 + np.minimum(outside, 1.0)).sum())
+            reward -= self.violation_weight * self.run.setup.Ts * float((1.0 + np.minimum(outside, 1.0)).sum())
         # sample k is the last one that is judged
         success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
-        return self._observation, reward + success, success, self._k + 1 >= self._run.setup.samples, self._info(success)
+        return self._observation, reward + success, success, self._k + 1 >= self.run.setup.samples, self._info(success)
 
     def _info(self, success: bool) -> dict[str, Any]:
-        t = self._k * self._run.setup.Ts
+        t = self._k * self.run.setup.Ts
         return {"scene": self._scene, "t": t, "violation": self._violation, "success": success}
 
 
