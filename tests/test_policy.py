@@ -17,7 +17,8 @@ from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.learning import Observer, Policy
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import Setup, simulate
+from vsconstraints.scenarios.families import Family
+from vsconstraints.simulation import Setup, score_run, simulate
 
 SIZE = 40  #: Of observations of the scene.
 FILTERED = {"demand": "barrier", "resolver": "filter", "alpha": 20.0}
@@ -93,6 +94,16 @@ def test_filtered_it_keeps_rows_that_it_violates(tmp_path: Path) -> None:
     least = [simulate(setup, Policy(weights=file, **options)).clearance.min() for options in ({}, FILTERED)]
     assert least[0] < -0.1
     assert least[1] > -1e-3
+
+
+def test_the_example_s_weights_arrive_in_scenes_they_were_not_trained_on() -> None:
+    file = str(Path(__file__).parents[1] / "examples" / "planar-arm-policy.npz")
+    family = Family.load("planar-arm")
+    setups = [family.scene(number, "held-out").setup() for number in (50, 51, 53, 54)]
+    for options in ({}, FILTERED):
+        runs = [score_run(setup, Policy(weights=file, **options)) for setup in setups]
+        assert sum(run.status == "converged" for run in runs) >= 3
+        assert not options or max(run.sigma_max.max() for run in runs) < 0.01
 
 
 def test_it_is_made_by_name_and_says_what_it_uses(tmp_path: Path) -> None:
