@@ -38,7 +38,7 @@ BUDGETS = {
     "control": Budget(965, 700),
     "simulation": Budget(2508, 2000),
     "scenarios": Budget(2101, 1800),
-    "learning": Budget(258, 250),
+    "learning": Budget(260, 260),
     "comparisons": Budget(6600, 4000),
     "reports": Budget(7254, 4000),
     "paper": Budget(3988, 2400),
@@ -48,7 +48,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(45959, 31_000)
+ALL = Budget(45961, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 308, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
