@@ -51,6 +51,7 @@ other_packages = (
     "collections",
     "contextlib",
     "enum",
+    "gymnasium",
     "inspect",
     "matplotlib",
     "msgspec",

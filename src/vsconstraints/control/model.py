@@ -69,6 +69,8 @@ class Model:
         (m,) of the rows [s], 0 of rows on φ itself.
     acceleration
         (n,) limit of |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none.
+    ranges
+        See :attr:`vsconstraints.robots.Robot.ranges`.
     task
         The visual task: its feature, goals and gains.
     labels
@@ -83,7 +85,7 @@ class Model:
         self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
         self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
         self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
-        self.step = self._own.bound()
+        self.ranges, self.step = of.scene.robot.ranges, self._own.bound()
         if estimate is not None:
             estimate.write(self._own.packed.step)
         if gradient_error is not None and self.step is not None:

@@ -21,6 +21,7 @@ _TABLES = ("pandas", "pyarrow")
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna")),
+    "gym": Extra("an environment of Gymnasium", ("gymnasium",)),
     "images": Extra("control by images", ("cv2", "pupil_apriltags")),
     "pandas": Extra("tables as data frames", ("pandas",)),
     "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),

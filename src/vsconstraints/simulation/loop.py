@@ -60,7 +60,7 @@ def simulate(
         remarks = setup.check_start()
     if prepared is None or prepared.factors != controller.factors:
         prepared = Prepared(setup, controller.factors)
-    run = _Run(prepared, controller, whole=True, by_public_call=by_public_call)
+    run = Run(prepared, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
     remarks = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
@@ -73,7 +73,7 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
     Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
     """
     remarks = setup.check_start()
-    run = _Run(Prepared(setup, controller.factors), controller, whole=False)
+    run = Run(Prepared(setup, controller.factors), controller, whole=False)
     run.to_the_end()
     scores = run.scores()
     return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
@@ -110,7 +110,7 @@ def until_settled(setup: Setup) -> Setup:
     return replace(setup, time_limit=limit) if limit > setup.duration else setup
 
 
-class _Run:
+class Run:
     """A controller and a robot: compiled code runs as far as it can, and returns to Python for the rest."""
 
     def __init__(

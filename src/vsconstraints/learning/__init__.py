@@ -1,0 +1,5 @@
+"""Learned laws: policies as controllers; scenes for Gymnasium are in :mod:`vsconstraints.learning.environment`."""
+
+from .policy import Observer, Policy
+
+__all__ = ["Observer", "Policy"]

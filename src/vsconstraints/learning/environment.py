@@ -1,0 +1,126 @@
+"""Scenes as an environment of Gymnasium."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ..compiled.samples import ALONE, LAW, STEP
+from ..controllers import Controller, Tracking, make_controller
+from ..errors import ConfigurationError
+from ..rows import Array
+from ..scenarios import Scenario
+from ..scenarios.families import Family, families
+from ..simulation import Prepared
+from ..simulation.loop import Run
+from .policy import ACCELERATION, Observer
+
+
+class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
+    """The closed loop of a simulation, compiled, in which an action is what a law would command.
+
+    The observation is that of :class:`.Observer`, of what the control believes. The action (n,) in [-1, 1] is q̈/a, or
+    with a ``law`` what is added to its q̈, by a. The reward of the step to sample k is
+
+        (‖e_{k−1}‖ − ‖e_k‖)/‖e_0‖ − w T_s Σ_{σ_i > 0} (1 + min(σ_i/s_i, 1)) + 1 at success,
+
+    with the task's error e and the rows' σ and s, and −1 at failure. ``terminated`` at success, the last goal reached
+    for as long as the tolerances say, and at failure, a state that cannot be evaluated, such as a marker behind the
+    camera: the observation is then the last one. ``truncated`` at the end of the duration. ``info`` has the ``scene``'s
+    number, the time ``t`` [s], ``violation``, the greatest σ/s so far, and ``success``. ``reset(seed=…)`` draws one of
+    the scenes, ``options={"scene": 3}`` names one; its noise is always the same. Raises ConfigurationError if a scene
+    is not compiled as a whole, or has not the sizes of the first one.
+
+    Parameters
+    ----------
+    scenes
+        A scenario, or a family of scenes, or the name of either.
+    half, condition, count
+        Of a family: the half that scenes are of, their condition, and how many there are, from number 0.
+    law
+        The law that actions are added to, or its name; None for none.
+    acceleration
+        a where the scene states no limit of q̈ [rad/s² or m/s²].
+    violation_weight
+        w [1/s].
+    """
+
+    def __init__(
+        self, scenes: str | Family | Scenario = "planar-arm", *, half: str = "training", condition: str = "nominal",
+        count: int = 100, law: str | Controller | None = None, acceleration: float = ACCELERATION,
+        violation_weight: float = 1.0,
+    ) -> None:  # fmt: skip
+        if isinstance(scenes, str):
+            scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
+        self.scenes, self.half, self.condition, self.count = scenes, half, condition, count
+        self.law, self.adds = make_controller(law) if isinstance(law, str) else law or Tracking(), law is not None
+        self.acceleration, self.violation_weight = acceleration, violation_weight
+        self._prepared: dict[int, Prepared] = {}
+        self._begin(0)
+        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, self._observation.shape, np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
+
+    def _begin(self, number: int) -> None:
+        """Go to the first sample of a scene."""
+        scenes = self.scenes
+        if number not in self._prepared:
+            if isinstance(scenes, Family):
+                setup = scenes.scene(number, self.half).setup(self.condition)
+            else:
+                setup = scenes.setup()
+            setup.check_start()
+            self._prepared[number] = Prepared(setup, self.law.factors)
+        self._scene, prepared = number, self._prepared[number]
+        self.run = run = Run(prepared, self.law, whole=False, by_public_call=True)
+        setup, loop, self._violation = run.setup, run.loop, 0.0
+        self._k, stage = run.run(0, 1, STEP)
+        if prepared.bound is None or run.at_once == 1 or stage != LAW:
+            raise ConfigurationError(f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy")
+        now, ranges = prepared.bound.now, setup.scene.robot.ranges
+        self.seen = now.rows, now.task
+        self._observer = Observer(loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration)
+        self._look()
+        self._unit, times = self._error or 1.0, (setup.goal_begins[-1], setup.tolerances.dwell_s)
+        self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
+
+    def _look(self) -> None:
+        """Take the observation and the error of a sample."""
+        loop = self.run.loop
+        self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
+        self._error = float(loop.task.error @ loop.task.error) ** 0.5
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; see the class."""
+        super().reset(seed=seed)
+        drawn = int(self.np_random.integers(self.count)) if isinstance(self.scenes, Family) else 0
+        self._begin((options or {}).get("scene", drawn))
+        if self._observation.shape != self.observation_space.shape:
+            raise ConfigurationError(f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0")
+        return self._observation, self._info(False)
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """One sampling period; see the class."""
+        loop, k, before = self.run.loop, self._k, self._error
+        qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
+        loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
+        self._k, stage = self.run.run(k, k + 2, ALONE)
+        if stage != LAW:
+            return self._observation, -1.0, True, False, self._info(False)
+        self._look()
+        reward = (before - self._error) / self._unit
+        outside = (loop.true.sigma / loop.true.scale)[loop.true.sigma > 0.0]
+        if outside.size:
+            self._violation = max(self._violation, float(outside.max()))
+            reward -= self.violation_weight * self.run.setup.Ts * float((1.0 + np.minimum(outside, 1.0)).sum())
+        # sample k is the last one that is judged
+        success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
+        return self._observation, reward + success, success, self._k + 1 >= self.run.setup.samples, self._info(success)
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        t = self._k * self.run.setup.Ts
+        return {"scene": self._scene, "t": t, "violation": self._violation, "success": success}
+
+
+gymnasium.register("vsconstraints/Servo-v0", entry_point=f"{__name__}:ServoEnv")

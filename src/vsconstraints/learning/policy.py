@@ -1,0 +1,129 @@
+"""A policy as a law: a small neural network gives q̈, and rows may filter it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ..controllers import Controller, Pair, make_controller
+from ..controllers.base import restart
+from ..controllers.ranges import positive_number
+from ..errors import ConfigurationError, InvalidInput
+from ..rows import Array, Command, Rows, Task
+
+ACCELERATION = 10.0  #: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
+LARGE = 1e30  #: Weights below cannot overflow.
+
+
+class Observer:
+    """What a policy sees of a sample with m rows, n joints and k features: 2 m + m n + k n + k + 2 n numbers.
+
+    φ/s, L_fφ/s and L_gφ a/s, with each row's ``scale`` s (m,); J a/‖J a‖ and b/‖J a‖; q from the middle of its range by
+    half of it, and q̇ by the greatest speed, both as they are where there is no limit. Matrices come row by row. Of each
+    number x it is x/(1 + |x|). ``action`` is a (n,): the limit of ``acceleration`` (n,), or ``otherwise`` where that is
+    infinite. For ``ranges`` see :attr:`vsconstraints.robots.Robot.ranges`.
+    """
+
+    def __init__(self, scale: Array, acceleration: Array, ranges: tuple[Array, Array, Array], otherwise: float) -> None:
+        low, high, speed = (np.where(np.isfinite(each), each, np.nan) for each in ranges)
+        self.action = np.where(np.isfinite(acceleration), acceleration, otherwise)
+        self._middle = np.nan_to_num(0.5 * (low + high))
+        half = np.where(high > low, 0.5 * (high - low), 1.0)
+        self._of_rows = np.concatenate((1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel()))
+        self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
+
+    def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
+        """The observation of rows and task at q and q̇ (n,)."""
+        of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
+        Ja = (task.J * self.action).ravel()
+        of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
+        x = np.concatenate((of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints))
+        return np.asarray(x / (1.0 + np.abs(x)))
+
+
+class Policy(Controller):
+    """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), with x and a of :class:`Observer`.
+
+    π is a network of layers W x + b with tanh between them, whose result is cut to [-1, 1]. It keeps no row by itself:
+    q̈ is the task of a demand and a resolver. With ``demand="barrier", resolver="filter"`` the command is the nearest to
+    q̈ that meets the barriers of all rows. Raises ConfigurationError if the file cannot be read, or an array lacks, has
+    the wrong shape, or a number that is not finite.
+
+    Parameters
+    ----------
+    weights
+        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the default, also
+        ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and ``law``, the name of that law.
+    demand, resolver, options
+        As of :class:`vsconstraints.controllers.laws.Pair`; no row counts if not given.
+    """
+
+    name = "policy"
+    model: Any = None
+
+    def __init__(self, *, weights: str, demand: str = "nothing", resolver: str = "priority", **options: Any) -> None:
+        self.weights, self.filter = weights, Pair(demand=demand, resolver=resolver, **options)
+        self.layers, self.otherwise, law = read_weights(Path(weights))
+        self.laws: list[Controller] = [self.filter, *([make_controller(law)] if law else [])]
+        self._observer: Observer | None = None
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """L_fφ, a model, for q and q̇, and what filter and law use."""
+        return tuple(dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses))))
+
+    def reset(self, period: float | None = None, model: Any = None) -> None:
+        """Begin again; see :class:`.Controller`."""
+        self.model, self._observer = model or self.model, None
+        for law in self.laws:
+            law.reset() if period is None else restart(law, period, lambda: self.model)
+
+    def action(self, x: Array) -> Array:
+        """π(x) of an observation."""
+        for W, b in self.layers[:-1]:
+            x = np.tanh(W @ x + b)
+        W, b = self.layers[-1]
+        return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class; InvalidInput without a model, and if the network is not of this scene's size."""
+        model, n = self.model, task.J.shape[1]
+        if model is None:
+            raise InvalidInput(f"{self.name} uses a model: tell it by reset(model=...) before the first command")
+        if self._observer is None:
+            self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
+        _, q, qd = model.present
+        x, sizes = self._observer(rows, task, q, qd), (self.layers[0][0].shape[1], len(self.layers[-1][1]))
+        if sizes != (len(x), n):
+            scene = f"{len(rows.phi)} rows, {n} joints and {len(task.b)} features"
+            raise InvalidInput(f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}")
+        qdd = self._observer.action * self.action(x)
+        for law in self.laws[1:]:
+            qdd += law.command(rows, task).qdd
+        return self.filter.command(rows, Task(np.eye(n), qdd))
+
+
+def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
+    """Layers (W, b), acceleration and the name of a law, or empty; raises as :class:`Policy`."""
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            arrays = dict(file)
+    except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile) as error:
+        raise ConfigurationError(f"{path}: no weights can be read: {error}") from error
+    law, acceleration = str(arrays.pop("law", "")), arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
+    names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
+    if {*arrays} != {name for pair in names for name in pair}:
+        raise ConfigurationError(f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}")
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
+            raise ConfigurationError(f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone")
+    size = arrays["W0"].shape[-1:]
+    for W, b in names:
+        if arrays[W].ndim != 2 or arrays[W].shape != (*arrays[b].shape, *size):
+            shapes = f"{W} and {b} have the shapes {arrays[W].shape} and {arrays[b].shape}"
+            raise ConfigurationError(f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)")
+        size = arrays[b].shape
+    return [(arrays[W], arrays[b]) for W, b in names], positive_number(f"acceleration in {path}", acceleration), law
