@@ -43,12 +43,12 @@ BUDGETS = {
     "reports": Budget(7231, 4000),
     "paper": Budget(3659, 2400),
     "arms": Budget(2162, 1300),
-    "cli": Budget(1400, 700),
+    "cli": Budget(1402, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(46531, 31_000)
+ALL = Budget(46533, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 312, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

@@ -17,6 +17,7 @@ from .terminal import NOTHING_DONE, console, errors, note_processes, progress
 _FOLDER = "Folder of a test set; the one that comes with the package if not given."
 _SECRET = "Draw as many other scenes in the same way, with a seed that nobody knows before."
 _ENTRY = "A law besides the default ones. Can be repeated."
+_LAWS = "A campaign file, whose laws are run instead of the default ones."
 _Folder = Annotated[Path | None, Argument(help=_FOLDER)]
 _Entries = Annotated[options.Names, Option(metavar="MODULE:CLASS", help=_ENTRY)]
 _Secret = Annotated[int | None, Option(min=0, metavar="SEED", help=_SECRET)]
@@ -28,6 +29,7 @@ _Share = Annotated[float, Option(min=0.0, max=1.0, help="Share of the scenes tha
 def run(
     folder: _Folder = None,
     half: options.Half = "held-out",
+    laws: Annotated[Path | None, Option(help=_LAWS)] = None,
     entry: _Entries = None,
     secret_seed: _Secret = None,
     family: options.Families = None,
@@ -43,11 +45,11 @@ def run(
 
     frozen = TestSet.load(folder or V1)
     chosen = frozen.chosen(family or (), half, scenes, secret_seed)
-    campaign = Campaign.load().changed(title=f"Test set {frozen.version}", **chosen)
-    laws = [each.name for each in campaign.controllers]
+    campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
+    names = [each.name for each in campaign.controllers]
     note_processes(jobs)
     run_campaign(
-        campaign.select(controllers=[*laws, *(entry or ())], settings=settings or ()),
+        campaign.select(controllers=[*names, *(entry or ())], settings=settings or ()),
         out,
         Plan(),
         nullcontext(processes(jobs)),
