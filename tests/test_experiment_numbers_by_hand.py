@@ -20,7 +20,7 @@ from vsconstraints.paper.claims.experiments import (
 )
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.summary import RunSummary
-from vsconstraints.paper.studies.unselected_experiments import EXPERIMENTS, compared
+from vsconstraints.paper.studies.unselected_experiments import compared
 from vsconstraints.paper.verdicts import NotMeasured
 
 OTHER = "fov[marker 3]"
@@ -311,5 +311,5 @@ def test_tracks_within_a_twentieth_of_the_image_are_very_similar(apart: float, s
         )
         for x in (0.0, apart)
     )  # fmt: skip
-    found = compared(EXPERIMENTS[0], wrong, exact)
+    found = compared("fov", wrong, exact)
     assert (found["track_px"], found["similar"]) == (apart, similar)

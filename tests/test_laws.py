@@ -36,6 +36,7 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.controllers.base import restart
 from vsconstraints.controllers.demands import ImplicitSwitchWithDrift, Nothing
+from vsconstraints.controllers.ranges import ROWS
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import formula
 from vsconstraints.formulas.row import Row
@@ -439,12 +440,12 @@ def test_demands_that_are_no_numbers_fail_by_name() -> None:
     assert (command.status, "'never' is not a number for row[0]" in command.reason) == ("failed", True)
 
 
-def ranges(demand: Demand) -> dict[str, tuple[float, float]]:
+def ranges(demand: Demand) -> dict[str, Any]:
     return dict(demand.ranges)
 
 
 @pytest.mark.parametrize("demand", [demand() for demand in DEMANDS], ids=lambda demand: demand.name)
 def test_every_parameter_has_a_range_that_holds_its_default(demand: Demand) -> None:
-    assert len(ranges(demand)) == len(demand.parameters)
-    for name, (low, high) in ranges(demand).items():
-        assert low <= getattr(demand, name) <= high
+    assert len({*ranges(demand)} - {*ROWS}) == len(demand.parameters)
+    for name, (low, high, *_) in ranges(demand).items():
+        assert low <= getattr(demand, name, 1.0) <= high  # factors on the scene's are 1 by default

@@ -395,6 +395,7 @@ def test_options_are_those_that_are_documented() -> None:
     assert (moving.speed, moving.margin, moving.influence, moving.horizon) == (2.0, 0.01, 0.3, None)
     assert {name: str(one) for name, one in law.ranges.items()} == {
         "horizon": "3–30", "block": "5–25", "approach": "1.5–10", "damping": "1e-08–0.0001",
+        "margin": "0–0.2",
     }  # fmt: skip
     whole = {name for name, one in law.ranges.items() if isinstance(one, Range) and one.integer}
     assert whole == {"horizon", "block"}
