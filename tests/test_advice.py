@@ -18,7 +18,17 @@ from campaigns import campaign
 from test_evidence import here
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.advice import COLUMNS, ENOUGH, SHIPPED, Situation, Study, advise, distance, similar
+from vsconstraints.comparisons.advice import (
+    COLUMNS,
+    ENOUGH,
+    SHIPPED,
+    Judged,
+    Situation,
+    Study,
+    advise,
+    distance,
+    similar,
+)
 from vsconstraints.comparisons.evidence import Evidence, Plan, collect, parquet
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
@@ -82,16 +92,22 @@ def test_what_may_be_used_narrows_the_choice() -> None:
         advise(study({"predictive": share(95)}), LIKE, ["rows"])
 
 
+def spread(laws: Sequence[Judged]) -> float:
+    shares = [law.success.share for law in laws]
+    return max(shares) - min(shares)
+
+
 @pytest.mark.parametrize("name", ["ur5-fov", "moving-target-unknown", "example-2d-fov"])
 def test_advice_falls_with_the_runs_that_it_rests_on(name: str) -> None:
     shipped, situation = Study.load(), Situation.of(Scenario.load(name))
-    best = advise(shipped, situation).laws[0]
+    best = (laws := advise(shipped, situation).laws)[0]
     own = shipped.runs["controller"] == best.law.name
     failing = replace(shipped, runs=shipped.runs.assign(success=shipped.runs["success"] & ~own))
     assert taken(failing, situation) != best.law.name
     mixed = np.random.default_rng(0).permutation(shipped.runs["success"])
     shuffled = advise(replace(shipped, runs=shipped.runs.assign(success=mixed)), situation).laws
-    assert max(law.success.share for law in shuffled) < best.success.share
+    # nothing then tells laws apart, though scenes may be easier than those that the advice rests on
+    assert spread(shuffled) < spread(laws)
 
 
 def test_scenes_like_one_are_the_nearest_and_count_once() -> None:
