@@ -63,7 +63,7 @@ PROFILES = Figure(
 )
 
 #: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
-NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.0
+NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
 
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
