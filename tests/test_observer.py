@@ -185,7 +185,8 @@ def test_options_that_change_no_command_are_said_and_no_others(name: str, parts:
         ("predictive", {"K": 2.0, "observer": 0.1, "dead_time": 0.05}, "K"),
         ("goal-governor", {"observer": 0.1, "dead_time": 0.05}, "observer or dead_time"),
         ("goal-governor", {"observer": 0.1, "demand": "barrier"}, ""),
-        ("tracking", {"switching_gain": 2.0}, ""),
+        ("tracking", {"switching_gain": 2.0}, "switching_gain"),
+        ("hierarchical-qp", {"switching_gain": 2.0}, "switching_gain"),
         ("hierarchical-qp", {"K": 2.0, "observer": 0.1}, ""),
     ],
 )

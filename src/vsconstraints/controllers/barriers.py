@@ -22,7 +22,7 @@ class WithRate(Demand):
     alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
 
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
-    inert = GAINS
+    ignores = GAINS
 
     def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
         """See :class:`.Demand`."""
@@ -256,7 +256,7 @@ class HighOrderBarrier(Demand):
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
 
     name = "high-order-barrier"
-    uses, inert = ("sigma", "sigma_dot", "K", "Lf"), GAINS
+    uses, ignores = ("sigma", "sigma_dot", "K", "Lf"), GAINS
 
     @staticmethod
     def formula(row: Row, alpha: float, braking: float) -> Any:

@@ -35,7 +35,7 @@ class Controller(ABC):
 
     #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`; options of every law.
     factors: RowFactors = AS_THEY_ARE
-    #: Which options of every law, of ``K``, ``observer`` and ``dead_time``, change none of this one's commands.
+    #: Which options of every law, factors on rows and those of the observer, change none of this one's commands.
     ignores: tuple[str, ...] = ()
 
     def command(self, rows: Rows, task: Task) -> Command:

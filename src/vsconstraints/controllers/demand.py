@@ -50,7 +50,6 @@ class Demand(Part, ABC):
     #: Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
     #: tracking command exceeds c.
     everywhere: ClassVar[bool] = False
-    ignores: ClassVar[tuple[str, ...]] = ()  #: See :attr:`.Controller.ignores`.
     owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
     #: Whether rows that are φ itself, such as speeds, are judged one period ahead: by φ + T_s L_gφ q̈ of tracking, since
     #: a period of tracking may take them beyond their boundary before any law has seen it.

@@ -297,7 +297,7 @@ class PublishedFiras(Demand):
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
     eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
 
-    name, uses, inert, ignores = "firas-published", ("sigma", "K"), GAINS, ("K", "observer")
+    name, uses, ignores = "firas-published", ("sigma", "K"), ("K", "observer", *GAINS)
     relative, everywhere = True, True
 
     @staticmethod
@@ -315,7 +315,7 @@ class PublishedFiras(Demand):
 class Nothing(Demand):
     """No row demands anything."""
 
-    name, everywhere, inert, ignores = "nothing", True, tuple(ROWS), ("K", "observer", "dead_time")
+    name, everywhere, ignores = "nothing", True, (*ROWS, "observer", "dead_time")
 
     @staticmethod
     def formula(row: Row) -> Any:

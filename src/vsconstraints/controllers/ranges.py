@@ -145,13 +145,13 @@ class Part:
     """A demand or resolver: a frozen dataclass whose fields are options, with :attr:`ranges` of search by option."""
 
     ranges: ClassVar[Mapping[str, Declared]] = {}
-    inert: ClassVar[tuple[str, ...]] = ()  #: Options with a range that change nothing here.
+    ignores: ClassVar[tuple[str, ...]] = ()  #: See :attr:`.Controller.ignores`; of these no range is searched.
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         own = {key: each.metadata.get("range") for key, each in vars(cls).items() if isinstance(each, Field)}
         ranges = {**super(cls, cls).ranges, **own, **vars(cls).get("ranges", {})}  # type: ignore[misc]
-        cls.ranges = {key: search for key, search in ranges.items() if search is not None and key not in cls.inert}
+        cls.ranges = {key: search for key, search in ranges.items() if search is not None and key not in cls.ignores}
 
 
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
