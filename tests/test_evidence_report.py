@@ -230,7 +230,7 @@ def test_training_scenes_are_never_passed_off_as_held_out(tmp_path: Path) -> Non
 
 def test_the_example_script_recomputes_every_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On made-up runs that bring about sentences of nearly every kind."""
-    runs = drawn_runs(RATES, ["planar-arm", "ur5"], 60, alike=0.8)
+    runs = drawn_runs(RATES, ["planar-arm", "ur5", "panda", "six-axis"], 60, alike=0.8)
     broken = runs[runs["controller"] == "sliding-mode"].assign(controller="broken", **FAILING)
     astray = runs["controller"].eq("tracking") & runs["condition"].eq("disturbed")
     runs.loc[astray, "status"] = "unfinished"
@@ -244,7 +244,17 @@ def test_the_example_script_recomputes_every_claim(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(sys, "argv", ["recompute_claims.py", str(tmp_path)])
     names = runpy.run_path(str(ROOT / "examples" / "recompute_claims.py"))
     kinds = {claim["about"] for claim in names["claims"]["sentences"]}
-    assert kinds >= {"best", "without L_fφ", "calmest", "violations", "turned", "tuned", "nowhere", "attainable"}
+    assert kinds >= {
+        "best",
+        "without L_fφ",
+        "calmest",
+        "violations",
+        "turned",
+        "tuned",
+        "nowhere",
+        "attainable",
+        "across",
+    }
 
 
 def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:

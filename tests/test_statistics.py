@@ -7,6 +7,9 @@ import math
 import numpy as np
 import pytest
 import scikit_posthocs
+import scipy.integrate
+import scipy.optimize
+import scipy.special
 import scipy.stats
 import statsmodels.stats.contingency_tables as contingency
 import statsmodels.stats.descriptivestats as descriptive
@@ -16,9 +19,11 @@ from hypothesis import strategies as st
 
 from vsconstraints.comparisons.statistics import (
     Rate,
+    across_families,
     detectable,
     difference_interval,
     distinguishable,
+    left_out_ranks,
     mcnemar,
     median,
     paired,
@@ -440,3 +445,74 @@ def test_a_rate_of_nothing() -> None:
     assert math.isnan(rate([]).share)
     assert mcnemar([], []).p == 1.0
     assert np.all(profile(np.empty((0, 2))).share([1.0]) == 0.0)
+
+
+def likelihood(mean: float, spread: float, counts: list[int], of: list[int]) -> float:
+    """Of mixed logistic regression, by quadrature."""
+
+    def family(count: int, scenes: int) -> float:
+        def at(z: float) -> float:
+            rate = scipy.special.expit(mean + spread * z)
+            return float(scipy.stats.binom.pmf(count, scenes, rate) * scipy.stats.norm.pdf(z))
+
+        near = (scipy.special.logit((count + 0.5) / (scenes + 1.0)) - mean) / spread
+        return float(scipy.integrate.quad(at, -9.0, 9.0, points=[np.clip(near, -8.0, 8.0)], limit=200)[0])
+
+    return sum(math.log(family(*each)) for each in zip(counts, of, strict=True))
+
+
+def rate_of_families(mean: float, spread: float) -> float:
+    """The mean rate of all families."""
+    density = scipy.stats.norm.pdf
+    return float(scipy.integrate.quad(lambda z: scipy.special.expit(mean + spread * z) * density(z), -9.0, 9.0)[0])
+
+
+def test_families_as_random_effects_against_quadrature() -> None:
+    """The greatest likelihood, and that the ends of the interval are as much less likely as the F quantile says."""
+    counts, of = [58, 90, 80, 40, 99, 70, 93], [100, 100, 120, 60, 100, 100, 100]
+    found = scipy.optimize.minimize(
+        lambda x: -likelihood(x[0], math.exp(x[1]), counts, of), [1.0, 0.0], method="Nelder-Mead"
+    )
+    (across,) = across_families([counts], [of])
+    assert across.share == pytest.approx(rate_of_families(found.x[0], math.exp(found.x[1])), abs=0.01)
+    assert across.spread == pytest.approx(math.exp(found.x[1]), rel=0.15)  # on a grid of factors of 1.24
+    drop = scipy.stats.t.ppf(0.975, len(of) - 1) ** 2 / 2.0
+    for end in (across.low, across.high):
+
+        def with_share(log_spread: float, share: float = end) -> float:
+            spread = math.exp(log_spread)
+            mean = scipy.optimize.brentq(lambda m: rate_of_families(m, spread) - share, -9.0, 9.0)
+            return -likelihood(mean, spread, counts, of)
+
+        best = scipy.optimize.minimize_scalar(with_share, bounds=(-2.0, 1.5), method="bounded")
+        assert best.fun - found.fun == pytest.approx(drop, abs=0.15)
+
+
+def test_a_law_that_is_better_in_one_family_alone_is_not_better_in_a_further_one() -> None:
+    """One that is a little better in all of them is: what counts is that families agree."""
+    once, always = across_families([[60, 0, 1, 0, 1, 0, 1], [20] * 7], [[60, 2, 2, 2, 2, 2, 2], [25] * 7])
+    assert once.low < 0.5 < always.low
+    assert mcnemar([True] * 63 + [False] * 9, [False] * 63 + [True] * 9).low > 0.0  # as one list of scenes it is
+
+
+def test_what_never_or_always_happens_in_any_family() -> None:
+    """The ends of the grid stand for rates of zero and one."""
+    never, always = across_families([[0] * 5, [50] * 5], [[50] * 5, [50] * 5])
+    assert (never.share, never.low, always.share, always.high) == (0.0, 0.0, 1.0, 1.0)
+    assert 0.01 < never.high < 0.3
+    assert always.low == pytest.approx(1.0 - never.high)
+
+
+@pytest.mark.parametrize(("counts", "of"), [([[1.0]], [[2.0]]), ([[3, 1]], [[2, 2]]), ([[1, 1]], [[2, 2, 2]])])
+def test_counts_of_families_that_are_none(counts: list[list[float]], of: list[list[float]]) -> None:
+    """More successes than scenes, other families, or only one."""
+    with pytest.raises(InvalidInput, match="counts"):
+        across_families(counts, of)
+
+
+def test_ranks_with_a_family_left_out() -> None:
+    """The second law is first only because of the last family."""
+    rates = np.array([[0.9, 0.8, 0.8], [0.9, 0.8, 0.8], [0.1, 0.9, 0.1]])
+    assert left_out_ranks(rates).tolist() == [[2, 1, 3], [2, 1, 3], [1, 2, 2]]
+    with pytest.raises(InvalidInput, match="left out"):
+        left_out_ranks(rates[:1])

@@ -3,6 +3,7 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
+from .families import Across, across_families, left_out_ranks
 from .judged import LAW, OUTCOMES, SCENE, Verdict, distinguishable, judged_metrics, simultaneous, verdict
 from .ranking import Profile, Ranks, profile, ranks
 from .rates import (
@@ -25,6 +26,7 @@ __all__ = [
     "LAW",
     "OUTCOMES",
     "SCENE",
+    "Across",
     "Median",
     "Paired",
     "PairedRates",
@@ -32,12 +34,14 @@ __all__ = [
     "Ranks",
     "Rate",
     "Verdict",
+    "across_families",
     "compare_laws",
     "costs",
     "detectable",
     "difference_interval",
     "distinguishable",
     "judged_metrics",
+    "left_out_ranks",
     "mcnemar",
     "median",
     "medians",

@@ -18,6 +18,7 @@ from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
 from . import tables
+from .across import across_findings, across_table
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
 from .figures import BUDGETS, CRITICAL_DIFFERENCE, PROFILES, Diagram, Panel
@@ -41,7 +42,7 @@ DEFINED = (
 PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
 ACROSS = ("turned", "tuned", "nowhere")  #: Kinds of findings on several conditions, each a line of its own.
 #: Kinds of findings not in the line of a condition: those across conditions, and those that a table shows.
-HIDDEN = (*ACROSS, "holds", "tolerant", "violations")
+HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
 OnWritten = Callable[[int, int], None]  #: Called with how many parts of a report are there, and how many there will be.
 
 
@@ -127,7 +128,8 @@ def claims_of(dataset: Dataset) -> Claims:
         return Claims()
     gain = tuning_gain(dataset)
     every = [finding for own in by_condition.values() for finding in own]
-    every += [*reversals(dataset), *robustness_findings(dataset), *([gain] if gain else []), *always_failing(dataset)]
+    every += [*reversals(dataset), *robustness_findings(dataset), *across_findings(dataset)]
+    every += [*([gain] if gain else []), *always_failing(dataset)]
     rankings = _rankings(dataset)
     laws = dict.fromkeys((*rankings[0].laws, *dataset.laws))
     return Claims(tuple(every), tuple(tables.headline_numbers(dataset, rankings, law) for law in laws))
@@ -147,6 +149,8 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
         "claims": claims,
         "rankings": rankings,
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
+        "across": across_table(dataset),
+        "across_sentences": [one.text for one in claims.findings if one.about == "across"],
         "power": power_table(dataset),
         "conclusions": conclusion_tables(dataset),
     }

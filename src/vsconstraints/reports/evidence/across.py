@@ -1,0 +1,105 @@
+"""What holds beyond the families that were run: families as random effects, and each left out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from ...comparisons.statistics import across_families, left_out_ranks, simultaneous
+from ...rows import Array
+from ..markdown import Table, bold
+from .dataset import Dataset
+from .findings import Finding, text_of
+from .ranking import Share, condition_text, ranking
+
+FEWEST = 4  #: Families from which on a spread between families can be told.
+
+
+class Beyond(NamedTuple):
+    """Laws in a condition, the most successful first; ``ranks`` (families, laws) are with one family left out.
+
+    ``shares`` are success in a family like those that were run, ``behind`` the laws that succeed less often there than
+    the first one.
+    """
+
+    condition: str
+    laws: tuple[str, ...]
+    shares: dict[str, Share]
+    behind: frozenset[str]
+    ranks: Array
+
+    def cell(self, law: str) -> str:
+        """Success in a family like these; bold if only the first one is not behind, ≈ where several are not."""
+        text = self.shares[law].cell
+        if law in self.behind or len(self.laws) < 2:
+            return text
+        return bold(text) if len(self.behind) == len(self.laws) - 1 else f"≈ {text}"
+
+    def rank(self, law: str) -> str:
+        """The ranks that it has, whichever family is left out."""
+        own = self.ranks[:, self.laws.index(law)]
+        low, high = int(own.min()), int(own.max())
+        return f"{low}" if low == high else f"{low}–{high}"
+
+    @property
+    def stays(self) -> int:
+        """With how many families left out the first law is still the most successful."""
+        return int((self.ranks[:, 0] == 1).sum())
+
+
+def beyond(dataset: Dataset) -> list[Beyond]:
+    """Of each condition that has :data:`FEWEST` families or more."""
+    each = (_beyond(dataset, condition) for condition in dataset.conditions)
+    return dataset.once("beyond", lambda: [one for one in each if one is not None])
+
+
+def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
+    laws = ranking(dataset, condition).laws
+    success = dataset.paired(condition, "success").astype(bool)[list(laws)]
+    groups = success.groupby(level="family", observed=True)
+    if len(groups) < FEWEST:
+        return None
+    own = groups.sum().T.to_numpy()
+    of = groups.size().to_numpy() + 0 * own
+    shares = dict(zip(laws, (Share(*one[:3]) for one in across_families(own, of)), strict=True))
+    behind = set()
+    if len(laws) > 1:
+        # against the most successful one, which is known from these scenes: corrected for all pairs
+        only, differ = (
+            _counts(success, laws[1:], lambda first, other: first & ~other),
+            _counts(success, laws[1:], lambda first, other: first ^ other),
+        )
+        pairs = across_families(only, differ, simultaneous(0.95, len(list(combinations(laws, 2)))))
+        behind = {law for law, pair in zip(laws[1:], pairs, strict=True) if pair.low > 0.5}
+    return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
+
+
+def _counts(success: Any, others: Sequence[str], flag: Any) -> Array:
+    """(others, families) how often a flag of the first law and another one is set."""
+    first = success.iloc[:, 0]
+    flags = success[list(others)].apply(lambda other: flag(first, other))
+    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
+    return counts
+
+
+def across_table(dataset: Dataset) -> Table:
+    """Success in a family like these, condition by condition, and ranks in the first with one family left out."""
+    every = beyond(dataset)
+    if not every:
+        return Table([], [])
+    first, words = every[0], (condition_text(one.condition, inside=True) for one in every)
+    lines = [[law, *(one.cell(law) if law in one.laws else "" for one in every), first.rank(law)] for law in first.laws]
+    return Table(["law", *(f"{text} [%]" for text in words), "rank, one family left out"], lines)
+
+
+def across_findings(dataset: Dataset) -> list[Finding]:
+    """The most successful law of each condition in a family like these, and whether it hangs on one of them."""
+    several = []
+    for one in beyond(dataset):
+        leader, families = one.laws[0], len(one.ranks)
+        share = one.shares[leader]
+        text = text_of("across", begin=condition_text(one.condition), leader=leader, share=share, one=one)
+        numbers = {**share.numbers("success", law=leader), "families": families, "stays": one.stays}
+        several.append(Finding(text, "across", one.condition, (leader,), numbers))
+    return several
