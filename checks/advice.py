@@ -17,8 +17,9 @@ from typing import Any
 
 import pandas as pd
 
-from vsconstraints.comparisons.advice import MARGIN, SHIPPED, Advice, Situation, Study, advise
+from vsconstraints.comparisons.advice import MARGIN, Advice, advise
 from vsconstraints.comparisons.statistics import mcnemar
+from vsconstraints.comparisons.study import SHIPPED, Situation, Study
 
 ADVICE, ALWAYS = "advice", "always the same law"
 RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}

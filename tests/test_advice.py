@@ -22,19 +22,10 @@ from campaigns import campaign
 from test_evidence import here
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.advice import (
-    COLUMNS,
-    ENOUGH,
-    SHIPPED,
-    Judged,
-    Situation,
-    Study,
-    advise,
-    distance,
-    similar,
-)
+from vsconstraints.comparisons.advice import ENOUGH, Judged, advise, distance, similar
 from vsconstraints.comparisons.evidence import Evidence, Plan, collect, parquet
 from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.study import COLUMNS, SHIPPED, Situation, Study
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.scenarios.families import Family
@@ -49,7 +40,9 @@ def study(success: Mapping[str, Sequence[bool]], *situations: Situation) -> Stud
         for scene, flag in enumerate(flags):
             situation = vars(situations[scene] if situations else LIKE)
             key = {"family": "a", "condition": "nominal", "half": "held-out", "scene": scene, "controller": law}
-            results = {"success": flag, "tolerant_success": True, "settling_time_s": 1.0, "call_us": 2.0}
+            results = {"success": flag, "tolerant_success": True, "call_us": 2.0, "settling_time_s": 1.0}
+            results |= {"status": "converged" if flag else "slow", "violated": "", "violation_fraction": 0.0}
+            results |= {"utilization": 1.0, "acceleration_variation": 1.0}
             lines.append({**key, **situation, "constraints": "; ".join(situation["constraints"]), **results})
     return Study(
         pd.DataFrame(lines)[[column.name for column in COLUMNS]], {law: ControllerSpec(law) for law in success}
@@ -226,15 +219,16 @@ def test_studies_that_cannot_be_used_are_refused_by_name(folder: Path, tmp_path:
     table = parquet.table(COLUMNS, runs.runs.to_dict("records"))
     laws = {name: {"type": law.law, **law.options} for name, law in runs.laws.items()}
     for lines, facts, why in (
-        (table, {"study": 2, "controllers": laws}, "its format is 2, not 1"),
-        (table, {"controllers": laws}, "its format is None, not 1"),
-        (table.slice(0, 0), {"study": 1, "controllers": laws}, "it is empty"),
-        (table, {"study": 1, "controllers": {**laws, "odd": {}}}, "the law odd is another version's"),
-        (table, {"study": 1, "controllers": {**laws, "sliding-mode": {"k": 3}}}, "'k'"),
-        (table.slice(1), {"study": 1, "controllers": laws}, "not every law has one run in each scene"),
-        (table.drop_columns("delay"), {"study": 1, "controllers": laws}, "no column 'delay'"),
+        (table, {"study": 1, "controllers": laws}, "its format is 1, not 2"),
+        (table.slice(0, 0), {"controllers": laws}, "it is empty"),
+        (table, {"controllers": {**laws, "odd": {}}}, "the law odd is another version's"),
+        (table, {"controllers": {**laws, "sliding-mode": {"k": 3}}}, "'k'"),
+        (table.slice(1), {"controllers": laws}, "not every law has one run in each scene"),
+        (table.drop_columns("delay"), {"controllers": laws}, "no column 'delay'"),
+        (table, {"study": None, "controllers": laws}, "its format is None, not 2"),
+        (table, {"controllers": laws, "frozen": None}, "says nothing of frozen"),
     ):
-        parquet.write(path, lines, facts)
+        parquet.write(path, lines, {"study": 2, "requires": {}, "frozen": {}, **facts})
         with pytest.raises(ConfigurationError, match=why) as refused:
             Study.load(path)
         assert str(path) in str(refused.value)

@@ -44,22 +44,23 @@ def advise(
 ) -> None:
     """Say which law to take for a scene, with settings, how sure that is, and what another choice loses."""
     demand("evidence", "advice")
-    from ..comparisons import advice
+    from ..comparisons.advice import advise as advice_for
+    from ..comparisons.study import SHIPPED, Situation, Study
     from ..scenarios import CONSTRAINTS, Scenario
 
     for kind in {*(rows or ())} - {*CONSTRAINTS}:
         raise unknown_name("type of constraints", kind, CONSTRAINTS)
     delay = None if latency_ms is None else latency_ms / 1e3
     types = tuple(sorted({*rows})) if rows else None
-    asked = advice.Situation(joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion)
+    asked = Situation(joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion)
     if scenario is not None:
         if asked.said:
             raise ConfigurationError(f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers")
-        asked = advice.Situation.of(Scenario.load(scenario))
+        asked = Situation.of(Scenario.load(scenario))
     elif not asked.said and keep is None:
         raise ConfigurationError("advise takes a scenario, or answers such as --joints 6 --latency-ms 30")
     with progress() as show:
-        runs = advice.Study.load(study or advice.SHIPPED, trust, lambda done, scenes: show("scenes", done, scenes))
+        runs = Study.load(study or SHIPPED, trust, lambda done, scenes: show("scenes", done, scenes))
     known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
     for word in {*(may_use or ())} - known:
         raise unknown_name("information", word, known)
@@ -67,7 +68,7 @@ def advise(
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
     if asked.said:
-        found = advice.advise(runs, asked, may_use or None)
+        found = advice_for(runs, asked, may_use or None)
         console.print(_json(found) if as_json else _text(found))
 
 

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from ..errors import ConfigurationError
+from ..plugins.extras import demand
 from . import options
 from .campaigns import run_campaign
 from .results import ReportOptions
@@ -24,6 +26,8 @@ _Secret = Annotated[int | None, Option(min=0, metavar="SEED", help=_SECRET)]
 _Most = Annotated[int | None, Option(min=1, help="How many of each family; all if not given.")]
 _Held = Annotated[int, Option(min=1, help="Held-out scenes of each family; a fifth as many for training.")]
 _Share = Annotated[float, Option(min=0.0, max=1.0, help="Share of the scenes that is drawn again and compared.")]
+_TABLES = "Tables that `advise --keep` has written, or folders of `testset run`."
+_Rerun = Annotated[float, Option(min=0.0, max=1.0, help="Share of the runs that is made again and compared.")]
 
 
 def run(
@@ -87,3 +91,34 @@ def make(
     with progress() as show:
         made = TestSet.make(out, [Family.load(name) for name in family or families()], version, counts, seed, show)
     console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
+
+
+def leaderboard(
+    tables: Annotated[list[Path], Argument(help=_TABLES)],
+    rerun: _Rerun = 0.0,
+    seed: options.Seed = 0,
+    trust: options.Trust = False,
+) -> None:
+    """Check tables of runs on all held-out scenes, and print their laws in order as a table in Markdown."""
+    demand("evidence", "the leaderboard")
+    from ..comparisons.rerun import differing
+    from ..comparisons.study import Study
+    from ..reports.leaderboard import leaderboard as board
+    from ..scenarios.families.frozen import TestSet
+
+    frozen, studies, problems = TestSet.load(), dict[str, Study](), list[str]()
+    with progress() as show:
+        for path in tables:
+            if path.stem in studies:
+                raise ConfigurationError(f"two tables are named {path.stem}, and laws are told apart by their names")
+            study = Study.load(path, trust, lambda done, scenes: show("scenes", done, scenes), own=True)
+            studies[path.stem] = study
+        text = board(studies, frozen)
+        families = {family.name: family for family in frozen.families}
+        for name, study in studies.items():
+            for difference, rounding in differing(study, families, rerun, seed, trust) if rerun else ():
+                errors.print(f"{'remark: rounding decides' if rounding else 'error:'} {name}: {difference}")
+                problems += [] if rounding else [difference]
+    if problems:
+        raise typer.Exit(NOTHING_DONE)
+    print(text)

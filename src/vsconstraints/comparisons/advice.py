@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, fields
-from functools import cached_property
-from pathlib import Path
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import __version__
-from ..errors import ConfigurationError, VsconstraintsError
-from ..scenarios import Scenario
-from .evidence import Evidence, parquet
-from .evidence.parquet import KEYS, Column, Kind
-from .runs.spec import BASELINE, ControllerSpec
-from .statistics import OUTCOMES, PairedRates, Rate, distinguishable, mcnemar, rate, simultaneous
+from ..errors import ConfigurationError
+from .runs.spec import ControllerSpec
+from .statistics import PairedRates, Rate, distinguishable, mcnemar, rate, simultaneous
+from .study import CONDITION, SCENE, Situation, Study
 
-SHIPPED = Path(__file__).with_name("study.parquet")  #: the study that comes with the package
-FORMAT = 1  #: of a study's table: another number is another version's
 ENOUGH = 20  #: scenes that advice rests on, where the study has them; all others together count as many
 MARGIN = 1.0  #: standard errors that a law which requires less may lose
 ALIKE, NEAR = 2.0, 4.0  #: factors between two numbers that are alike, and near
@@ -35,121 +27,7 @@ STEPS = (
 FAR = STEPS.index(("constraints", 2))  #: steps after which scenes are no longer like the one that is asked about
 
 
-@dataclass(frozen=True)
-class Situation:
-    """A scene in a condition, as laws meet it; None is what is not said, and is like anything."""
-
-    joints: int | None = None
-    feature: str | None = None
-    fixed_camera: bool | None = None  #: Fixed in space, not carried by the robot.
-    constraints: tuple[str, ...] | None = None  #: Their types, sorted.
-    sampling_time: float | None = None  #: T_s [s].
-    delay: float | None = None  #: How old an image is when it can be used [s].
-    noise: float | None = None  #: Standard deviation of a pixel coordinate [px].
-    unknown_motion: bool | None = None  #: Of the target or of something forbidden.
-    wrong_model: bool | None = None  #: Whether calibration, depths, gradients or actuation are not as believed.
-    limits: bool | None = None  #: Of accelerations.
-    mass: bool | None = None  #: Of the arm.
-    images: bool | None = None  #: Whether the control sees rendered images.
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> Situation:
-        """That of a scenario; raises what :meth:`.Scenario.setup` raises."""
-        setup = scenario.setup()
-        own, images = setup.disturbances, setup.images
-        types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
-        delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
-        unknown = setup.constraints.has_unknown_motion(setup.scene)
-        believed = own.intrinsics, own.distortion, own.mount, own.target, own.depth_factor != 1.0, own.gradient_error
-        wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
-        return cls(
-            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None, tuple(sorted(types)),
-            setup.Ts, delay, own.pixel_noise, unknown, wrong, setup.limits.any, setup.dynamics is not None,
-            images is not None,
-        )  # fmt: skip
-
-    @property
-    def said(self) -> dict[str, Any]:
-        """What is not None, by name."""
-        return {name: value for name, value in vars(self).items() if value is not None}
-
-
-SCENE, CONDITION = ["family", "scene"], "condition"  #: conditions of a scene are not independent of each other
-_KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
-_SITUATION = [Column(field.name, _KINDS.get(str(field.type).partition(" ")[0], "text")) for field in fields(Situation)]
-_RESULTS = Column("success", "flag"), Column("tolerant_success", "flag"), Column("call_us", "number")
-#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
-COLUMNS = (*KEYS, *_SITUATION, *_RESULTS, Column("settling_time_s", "number"))
-
-
-@dataclass(frozen=True)
-class Study:
-    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs have."""
-
-    runs: Any
-    laws: Mapping[str, ControllerSpec]
-
-    @classmethod
-    def load(cls, path: Path = SHIPPED, trust: bool = False, on_scene: Callable[[int, int], Any] = max) -> Study:
-        """A table that was kept, or a folder of ``vsconstraints evidence``, whose scenes are set up again.
-
-        Raises ConfigurationError that names what cannot be read, is another version's, or holds no run of a law.
-        """
-        facts = {} if path.is_dir() else parquet.facts_of(path)
-        if facts and (facts.get("study") != FORMAT or not isinstance(facts.get("controllers"), dict)):
-            why = f"its format is {facts.get('study')}, not {FORMAT}; --keep makes one of a folder of evidence"
-            raise ConfigurationError(f"{path} is no study of this version: {why}")
-        if facts:
-            runs, laws = parquet.read([path], COLUMNS).to_pandas(), facts["controllers"]
-        else:
-            runs, laws = _of_evidence(Evidence.load(path, trust), on_scene)
-        specs = {name: ControllerSpec(name, own.pop("type", name), own) for name, own in laws.items()}
-        for name, law in specs.items():
-            try:
-                law.make()
-            except VsconstraintsError as error:
-                raise ConfigurationError(f"{path}: the law {name} is another version's: {error}") from error
-        whole = runs.groupby([*SCENE, CONDITION])["controller"].agg(lambda own: sorted(own) == sorted(specs))
-        if not specs or not len(runs) or not whole.all():
-            why = "it is empty" if whole.all() else "not every law has one run in each scene"
-            raise ConfigurationError(f"{path} is no study of laws that come with the package: {why}")
-        return cls(runs, specs)
-
-    def keep(self, path: Path) -> None:
-        """Write the table, which :meth:`load` reads; raises OSError."""
-        laws = {name: {"type": law.law, **law.options} for name, law in self.laws.items()}
-        facts = {"study": FORMAT, "version": __version__, "controllers": laws}
-        parquet.write(path, parquet.table(COLUMNS, self.runs.to_dict("records")), facts)
-
-    @cached_property
-    def scenes(self) -> Any:
-        """A DataFrame with one line for each scene in each condition: its keys and its situation."""
-        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[[*SCENE, CONDITION, *vars(Situation())]]
-        return scenes.assign(constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]])
-
-
-def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> tuple[Any, dict[str, Any]]:
-    if (version := evidence.manifest.get("version")) != __version__:
-        why = f"is of version {version}, and scenes of {__version__} may be others: let that version --keep its table"
-        raise ConfigurationError(f"{evidence.folder} {why}")
-    laws = evidence.manifest["configuration"]["controllers"].items()
-    shipped = {name: dict(own) for name, own in laws if name != BASELINE and ":" not in own.get("type", name)}
-    runs, lines = evidence.runs[evidence.runs["controller"].isin(shipped)], []
-    runs = runs.assign(
-        success=OUTCOMES["success"].flag(runs),
-        tolerant_success=OUTCOMES["tolerant success"].flag(runs),
-        settling_time_s=runs["settling_time_s"].round(2),
-        call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
-    )
-    scenes = runs.groupby(SCENE, observed=True)
-    for done, ((family, number), own) in enumerate(scenes):
-        on_scene(done, len(scenes))
-        scene = evidence.drawn(family, number)
-        for condition, each in own.groupby(CONDITION, observed=True):
-            known = Situation.of(scene.scenario(condition)).said
-            known["constraints"] = "; ".join(known["constraints"])
-            lines += [{**line, **known} for line in each.to_dict("records")]
-    return parquet.table(COLUMNS, lines).to_pandas(), shipped
+_RESULTS = "success", "tolerant_success", "call_us"
 
 
 class Judged(NamedTuple):
@@ -229,7 +107,7 @@ def advise(
         raise ConfigurationError(f"no law of the study uses no more than {', '.join(sorted(may_use or ()))}")
     scenes, widened, reasons = similar(study.scenes, situation)
     runs, overall = study.runs.merge(scenes), study.runs.groupby("controller")["success"].mean()
-    good, tolerant, calls = (runs.pivot(index=SCENE, columns="controller", values=c.name) for c in _RESULTS)
+    good, tolerant, calls = (runs.pivot(index=SCENE, columns="controller", values=c) for c in _RESULTS)
     score = (good.sum() + ENOUGH * overall) / (len(good) + ENOUGH)
     names.sort(key=lambda name: -score[name])
     confidence, first = simultaneous(0.95, math.comb(len(names), 2)), names[0]

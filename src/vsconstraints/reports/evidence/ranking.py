@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...comparisons.statistics import Rate, compare_laws, distinguishable, mcnemar, rate, simultaneous
 from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
@@ -13,6 +13,9 @@ from ...rows.readable import counted
 from ..markdown import bold, enumeration, first_names, plain
 from ..numbers import DASH, number
 from .dataset import Dataset
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: What conditions are called at the beginning of a sentence.
 CONDITIONS = {
@@ -185,20 +188,21 @@ def ranking(
     dataset: Dataset, condition: str, column: str = "success", families: Sequence[str] | None = None
 ) -> Ranking:
     """How often a column is true for each controller, in the scenes of a condition that all of them ran."""
+    key = (condition, column, None if families is None else tuple(families))
+    return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
 
-    def ranked() -> Ranking:
-        flags = dataset.paired(condition, column, families).astype(bool)
-        arrays = {law: flags[law].to_numpy() for law in flags.columns}
-        # sorting keeps the order of equal ones
-        laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
-        pairs = list(combinations(laws, 2))
-        level = simultaneous(0.95, len(pairs))
-        differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
-        differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
-        shares = {law: Share.of(rate(arrays[law])) for law in laws}
-        return Ranking(condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0))))
 
-    return dataset.once((condition, column, None if families is None else tuple(families)), ranked)
+def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
+    """The same from one line per scene, whose index begins with its family, and one column per controller."""
+    arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
+    # sorting keeps the order of equal ones
+    laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
+    pairs = list(combinations(laws, 2))
+    level = simultaneous(0.95, len(pairs))
+    differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
+    differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
+    shares = {law: Share.of(rate(arrays[law])) for law in laws}
+    return Ranking(condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0))))
 
 
 class PairVerdict(NamedTuple):

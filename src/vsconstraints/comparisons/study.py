@@ -1,0 +1,189 @@
+"""A study: runs of laws with the situation that each was in, kept as one table that others can check and read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..errors import ConfigurationError, VsconstraintsError
+from ..scenarios import Scenario
+from ..scenarios.reading import Table
+from .evidence import Evidence, parquet
+from .evidence.parquet import KEYS, Column, Kind
+from .runs.spec import BASELINE, ControllerSpec
+from .statistics import OUTCOMES
+
+SHIPPED = Path(__file__).with_name("study.parquet")  #: the study that comes with the package
+FORMAT = 2  #: of a study's table: another number is another version's
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A scene in a condition, as laws meet it; None is what is not said, and is like anything."""
+
+    joints: int | None = None
+    feature: str | None = None
+    fixed_camera: bool | None = None  #: Fixed in space, not carried by the robot.
+    constraints: tuple[str, ...] | None = None  #: Their types, sorted.
+    sampling_time: float | None = None  #: T_s [s].
+    delay: float | None = None  #: How old an image is when it can be used [s].
+    noise: float | None = None  #: Standard deviation of a pixel coordinate [px].
+    unknown_motion: bool | None = None  #: Of the target or of something forbidden.
+    wrong_model: bool | None = None  #: Whether calibration, depths, gradients or actuation are not as believed.
+    limits: bool | None = None  #: Of accelerations.
+    mass: bool | None = None  #: Of the arm.
+    images: bool | None = None  #: Whether the control sees rendered images.
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Situation:
+        """That of a scenario; raises what :meth:`.Scenario.setup` raises."""
+        setup = scenario.setup()
+        own, images = setup.disturbances, setup.images
+        types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
+        delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
+        unknown = setup.constraints.has_unknown_motion(setup.scene)
+        believed = own.intrinsics, own.distortion, own.mount, own.target, own.depth_factor != 1.0, own.gradient_error
+        wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
+        return cls(
+            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None, tuple(sorted(types)),
+            setup.Ts, delay, own.pixel_noise, unknown, wrong, setup.limits.any, setup.dynamics is not None,
+            images is not None,
+        )  # fmt: skip
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What is not None, by name."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+SCENE, CONDITION = ["family", "scene"], "condition"  #: conditions of a scene are not independent of each other
+_KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
+_SITUATION = [Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text")) for each in fields(Situation)]
+#: What came of a run, the same wherever it is made again; see ``results.csv``.
+OUTCOME = (
+    Column("status", "text", category=True),
+    Column("violated", "text"),
+    Column("violation_fraction", "number"),
+    Column("settling_time_s", "number"),
+    Column("utilization", "number"),
+    Column("acceleration_variation", "number"),
+)
+#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
+COLUMNS = (
+    *KEYS,
+    *_SITUATION,
+    Column("success", "flag"),
+    Column("tolerant_success", "flag"),
+    Column("call_us", "number"),
+    *OUTCOME,
+)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs have.
+
+    ``requires`` says what each uses beside rows and task (:attr:`.Controller.uses`), None for an own one whose code was
+    not trusted; ``frozen`` says of each family of a test set the seed and the hash of its scenes, by half.
+    """
+
+    runs: Any
+    laws: Mapping[str, ControllerSpec]
+    requires: Mapping[str, Sequence[str] | None] = field(default_factory=dict)
+    frozen: Mapping[str, Table] = field(default_factory=dict)
+
+    @classmethod
+    def load(
+        cls, path: Path = SHIPPED, trust: bool = False, on_scene: Callable[[int, int], Any] = max, own: bool = False
+    ) -> Study:
+        """A table that was kept, or a folder of ``vsconstraints evidence``, whose scenes are set up again.
+
+        Laws that do not come with the package are left out unless ``own``; their code is never imported. Raises
+        ConfigurationError that names what cannot be read, is another version's, or holds no run of a law.
+        """
+        if path.is_dir():
+            study = _of_evidence(Evidence.load(path, trust), on_scene)
+        else:
+            facts = parquet.facts_of(path)
+            missing = [name for name in _FACTS if not isinstance(facts.get(name), dict)]
+            if (there := facts.get("study")) != FORMAT or missing:
+                why = f"says nothing of {missing[0]}" if there == FORMAT else f"its format is {there}, not {FORMAT}"
+                raise ConfigurationError(
+                    f"{path} is no study of this version: {why}; --keep makes one of a folder of evidence"
+                )
+            laws = {
+                name: ControllerSpec(name, own.pop("type", name), own) for name, own in facts["controllers"].items()
+            }
+            study = cls(parquet.read([path], COLUMNS).to_pandas(), laws, facts["requires"], facts["frozen"])
+        if not own:
+            laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
+            study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
+        for name, law in study.laws.items():
+            try:
+                if ":" not in law.law:
+                    law.make()
+            except VsconstraintsError as error:
+                raise ConfigurationError(f"{path}: the law {name} is another version's: {error}") from error
+        names = sorted(study.laws)
+        whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(lambda own: sorted(own) == names)
+        if not names or not len(study.runs) or not whole.all():
+            why = "it is empty" if whole.all() else "not every law has one run in each scene"
+            raise ConfigurationError(f"{path} is no study of laws that come with the package: {why}")
+        return study
+
+    def keep(self, path: Path) -> None:
+        """Write the table, which :meth:`load` reads; raises OSError."""
+        laws = {name: {"type": law.law, **law.options} for name, law in self.laws.items()}
+        facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
+        lines = parquet.table(COLUMNS, self.runs.to_dict("records"))
+        parquet.write(path, lines, {"study": FORMAT, "version": __version__, **facts})
+
+    @cached_property
+    def scenes(self) -> Any:
+        """A DataFrame with one line for each scene in each condition: its keys and its situation."""
+        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[[*SCENE, CONDITION, *vars(Situation())]]
+        return scenes.assign(constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]])
+
+
+_FACTS = "controllers", "requires", "frozen"
+
+
+def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
+    """From their options by name, without tracking alone."""
+    options = {name: {key: value for key, value in own.items() if key != "type"} for name, own in entries.items()}
+    laws = {name: ControllerSpec(name, entries[name].get("type", name), own) for name, own in options.items()}
+    return {name: law for name, law in laws.items() if name != BASELINE}
+
+
+def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
+    if (version := evidence.manifest.get("version")) != __version__:
+        why = f"is of version {version}, and scenes of {__version__} may be others: let that version --keep its table"
+        raise ConfigurationError(f"{evidence.folder} {why}")
+    configuration = evidence.manifest["configuration"]
+    laws = _laws(configuration["controllers"])
+    known = {name: law for name, law in laws.items() if evidence.trusted or ":" not in law.law}
+    frozen = {
+        name: family["tables"]["frozen"][configuration["half"]]
+        for name, family in configuration["families"].items()
+        if "frozen" in family["tables"]
+    }
+    runs, lines = evidence.runs[evidence.runs["controller"].isin(laws)], []
+    runs = runs.assign(
+        success=OUTCOMES["success"].flag(runs),
+        tolerant_success=OUTCOMES["tolerant success"].flag(runs),
+        call_us=[float(f"{each:.2g}") for each in runs["step_time_median_us"]],
+    )
+    scenes = runs.groupby(SCENE, observed=True)
+    for done, ((family, number), own) in enumerate(scenes):
+        on_scene(done, len(scenes))
+        scene = evidence.drawn(family, number)
+        for condition, each in own.groupby(CONDITION, observed=True):
+            said = Situation.of(scene.scenario(condition)).said
+            said["constraints"] = "; ".join(said["constraints"])
+            lines += [{**line, **said} for line in each.to_dict("records")]
+    requires = {name: known[name].make().uses if name in known else None for name in laws}
+    return Study(parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen)

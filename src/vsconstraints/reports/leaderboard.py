@@ -1,0 +1,76 @@
+"""The leaderboard: laws of several tables on all held-out scenes of the test set, checked and put in order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from statistics import median
+
+import pandas as pd
+
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
+from ..comparisons.study import CONDITION, SCENE, Study
+from ..errors import ConfigurationError
+from ..scenarios.families.frozen import FILE, TestSet
+from .evidence.ranking import condition_text, ranked
+from .groups import information_text
+from .markdown import Table, plain
+from .numbers import number
+
+HALF, CONDITIONS = "held-out", ("nominal", "disturbed", "limited")  #: What every table has to have run.
+
+
+def demand_whole(study: Study, testset: TestSet, where: str) -> None:
+    """Raise ConfigurationError that names what a table has not run, or what contradicts itself in it."""
+    for family in testset.families:
+        file = FILE.format(family.name, HALF)
+        known, own = family.tables["frozen"][HALF], study.frozen.get(family.name, {})
+        if {key: own.get(key) for key in ("seed", "sha256")} != {key: known[key] for key in ("seed", "sha256")}:
+            raise ConfigurationError(f"{where}: {file} of test set {testset.version} is not what it has run")
+        for condition in (name for name in CONDITIONS if name in family.conditions):
+            runs = study.runs[(study.runs["family"] == family.name) & (study.runs[CONDITION] == condition)]
+            missing = len(testset.hashes[file]) - runs["scene"].nunique()
+            if missing:
+                raise ConfigurationError(f"{where}: {missing} {HALF} scenes of {family.name}, {condition}, are missing")
+    runs = study.runs.fillna({"violation_fraction": 0.0})  # of a run that failed at once
+    wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
+    wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (runs["violation_fraction"] <= TOLERANT)
+    wrong |= (runs["violated"] == "") != (runs["violation_fraction"] <= NEGLIGIBLE)
+    if wrong.any():
+        first = runs[wrong].iloc[0]
+        run = f"{first['family']} {first['scene']}, {first[CONDITION]}, {first['controller']}"
+        raise ConfigurationError(f"{where}: success, status and violations of {run} contradict each other")
+
+
+def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
+    """A table in Markdown, of which ``studies`` are those by the names of who made them.
+
+    Laws stand in the order of their success in all scenes of all conditions. Two of one name are told apart by who made
+    them. Raises ConfigurationError as :func:`demand_whole`.
+    """
+    parts, of = [], dict[str, tuple[str, Study, str]]()
+    for who, study in studies.items():
+        demand_whole(study, testset, who)
+        names = {law: law if law not in of else f"{law} ({who})" for law in study.laws}
+        of |= {name: (law, study, who) for law, name in names.items()}
+        parts.append(study.runs.assign(controller=study.runs["controller"].map(names)))
+    runs = pd.concat(parts)
+    runs = runs[runs[CONDITION].isin(CONDITIONS)]
+    by_condition = [
+        ranked(own.pivot(index=SCENE, columns="controller", values="success"), condition)
+        for condition, own in runs.groupby(CONDITION)
+    ]
+    by_condition.sort(key=lambda one: CONDITIONS.index(one.condition))
+    families = runs[runs[CONDITION] == "disturbed"].groupby(["controller", "family"])["success"].mean().unstack()
+    lines = []
+    for law in runs.groupby("controller")["success"].mean().sort_values(ascending=False, kind="stable").index:
+        name, study, who = of[law]
+        worst = families.loc[law]
+        call = median(study.runs[study.runs["controller"] == name]["call_us"].dropna().tolist() or [float("nan")])
+        cells = [one.cell(law) for one in by_condition]
+        hardest = f"{100.0 * worst.min():.0f} ({plain(worst.idxmin())})"
+        lines.append(
+            [plain(law), plain(who), information_text(study.requires.get(name)), *cells, hardest, number(call)]
+        )
+    titles = [f"{condition_text(one.condition, inside=True)} [%]" for one in by_condition]
+    header = ["law", "from", "required information", *titles, "hardest family, disturbed [%]", "call [µs]"]
+    return str(Table(header, lines, 3))

@@ -1,0 +1,133 @@
+"""The leaderboard: what it says follows the runs, and tables that are not what they say they are are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from test_evidence import here
+from test_testset import quiet
+from vsconstraints.comparisons.evidence import Campaign, Plan, collect
+from vsconstraints.comparisons.rerun import differing
+from vsconstraints.comparisons.study import Study
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.reports.leaderboard import leaderboard
+from vsconstraints.scenarios.families import Family
+from vsconstraints.scenarios.families.frozen import TestSet
+
+OWN = """
+from vsconstraints.controllers import HierarchicalQP
+
+class Mine(HierarchicalQP):
+    name = "mine"
+"""
+
+
+@pytest.fixture(scope="module")
+def frozen(tmp_path_factory: pytest.TempPathFactory) -> TestSet:
+    folder, counts = tmp_path_factory.mktemp("frozen"), {"training": 1, "held-out": 3}
+    return TestSet.make(folder, [Family.load("planar-arm")], "t", counts, 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def folder(frozen: TestSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of a law of one's own and of two that come with the package."""
+    folder, code = tmp_path_factory.mktemp("runs") / "runs", tmp_path_factory.mktemp("code") / "mine.py"
+    code.write_text(OWN)
+    campaign = Campaign.load(None).changed(**frozen.chosen((), "held-out", None, None))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(code.parent)
+        chosen = campaign.select(controllers=["sliding-mode", "hierarchical-qp", "mine:Mine"])
+        collect(chosen, folder, Plan(workers=here))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def study(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """As it is read from a table that was kept, without the own law's code."""
+    table = tmp_path_factory.mktemp("kept") / "table.parquet"
+    Study.load(folder, own=True).keep(table)
+    return Study.load(table, own=True)
+
+
+def changed(study: Study, run: int, **values: Any) -> Study:
+    runs = study.runs.copy()
+    for column, value in values.items():
+        runs.loc[run, column] = value
+    return replace(study, runs=runs)
+
+
+def only(study: Study, law: str) -> Study:
+    own = study.runs[study.runs["controller"] == law].reset_index(drop=True)
+    return replace(study, runs=own, laws={law: study.laws[law]})
+
+
+def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others(study: Study, frozen: TestSet) -> None:
+    lines = leaderboard({"a": study}, frozen).splitlines()[2:]
+    order = [line.split("|")[1].strip() for line in lines]
+    success = study.runs.groupby("controller")["success"].mean()
+    assert [success[law] for law in order] == sorted(success, reverse=True)
+    assert {*order} == {"sliding-mode", "hierarchical-qp", "mine"}
+    assert "see its code" in lines[order.index("mine")]
+    both = leaderboard({"a": study, "b": study}, frozen)
+    assert "mine (b)" in both
+    assert len(both.splitlines()) == 2 + 6
+    failing = study.runs.assign(success=False, status="slow", tolerant_success=False)
+    runs = study.runs.where(study.runs["controller"] == "sliding-mode", failing)
+    assert "| sliding-mode" in leaderboard({"a": replace(study, runs=runs)}, frozen).splitlines()[2]
+
+
+def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
+    assert {*Study.load(folder).laws} == {"sliding-mode", "hierarchical-qp"} == {*Study.load(folder).runs["controller"]}
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda own: replace(own, frozen={}), "planar-arm.held-out.* of test set t is not what it has run"),
+        (
+            lambda own: replace(own, frozen={"planar-arm": {**own.frozen["planar-arm"], "sha256": "0"}}),
+            "is not what it has run",
+        ),
+        (lambda own: replace(own, runs=own.runs[own.runs["scene"] > 0]), "1 held-out scenes of planar-arm, nominal"),
+        (lambda own: replace(own, runs=own.runs[own.runs["condition"] != "limited"]), "3 .* limited, are missing"),
+        (lambda own: changed(own, 0, status="slow", success=True), "contradict each other"),
+        (lambda own: changed(own, 0, violated="fov[marker 1]", violation_fraction=0.0), "contradict each other"),
+        (lambda own: changed(own, 0, violation_fraction=0.5, tolerant_success=True), "contradict each other"),
+    ],
+)
+def test_tables_that_cannot_be_compared_are_refused_by_name(
+    change: Any, why: str, study: Study, frozen: TestSet
+) -> None:
+    with pytest.raises(ConfigurationError, match=f"mine: .*{why}"):
+        leaderboard({"mine": change(study)}, frozen)
+
+
+def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(study: Study, frozen: TestSet) -> None:
+    families = {family.name: family for family in frozen.families}
+    shipped = only(study, "hierarchical-qp")
+    assert not [what for what, rounding in differing(shipped, families, 1.0) if not rounding]
+    known = shipped.runs.index[shipped.runs["settling_time_s"].notna()]
+    for value in (1.0 - 1e-8, 0.5):
+        forged = changed(shipped, known[0], settling_time_s=value * shipped.runs["settling_time_s"][known[0]])
+        (what, _), *more = differing(forged, families, 1.0)
+        assert "settling_time_s" in what
+        assert not more
+    forged = changed(shipped, 0, status="slow" if shipped.runs["status"][0] == "converged" else "converged")
+    assert [rounding for _, rounding in differing(forged, families, 1.0)] == [False]
+    with pytest.raises(ConfigurationError, match="mine:Mine"):
+        list(differing(only(study, "mine"), families, 1.0))
+
+
+def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
+    study: Study, frozen: TestSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a start that is moved by a thousandth instead of rounding, every run is decided by that."""
+    monkeypatch.setattr("vsconstraints.comparisons.rerun.NUDGE", 1e-3)
+    families = {family.name: family for family in frozen.families}
+    own = only(study, "sliding-mode")
+    forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
+    assert [rounding for _, rounding in differing(forged, families, 1.0)] == [True]
