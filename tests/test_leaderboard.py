@@ -131,3 +131,9 @@ def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     own = only(study, "sliding-mode")
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
     assert [rounding for _, rounding in differing(forged, families, 1.0)] == [True]
+
+
+def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "benchmark.md").read_text()
+    shown = page.partition("<!-- leaderboard -->")[2].partition("<!-- end -->")[0].strip()
+    assert shown == leaderboard({"vsconstraints": Study.load()}, TestSet.load())
