@@ -59,6 +59,7 @@ class Situation:
         own, images = setup.disturbances, setup.images
         types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
         delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
+        delay += own.command_delay
         unknown = setup.constraints.has_unknown_motion(setup.scene)
         believed = own.intrinsics, own.distortion, own.mount, own.target, own.depth_factor != 1.0, own.gradient_error
         wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
