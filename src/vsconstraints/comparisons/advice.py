@@ -104,7 +104,7 @@ class Study:
             runs, laws = parquet.read([path], COLUMNS).to_pandas(), facts["controllers"]
         else:
             runs, laws = _of_evidence(Evidence.load(path, trust), on_scene)
-        specs = {name: ControllerSpec(name, own.pop("type", name), own) for name, own in laws.items()}
+        specs = {name: ControllerSpec.from_table(name, own) for name, own in laws.items()}
         for name, law in specs.items():
             try:
                 law.make()
@@ -118,7 +118,7 @@ class Study:
 
     def keep(self, path: Path) -> None:
         """Write the table, which :meth:`load` reads; raises OSError."""
-        laws = {name: {"type": law.law, **law.options} for name, law in self.laws.items()}
+        laws = {name: law.table for name, law in self.laws.items()}
         facts = {"study": FORMAT, "version": __version__, "controllers": laws}
         parquet.write(path, parquet.table(COLUMNS, self.runs.to_dict("records")), facts)
 

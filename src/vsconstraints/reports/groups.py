@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..comparisons.suite import BASELINE
-from ..controllers import CONTROLLERS, make_controller
+from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import CONTROLLERS
 from ..controllers.demand import USES
 from .markdown import enumeration, plain
 from .numbers import number
@@ -46,7 +46,7 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
     kind = str(entry.get("type", name))
     if kind not in CONTROLLERS:
         return None
-    return make_controller(kind, {key: value for key, value in entry.items() if key != "type"}).uses
+    return ControllerSpec.from_table(name, entry).make().uses
 
 
 def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:

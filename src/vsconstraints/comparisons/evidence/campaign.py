@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def of_controllers(entries: Entries) -> Identity:
     for entry in entries:
         files = {f"file {path.name}": digest(path) for path in entry.files}
         packages = {f"package {name}": version for name, version in used_versions(entry.options).items()}
-        identity[entry.name] = plain({"type": entry.law, **entry.options, **files, **packages})
+        identity[entry.name] = plain({**entry.table, **files, **packages})
     return identity
 
 
@@ -167,6 +168,13 @@ class Campaign(Experiment):
                 raise ConfigurationError(
                     f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
                     f"{', '.join(family.conditions)}"
+                )
+        for entry, family in product(self.controllers, self.families):
+            heavy = [name for name in self.conditions_of(family) if entry.run.call_time and family.says("plant", name)]
+            if heavy:
+                raise ConfigurationError(
+                    f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "
+                    f"{family.name} has masses in {', '.join(heavy)}: choose other conditions"
                 )
         return self.with_baseline()
 
