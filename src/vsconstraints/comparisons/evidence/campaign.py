@@ -76,6 +76,7 @@ class Campaign(Experiment):
 
     ``question`` is what it is to answer, for reports. Scenes are of the ``half`` ``"held-out"`` or ``"training"``.
     Without ``conditions`` each family is run in all that it has; ``scenes_in`` limits the number of scenes in some.
+    ``call_times`` are :class:`.CallTimes` as data if the laws' commands are late by these.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Campaign(Experiment):
     half: str = "held-out"
     seed: int = 0
     scenes_in: Mapping[str, int] = field(default_factory=dict)
+    call_times: Mapping[str, Any] = field(default_factory=dict)
 
     whole_numbers = ("scenes", "seed")
     settings = (*whole_numbers, "half", "conditions", "scenes_in.CONDITION")
@@ -219,6 +221,7 @@ class Campaign(Experiment):
             "scenes_in": dict(self.scenes_in),
             "controllers": self.resolved_controllers(),
             "families": families,
+            **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
 
 
