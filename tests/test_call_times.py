@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -14,6 +16,8 @@ from campaigns import campaign
 from test_evidence import HERE, here
 from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import MEASURED, CallTimes, Campaign, Evidence, call_times, collect
+from vsconstraints.comparisons.evidence.call_times import calls_of
+from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput
 
@@ -63,6 +67,26 @@ def test_times_are_measured_once_for_a_folder_and_said_in_it(tmp_path: Path) -> 
     assert Evidence.load(out).controllers == ("tracking", "sliding-mode", "hierarchical-qp")
     with pytest.raises(ConfigurationError, match=r"hierarchical-qp\.run is only there"):
         collect(small, out, HERE)
+
+
+def test_the_least_of_equal_calls_counts_and_99_percent_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Calls of 1, 2, …, 101 µs but the first, of which one is interrupted in every run."""
+    (task,) = tasks_of(campaign(tmp_path).select(scenes=1, settings=["conditions=['nominal']"]))
+    runs = iter(np.tile(1e-6 * np.arange(102.0), (6, 1)))
+
+    class Interrupted:
+        def __init__(self, *_: Any) -> None: ...
+
+        def run(self, _: Any) -> Any:
+            times = next(runs)
+            times[0], times[np.random.default_rng().integers(1, 50)] = 1.0, 1e-3
+            return SimpleNamespace(trajectory=SimpleNamespace(step_time=times))
+
+    monkeypatch.setitem(calls_of.__globals__, "Bench", Interrupted)
+    for _, family, call in calls_of(task):
+        assert (family, call) == ("quick", pytest.approx(1e-4, abs=1.1e-6))
 
 
 FILE = "unit_s = 1e-4\nhow = 'as stated'\n[calls]\nsliding-mode = 5.0\nhierarchical-qp = 20.0\n"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from ...compiled import prepare
 from ...errors import ConfigurationError
@@ -12,18 +15,18 @@ from ...robots.geometry import demand_sign
 from ...scenarios.reading import from_table
 from ...scenarios.toml import read_toml
 from ..runs.folder import MANIFEST, manifest_of
-from ..runs.pool import OpenWorkers
+from ..runs.pool import Failure, OpenWorkers
+from ..runs.signals import deadline
 from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming
 from .campaign import Campaign
-from .parquet import joined
-from .runner import results
-from .work import scored, tasks_of
+from .work import Batch, Bench, set_up, tasks_of
 
 MEASURED = "measured"  #: What stands for a file of call times where they are measured.
 SCENES = 3  #: Training scenes of each family on which they are.
+REPEATS = 3  #: Equal runs there; the least time of each call counts, since other processes interrupt some.
 HOW = (
-    f"99 % of the calls of a law are shorter: median over {SCENES} training scenes of a family in all conditions, "
-    "longest of all families; without the evaluation of rows and task; measured on the machine of this campaign"
+    f"99 % of a law's calls are shorter: least of {REPEATS} equal runs, median over {SCENES} training scenes of a "
+    "family in all conditions, longest of all families; without evaluating rows and task; measured on this machine"
 )
 
 
@@ -102,12 +105,38 @@ def _stored(folder: Path) -> object:
 
 def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]) -> CallTimes:
     prepare()
-    tasks, tables = tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={})), []
-    with workers(scored) as opened:
-        for _, part in results(tasks, opened):
-            tables.append(part.runs)
-            on_progress(len(tables), len(tasks))
-    runs = joined(tables).to_pandas()
-    of_family = runs.groupby(["controller", "family"], observed=True)["step_time_p99_us"].median()
-    longest = of_family.groupby("controller", observed=True).max().dropna().drop(BASELINE, errors="ignore")
-    return CallTimes({str(name): float(f"{call:.3g}") for name, call in longest.items()}, 1e-6, HOW)
+    tasks = dict(enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={}))))
+    found = defaultdict[tuple[str, str], list[float]](list)
+    with workers(calls_of) as opened:
+        for done, (_, answer) in enumerate(opened.run({i: (task,) for i, task in tasks.items()}), start=1):
+            if isinstance(answer, Failure):
+                raise ConfigurationError(f"calls cannot be measured: {answer.reason}")
+            for law, family, call in answer:
+                found[law, family].append(1e6 * call)
+            on_progress(done, len(tasks))
+    longest = defaultdict[str, float](float)
+    for (law, _), of_family in found.items():
+        longest[law] = max(longest[law], float(f"{np.median(of_family):.3g}"))
+    return CallTimes(dict(longest), 1e-6, HOW)
+
+
+def calls_of(task: Batch) -> list[tuple[str, str, float]]:
+    """Of every run of a task law, family, and what 99 % of its calls are shorter than [s]: what workers do."""
+    found = []
+    with deadline(task.limit) as step:
+        for number in task.scenes:
+            step()
+            scene, setups = set_up(task, number)
+            if isinstance(scene, str) or not scene.found:
+                continue
+            for condition in task.conditions:
+                bench = Bench(scene, condition, setups.get(condition))
+                for entry in task.controllers:
+                    if entry.name == BASELINE:
+                        continue
+                    step()
+                    times = [bench.run(entry).trajectory.step_time[1:] for _ in range(REPEATS)]
+                    if calls := min(map(len, times)):
+                        least = np.min([each[:calls] for each in times], axis=0)
+                        found.append((entry.name, task.family.name, float(np.quantile(least, 0.99))))
+    return found
