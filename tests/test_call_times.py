@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +19,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import MEASURED, CallTimes, Campaign, Evidence, call_times, collect
 from vsconstraints.comparisons.evidence.call_times import calls_of
 from vsconstraints.comparisons.evidence.work import tasks_of
+from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput
 
@@ -86,7 +88,20 @@ def test_the_least_of_equal_calls_counts_and_99_percent_of_them(
 
     monkeypatch.setitem(calls_of.__globals__, "Bench", Interrupted)
     for _, family, call in calls_of(task):
-        assert (family, call) == ("quick", pytest.approx(1e-4, abs=1.1e-6))
+        assert (family, call) == ("quick", pytest.approx(1e-4, abs=1e-9))
+
+
+def test_the_longest_of_the_families_medians_is_taken(tmp_path: Path) -> None:
+    small = campaign(tmp_path)
+
+    def answering(answer: Any) -> Any:
+        """Workers that answer the first task so, and nothing else."""
+        return lambda _: nullcontext(SimpleNamespace(run=lambda calls: [(next(iter(calls)), answer)]))
+
+    found = [("law", "near", call) for call in (1e-6, 9e-6, 2.0004e-6)] + [("law", "far", 1.5e-6)]
+    assert call_times(MEASURED, small, None, answering(found)).calls == {"law": 2.0}
+    with pytest.raises(ConfigurationError, match="calls cannot be measured: no idea"):
+        call_times(MEASURED, small, None, answering(Failure("no idea")))
 
 
 FILE = "unit_s = 1e-4\nhow = 'as stated'\n[calls]\nsliding-mode = 5.0\nhierarchical-qp = 20.0\n"
