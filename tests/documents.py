@@ -17,7 +17,7 @@ import yaml
 
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.evidence import Campaign
+from vsconstraints.comparisons.evidence import CallTimes, Campaign
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.families import Family
@@ -96,6 +96,9 @@ def _python(block: Block, folder: Path, names: dict[str, Any]) -> None:
 def _toml(block: Block, folder: Path, names: dict[str, Any]) -> None:
     """Load a suite, draw scenes of a family, or simulate a few samples of a scenario or a change of :data:`BASE`."""
     tables = tomllib.loads(block.code)
+    if "calls" in tables:
+        assert CallTimes(**tables).sentence
+        return
     path = folder / (block.file or f"line-{block.line}.toml")
     whole = {"robot", "extends", "controllers"} & set(tables)
     path.write_text(("" if whole else f'extends = "{BASE}"\n') + block.code, encoding="utf-8")

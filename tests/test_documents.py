@@ -21,6 +21,7 @@ from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.evidence import Campaign
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.comparisons.runs.spec import RunTiming
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.families import Family
@@ -117,6 +118,7 @@ def test_suite_keys_are_described_whole() -> None:
     # files are read by the signatures of these
     keys = [part for part in ast.walk(code) if getattr(part, "name", "") in ("suite", "_variants")]
     asked = {each.arg for part in keys for each in part.args.args if each.arg not in ("where", "folder")}
+    asked |= {field.name for field in fields(RunTiming)}
     text = _first_cells((DOCS / "suites.md").read_text(encoding="utf-8"))
     assert set(re.findall(r"`(\w+)`", text)) == asked
 

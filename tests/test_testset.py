@@ -237,6 +237,7 @@ def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path)
         (("--half", "secret"), "Available: held-out, training"),
         (("--scenes", "4"), "has 3 held-out scenes of each family; 4 are asked for"),
         (("--secret-seed", "0"), "seed 0 is their own"),
+        (("--slower", "20"), "give --time-passes, too"),
     ],
 )
 def test_what_cannot_be_run_is_refused(words: tuple[str, ...], answer: str, three: TestSet, tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def _text(advice: Advice) -> str:
         f"{law.law.name}: success in {rate_text(law.success)}; within 1 % of L in {law.tolerant.count}",
         f"  scenes of {', '.join(advice.families)}" + "".join(f"; {what}" for what in advice.widened),
         *(f"  unlike anything in the study: {reason}" for reason in advice.unlike),
-        *("", f"[controllers.{toml_text(law.law.name)}]", *toml_items({"type": law.law.law, **law.law.options}), ""),
+        *("", f"[controllers.{toml_text(law.law.name)}]", *toml_items(law.law.table), ""),
         f"{'':35} success  loses [points]     a call  requires",
     ]
     for law in advice.laws[:MAX_LAWS]:
@@ -96,7 +96,7 @@ def _text(advice: Advice) -> str:
 def _json(advice: Advice) -> str:
     """All of it."""
     laws = [
-        {**law._asdict(), "law": law.law.name, "settings": {"type": law.law.law, **law.law.options}}
+        {**law._asdict(), "law": law.law.name, "settings": law.law.table}
         | {"success": {"share": law.success.share, **asdict(law.success)}}
         | {"tolerant": asdict(law.tolerant), "loss": law.loss._asdict()}
         | {"call_us": None if isnan(law.call_us) else law.call_us}

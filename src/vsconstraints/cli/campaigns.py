@@ -99,15 +99,21 @@ def evidence(
     formats: options.Formats = None,
     latex: options.Latex = False,
     run_limit: options.RunLimit = None,
+    time_passes: options.TimePasses = None,
+    slower: options.Slower = None,
+    budget_us: options.Budget = None,
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
-    from ..comparisons.evidence import Campaign, Plan, Shard, processes
+    from ..comparisons.evidence import MEASURED, Campaign, Plan, Shard, processes
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
+    if cluster is not None and time_passes == MEASURED:
+        raise ConfigurationError("call times are measured on this machine: with --cluster, give a file of them")
+    chosen = timed(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
     plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
     if cluster is not None:
@@ -115,6 +121,28 @@ def evidence(
 
         workers = connected(cluster, chosen.identities)
     run_campaign(chosen, out, plan, workers, wanted)
+
+
+def timed(
+    chosen: Campaign,
+    out: Path | None,
+    jobs: int | None,
+    source: str | None,
+    slower: float | None,
+    budget_us: float | None,
+) -> Campaign:
+    """The campaign, with the laws' commands as late as ``source`` says; results in ``out`` keep what was measured."""
+    from ..comparisons.evidence import call_times, processes
+
+    if source is None:
+        if slower is not None or budget_us is not None:
+            raise ConfigurationError("--slower and --budget-us are about time that passes: give --time-passes, too")
+        return chosen
+    with progress() as show:
+        times = call_times(source, chosen, out, processes(jobs), lambda done, of: show("measuring calls", done, of))
+    times = times if slower is None else replace(times, slower=slower)
+    times = times if budget_us is None else replace(times, budget_s=1e-6 * budget_us)
+    return times.of(chosen)
 
 
 def run_campaign(

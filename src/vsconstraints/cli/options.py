@@ -81,6 +81,12 @@ Seed = Annotated[int, Option(min=0, help="Of trials, noise and drawn scenes.")]
 Half = Annotated[str, Option(help="Of a family's scenes: training or held-out.")]
 Out = Annotated[Path, Option(help="Folder for results; what is stored there is not run again.")]
 Jobs = Annotated[int | None, Option(min=1, help="Processes; as many as there are cores if not given.")]
+_TIME = "Commands arrive as late as calls take: measured, or those of a file or of a folder of results."
+TimePasses = Annotated[str | None, Option(metavar="measured|FILE|FOLDER", help=_TIME)]
+_SLOWER = "How many times as slow as said the computer is, where time passes."
+Slower = Annotated[float | None, Option(metavar="FACTOR", help=_SLOWER)]
+_BUDGET = "Laws are called as often as so much time per T_s of the scene allows, where time passes."
+Budget = Annotated[float | None, Option(metavar="MICROSECONDS", help=_BUDGET)]
 _LIMIT = "A run that takes longer is ended and fails; 120 s and 0.1 s per sample if not given."
 RunLimit = Annotated[float | None, Option(min=0.0, metavar="SECONDS", help=_LIMIT)]
 _KEEP = "Whose trajectories are kept: none, failed, worst, first or all."

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from . import options
-from .campaigns import run_campaign
+from .campaigns import run_campaign, timed
 from .results import ReportOptions
 from .terminal import NOTHING_DONE, console, errors, note_processes, progress
 
@@ -42,6 +42,9 @@ def run(
     jobs: options.Jobs = None,
     settings: options.Settings = None,
     figures: options.Figures = True,
+    time_passes: options.TimePasses = None,
+    slower: options.Slower = None,
+    budget_us: options.Budget = None,
 ) -> None:
     """Run the default laws and one's own on the scenes of a test set, and write a report."""
     from ..comparisons.evidence import Campaign, Plan, processes
@@ -52,8 +55,9 @@ def run(
     campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
+    campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
     run_campaign(
-        campaign.select(controllers=[*names, *(entry or ())], settings=settings or ()),
+        timed(campaign, out, jobs, time_passes, slower, budget_us),
         out,
         Plan(),
         nullcontext(processes(jobs)),

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, TypeVar
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, shown, unknown_name
-from ..scenarios.reading import Table, checked, demand_table
+from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
-from .runs.spec import BASELINE, ControllerSpec
+from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
 
 MAX_NAME_BYTES = 100  #: Bytes that the name of a scenario or controller may have; files are named after both.
 Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
@@ -57,10 +57,7 @@ class Experiment:
     def _with(self: Own, key: str, value: Any) -> Own:
         """The same with another value of a key that is not a whole number: here, of a controller's option."""
         name, option = self._target(key)
-        entries = (
-            replace(entry, options={**entry.options, option: value}) if entry.name == name else entry
-            for entry in self.controllers
-        )
+        entries = (entry.changed(option, value) if entry.name == name else entry for entry in self.controllers)
         return self.changed(controllers=tuple(entries))
 
     def _target(self, key: str, others: Iterable[str] = ()) -> tuple[str, str]:
@@ -77,7 +74,7 @@ class Experiment:
     def with_baseline(self: Own) -> Own:
         """The same with unconstrained tracking first; raises ConfigurationError if its name is another law's."""
         baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
-        if baseline.law != BASELINE:
+        if baseline.law != BASELINE or baseline.run != AS_THE_SCENE:
             raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
         others = (entry for entry in self.controllers if entry is not baseline)
         return self.changed(controllers=(baseline, *others))
@@ -90,17 +87,15 @@ class Experiment:
 
     def resolved_controllers(self) -> dict[str, Any]:
         """Laws and options by name, as data."""
-        return {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers}
+        return {entry.name: entry.table for entry in self.controllers}
 
 
 def entries_of(tables: Table, where: str, folder: Path) -> Entries:
     """The controllers of a file's tables; raises ConfigurationError for an unknown law."""
     entries = []
     for name, table in tables.items():
-        options = demand_table(table, f"{where}.{name}")
-        law = checked(options.pop("type", name), str, f"{where}.{name}", "type")
-        controller_class(law, folder)
-        entries.append(ControllerSpec(name, law, options, folder))
+        entries.append(ControllerSpec.from_table(name, table, where, folder))
+        controller_class(entries[-1].law, folder)
     return tuple(entries)
 
 

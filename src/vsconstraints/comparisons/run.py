@@ -156,7 +156,7 @@ def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = 
     # own parts may change the working directory, and import what lies beside them whenever they like
     with chdir("."), beside(scenario.folder, spec.controller.folder):
         setup = scenario.setup(spec.trial, spec.seed)
-        setup = until_settled(setup) if to_the_goal else setup
+        setup = spec.controller.run.of(until_settled(setup) if to_the_goal else setup)
         trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
         return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
 
@@ -165,7 +165,7 @@ def kept_run(spec: RunSpec, file: Path) -> Run:
     """Make a run and keep it in a file, or take it from there; raises as :func:`perform`."""
     record = RunRecord.load(file)
     if record is not None:
-        return Run(spec.load().setup(spec.trial, spec.seed), record)
+        return Run(spec.controller.run.of(spec.load().setup(spec.trial, spec.seed)), record)
     run = perform(spec)
     with suppress(OSError):  # the run is there: it only cannot be resumed
         run.record.save(file)

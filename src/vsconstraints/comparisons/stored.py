@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..controllers import CONTROLLERS, make_controller
+from ..controllers import CONTROLLERS
 from ..errors import ConfigurationError, StorageError, VsconstraintsError, shown
 from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
@@ -21,7 +21,7 @@ from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
 from .runs.folder import MANIFEST, Keep, demand_inside, kept_lines, manifest_of, read_manifest
 from .runs.machine import most_samples
-from .runs.spec import RunSpec
+from .runs.spec import ControllerSpec, RunSpec
 from .suite import Suite
 from .tables import read_table
 
@@ -230,14 +230,12 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
         own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]
         checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
     for name, controller in configuration["controllers"].items():
-        at = f"{where}.controllers.{name}"
-        options = demand_table(controller, at)
-        law = checked(options.pop("type", name), str, at, "type")
-        if law in CONTROLLERS:  # own laws may be elsewhere
+        entry = ControllerSpec.from_table(name, controller, f"{where}.controllers")
+        if entry.law in CONTROLLERS:  # own laws may be elsewhere
             try:
-                make_controller(law, options)
+                entry.make()
             except VsconstraintsError as error:
-                raise ConfigurationError(f"{at}: {error}") from error
+                raise ConfigurationError(f"{where}.controllers.{name}: {error}") from error
 
 
 def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:

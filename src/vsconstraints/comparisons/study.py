@@ -45,6 +45,7 @@ class Situation:
         own, images = setup.disturbances, setup.images
         types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
         delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
+        delay += own.command_delay
         unknown = setup.constraints.has_unknown_motion(setup.scene)
         believed = own.intrinsics, own.distortion, own.mount, own.target, own.depth_factor != 1.0, own.gradient_error
         wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
@@ -137,7 +138,7 @@ class Study:
 
     def keep(self, path: Path) -> None:
         """Write the table, which :meth:`load` reads; raises OSError."""
-        laws = {name: {"type": law.law, **law.options} for name, law in self.laws.items()}
+        laws = {name: law.table for name, law in self.laws.items()}
         facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
         lines = parquet.table(COLUMNS, self.runs.to_dict("records"))
         parquet.write(path, lines, {"study": FORMAT, "version": __version__, **facts})
@@ -153,10 +154,8 @@ _FACTS = "controllers", "requires", "frozen"
 
 
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
-    """From their options by name, without tracking alone."""
-    options = {name: {key: value for key, value in own.items() if key != "type"} for name, own in entries.items()}
-    laws = {name: ControllerSpec(name, entries[name].get("type", name), own) for name, own in options.items()}
-    return {name: law for name, law in laws.items() if name != BASELINE}
+    """By name, without tracking alone."""
+    return {name: ControllerSpec.from_table(name, own) for name, own in entries.items() if name != BASELINE}
 
 
 def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..comparisons.suite import BASELINE
-from ..controllers import CONTROLLERS, make_controller
+from ..comparisons.runs.spec import BASELINE, ControllerSpec
+from ..controllers import CONTROLLERS
 from ..controllers.demand import USES
+from ..scenarios.toml import toml_text
 from .markdown import enumeration, plain
 from .numbers import number
 
@@ -46,17 +47,18 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
     kind = str(entry.get("type", name))
     if kind not in CONTROLLERS:
         return None
-    return make_controller(kind, {key: value for key, value in entry.items() if key != "type"}).uses
+    return ControllerSpec.from_table(name, entry).make().uses
 
 
 def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
     """Type, options and required information of a controller of a manifest, for a table."""
-    options = {
-        key: number(value) if isinstance(value, float) else value for key, value in entry.items() if key != "type"
-    }
-    text = plain(", ".join(f"{key} = {value}" for key, value in options.items()))
+    text = plain(", ".join(f"{key} = {_cell(value)}" for key, value in entry.items() if key != "type"))
     information = information_text(required_information(name, entry))
     return [plain(entry.get("type", name)), text or "defaults", information]
+
+
+def _cell(value: Any) -> Any:
+    return number(value) if isinstance(value, float) else toml_text(value) if isinstance(value, Mapping) else value
 
 
 def information_text(required: Sequence[str] | None) -> str:

@@ -29,6 +29,9 @@ class Disturbances:
     #: Of the low-level loop C [s]: a first-order lag of q̈ behind q̈_c or, with position control, the inverse of both
     #: poles of a critically damped position loop.
     time_constant: float = 0.0
+    #: How long after the beginning of its period a command begins to act [s], as long as one; until the first one does,
+    #: q̈_c is zero. The law is not told. Not of an arm with mass.
+    command_delay: float = 0.0
     pixel_noise: float = 0.0  #: Standard deviation of every pixel coordinate of every image [px].
     depth_factor: float = 1.0  #: Believed depth of the markers relative to the true one.
     focal_factor: tuple[float, float] = (1.0, 1.0)  #: Believed focal lengths (F_u, F_v) relative to the true ones.
@@ -56,7 +59,10 @@ class Disturbances:
         for name in ("focal_factor", "principal_point_error"):
             if len(getattr(self, name)) != 2:
                 raise InvalidInput(f"disturbance {name} must be two numbers, not {getattr(self, name)}")
-        least = "gradient_error", "acceleration_noise", "time_constant", "pixel_noise", "image_period", "delay"
+        least = (
+            *("gradient_error", "acceleration_noise", "time_constant", "command_delay", "pixel_noise", "image_period"),
+            "delay",
+        )
         factors = "depth_factor", "focal_factor", "marker_distance_factor"
         demand_sign(self, "disturbance ", positive=factors, zero_or_more=least)
         if self.delay != int(self.delay):

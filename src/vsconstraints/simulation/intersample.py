@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..control import ControlStep
@@ -38,7 +40,7 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
     least = np.full((N, m), np.inf)
     if m == 0 or N < 2:
         return least
-    periods, length = _inspected(setup, states, clearance), setup.constraints.characteristic_length
+    periods, length = _inspected(setup, plant, states, clearance), setup.constraints.characteristic_length
 
     def look(at: IntArray, share: float) -> Array:
         """(P, m) clearances a share of the period after some samples, which are noted; infinite where unseen."""
@@ -73,7 +75,7 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
     return least
 
 
-def _inspected(setup: Setup, states: Array, clearance: Array) -> IntArray:
+def _inspected(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
     """Numbers of the periods that are inspected."""
     length, least = setup.constraints.characteristic_length, clearance.min(axis=0)
     near = NEAR * length
@@ -86,7 +88,11 @@ def _inspected(setup: Setup, states: Array, clearance: Array) -> IntArray:
     # what is deep outside at both ends is so inside as well
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)
-    # half of what a joint goes out and back, at a constant acceleration
-    way = 0.25 * setup.Ts * np.sqrt(np.maximum(-states[:-1, 1] * states[1:, 1], 0.0).max(axis=1))
+    # half of what a joint goes out and back, at a constant acceleration; at two, if the command changes inside
+    speeds = [states[:-1, 1], states[1:, 1]]
+    if plant.switch:
+        speeds.insert(1, plant.within(states, np.arange(len(states) - 1), plant.switch)[1])
+    turned = [np.maximum(-a * b, 0.0).max(axis=1) for a, b in pairwise(speeds)]
+    way = 0.25 * setup.Ts * np.sqrt(np.max(turned, axis=0))
     turns = (way > BACK[0]) & (ends < near).any(axis=1) | (way > BACK[1])
     return np.flatnonzero(inspected | turns)

@@ -16,7 +16,8 @@ from .disturbances import Disturbances
 
 #: What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1).
 Actuation = Literal["acceleration", "position"]
-POSITION_LOOP = 6  #: Size of the state of an arm that follows q_c.
+POSITION_LOOP = 6  #: Size of the system of an arm that follows q_c.
+MAX_UNDER_WAY = 100  #: Most commands that may be under way: each is a row of the state.
 
 
 class Plant:
@@ -25,13 +26,18 @@ class Plant:
     With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if τ is zero. With
     position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c, where q_c is what an
     :class:`vsconstraints.robots.order_filter.OrderFilter` gives. The loop brings commands beyond ``limits`` to them
-    (:func:`vsconstraints.compiled.samples.saturate`).
+    (:func:`vsconstraints.compiled.samples.saturate`). A command acts the delay δ after its period has begun: the last
+    ⌈δ/T_s⌉ commands, which are under way, are part of the state, zeros at the start.
     """
 
-    x: Array  #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
+    #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last, the commands before q̈_c
+    #: above it, the latest next to it.
+    x: Array
     transition: Array  #: (s, s) from there to the end of the period.
     #: Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the mover goes there.
     follows = False
+    #: Of a period, after which another command acts than at its beginning; 0 if none does.
+    switch = 0.0
     #: Addresses of the compiled function that does, and of what it works with; 0 where there is none.
     mover: tuple[int, int] = (0, 0)
 
@@ -53,11 +59,15 @@ class Plant:
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
         self.Ts, self._limits = float(Ts), without_limits(Ts) if limits is None else limits
-        self._system = _system(actuation, tau)
-        self.transition = np.ascontiguousarray(_transition(self._system, Ts))
-        self.x = np.zeros((len(self._system), len(q0)))
+        self._system, self._late = _system(actuation, tau), late(disturbances.command_delay, self.Ts)
+        self.switch = self._late[1] / self.Ts
+        self.transition = np.array(_transition(self._system, self._late, self.Ts))
+        # what is under way grows older by a period
+        s, waiting = len(self.transition), under_way(self._late)
+        self.transition[s - 2 - waiting : s - 2] = np.eye(s)[s - 1 - waiting : s - 1]
+        self.x = np.zeros((s, len(q0)))
         self.x[0], self.x[1], self.x[-1] = q0, qd0, self._offset
-        if len(self.x) == POSITION_LOOP:
+        if len(self._system) == POSITION_LOOP:
             self.x[2], self.x[3] = q0, qd0
 
     @property
@@ -106,7 +116,7 @@ class Plant:
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""
-        moved = states @ _transition(self._system, after)[:2].T
+        moved = states @ _transition(self._system, self._late, after)[:2].T
         return moved[..., 0], moved[..., 1]
 
 
@@ -127,11 +137,40 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
     return ((0, 1, 0, 0, 0, 0), (-k, -d, k, d, 0, 1), (0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 1, 0), (0,) * 6, (0,) * 6)
 
 
+def late(delay: float, Ts: float) -> tuple[int, float]:
+    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many commands are under way."""
+    periods = delay / Ts
+    if not periods <= MAX_UNDER_WAY:
+        raise InvalidInput(
+            f"disturbance command_delay must not exceed {MAX_UNDER_WAY} sampling times, {MAX_UNDER_WAY * Ts:g} s, not "
+            f"{delay} s"
+        )
+    whole = int(np.floor(periods + 1e-9))
+    return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
+
+
+def under_way(delay: tuple[int, float]) -> int:
+    """How many commands before the newest are still to act, or act: as many as a delay has periods, begun ones too."""
+    return delay[0] + (delay[1] > 0.0)
+
+
 @lru_cache(maxsize=64)
-def _transition(system: tuple[tuple[float, ...], ...], after: float) -> Array:
-    """(s, s) exp(A t)."""
-    transition: Array = expm(np.array(system, dtype=np.float64) * after)
-    return transition
+def _transition(system: tuple[tuple[float, ...], ...], delay: tuple[int, float], after: float) -> Array:
+    """(s, s) from the beginning of a period to ``after`` [s] in it: exp(A t), with one command and then another."""
+    whole, rest = delay
+    s = len(system) + under_way(delay)
+
+    def held(periods: int, t: float) -> Array:
+        """With the command that is so many periods old."""
+        A, own = np.zeros((s, s)), [*range(len(system) - 2), s - 2 - periods, s - 1]
+        A[np.ix_(own, own)] = system
+        moved: Array = expm(A * t)
+        return moved
+
+    if rest == 0.0:
+        return held(whole, after)
+    first = min(after, rest)
+    return held(whole, after - first) @ held(whole + 1, first)
 
 
 def cubic(begin: tuple[Array, Array], end: tuple[Array, Array], T: float, share: float) -> tuple[Array, Array]:

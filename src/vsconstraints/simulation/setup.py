@@ -25,7 +25,7 @@ from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .image_sensor import ImageSensor, SceneRenderer
-from .plant import Actuation, Plant
+from .plant import Actuation, Plant, late, under_way
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
 
@@ -116,12 +116,14 @@ class Setup:
                 f'actuation = "{self.actuation}" is of an arm without mass: with plant, plant.controller says what '
                 "drives the joints"
             )
-        for name in ("acceleration", "acceleration_noise", "time_constant"):
+        for name in ("acceleration", "acceleration_noise", "time_constant", "command_delay"):
             if np.any(getattr(self.disturbances, name)):
-                raise ConfigurationError(
-                    f"disturbances.{name} is of an arm without mass: with plant, it follows from controller, friction "
-                    "and gears"
+                instead = (
+                    "plant.dead_time delays torques"
+                    if name == "command_delay"
+                    else "it follows from controller, friction and gears"
                 )
+                raise ConfigurationError(f"disturbances.{name} is of an arm without mass: with plant, {instead}")
         return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
@@ -179,7 +181,8 @@ class Setup:
         """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
         n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
         # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
-        kept = 6 * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
+        waiting = under_way(late(self.disturbances.command_delay, self.Ts))
+        kept = (6 + waiting) * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
         # computed from them at the end: states, clearances, errors
         scored = 3 * n + 3 * m + 2 * markers + 8
         return 8 * (kept + scored) + 2 * m

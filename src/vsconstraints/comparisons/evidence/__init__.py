@@ -2,6 +2,7 @@
 
 from ..runs.folder import Keep
 from ..runs.pool import processes
+from .call_times import MEASURED, CallTimes, call_times
 from .campaign import Campaign
 from .merge import merge
 from .parquet import KEYS, RUNS, SCENES, TABLES, TIMING
@@ -11,11 +12,13 @@ from .work import Batch, Part, Shard, scored
 
 __all__ = [
     "KEYS",
+    "MEASURED",
     "RUNS",
     "SCENES",
     "TABLES",
     "TIMING",
     "Batch",
+    "CallTimes",
     "Campaign",
     "Evidence",
     "Finished",
@@ -24,6 +27,7 @@ __all__ = [
     "Plan",
     "Progress",
     "Shard",
+    "call_times",
     "collect",
     "merge",
     "processes",

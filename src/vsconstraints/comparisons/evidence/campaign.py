@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def of_controllers(entries: Entries) -> Identity:
     for entry in entries:
         files = {f"file {path.name}": digest(path) for path in entry.files}
         packages = {f"package {name}": version for name, version in used_versions(entry.options).items()}
-        identity[entry.name] = plain({"type": entry.law, **entry.options, **files, **packages})
+        identity[entry.name] = plain({**entry.table, **files, **packages})
     return identity
 
 
@@ -75,6 +76,7 @@ class Campaign(Experiment):
 
     ``question`` is what it is to answer, for reports. Scenes are of the ``half`` ``"held-out"`` or ``"training"``.
     Without ``conditions`` each family is run in all that it has; ``scenes_in`` limits the number of scenes in some.
+    ``call_times`` are :class:`.CallTimes` as data if the laws' commands are late by these.
     """
 
     name: str
@@ -87,6 +89,7 @@ class Campaign(Experiment):
     half: str = "held-out"
     seed: int = 0
     scenes_in: Mapping[str, int] = field(default_factory=dict)
+    call_times: Mapping[str, Any] = field(default_factory=dict)
 
     whole_numbers = ("scenes", "seed")
     settings = (*whole_numbers, "half", "conditions", "scenes_in.CONDITION")
@@ -168,6 +171,13 @@ class Campaign(Experiment):
                     f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
                     f"{', '.join(family.conditions)}"
                 )
+        for entry, family in product(self.controllers, self.families):
+            heavy = [name for name in self.conditions_of(family) if entry.run.call_time and family.says("plant", name)]
+            if heavy:
+                raise ConfigurationError(
+                    f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "
+                    f"{family.name} has masses in {', '.join(heavy)}: choose other conditions"
+                )
         return self.with_baseline()
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
@@ -211,6 +221,7 @@ class Campaign(Experiment):
             "scenes_in": dict(self.scenes_in),
             "controllers": self.resolved_controllers(),
             "families": families,
+            **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
 
 

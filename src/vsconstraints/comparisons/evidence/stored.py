@@ -13,13 +13,14 @@ from typing import Any, get_args
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.families.frozen import family_of
-from ...scenarios.reading import Table, checked, demand_table
+from ...scenarios.reading import Table
 from ...simulation.trajectory import Outcome
 from ..experiment import demand_stored_names
 from ..record import RunRecord
 from ..runs.files import TRAJECTORIES, demand_unchanged
 from ..runs.folder import MANIFEST, Keep, kind_of
 from ..runs.machine import most_samples
+from ..runs.spec import ControllerSpec
 from ..stored import Number, Texts, entries, read_folder
 from . import parquet
 from .campaign import MAX_SCENES
@@ -148,8 +149,7 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
         family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
         demand_stored_names({"condition": family["conditions"]}, at)
     for name, entry in controllers.items():
-        at = f"{where}.controllers.{name}"
-        checked(demand_table(entry, at).get("type", name), str, at, "type")
+        ControllerSpec.from_table(name, entry, f"{where}.controllers")
 
 
 def _demand_planned(folder: Path, manifest: Mapping[str, Any]) -> None:

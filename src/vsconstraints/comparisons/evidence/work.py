@@ -250,8 +250,11 @@ class Bench:
                 own_parts = bool(self._scene.scenario(self._condition).own_parts)
                 prepared, remarks = self._ready or self._prepare(own_parts)
                 self._ready = None
-                run = simulate(prepared.setup, entry.make(), remarks=remarks, prepared=prepared)
-                record = RunRecord.of(prepared.setup, run, "")
+                setup = entry.run.of(prepared.setup)
+                run = simulate(
+                    setup, entry.make(), remarks=remarks, prepared=prepared if setup is prepared.setup else None
+                )
+                record = RunRecord.of(setup, run, "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin

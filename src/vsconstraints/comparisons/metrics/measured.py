@@ -13,6 +13,7 @@ from ...formulas.tracking import goals_at
 from ...rows import Array, BoolArray
 from ...simulation.outcome import settling_times
 from ..record import RunRecord
+from ..runs.spec import ROUNDING
 
 NEGLIGIBLE = 1e-4
 """Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict standard.
@@ -64,7 +65,7 @@ class Measured:
         alone = self.baseline
         if alone is not None and alone.trajectory.labels != run.labels:
             alone = None
-        self.outside_alone = nothing if alone is None else _in_period(alone) < -NEGLIGIBLE * alone.length
+        self.outside_alone = nothing if alone is None else _outside_at(alone, record.Ts)
         self.usage = np.clip(np.nan_to_num(1.0 - run.clearance / record.length), 0.0, 1.0)
         active, command = run.active[: record.common], run.qdd_command[: record.common]
         self.switches = (active[1:] != active[:-1]).any(axis=1)
@@ -163,6 +164,16 @@ class Measured:
 def _in_period(record: RunRecord) -> Array:
     """(N, m) least clearance of each sampling period, at its beginning and inside."""
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
+
+
+def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
+    """(T, m) whether each row is as deep outside as violated ones are, in the periods of a run of sampling time Ts [s].
+
+    A period that several of the record's own begin in is so if any of them is.
+    """
+    outside = _in_period(record) < -NEGLIGIBLE * record.length
+    begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING
+    return np.logical_or.reduceat(outside, begins.astype(np.int64)) if len(outside) else outside
 
 
 def mean_while(values: Array, when: BoolArray) -> Array:

@@ -190,9 +190,10 @@ def available_memory() -> float:
 def most_samples(tables: Mapping[str, Any]) -> float:
     """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers, as a family's.
 
-    It may take three durations until it settles, and on an arm it also holds the periods of its stop.
+    It may take three durations until it settles, of a law that is called four times as often; on an arm it also holds
+    the periods of its stop.
     """
-    return 1000.0 + 4.0 * _samples(tables, math.inf)
+    return 1000.0 + 16.0 * _samples(tables, math.inf)
 
 
 def run_limit(tables: Mapping[str, Any]) -> float:

@@ -4,33 +4,102 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
-from ...errors import ConfigurationError, VsconstraintsError
+from ...errors import ConfigurationError, VsconstraintsError, shown
 from ...plugins.classes import module_files
 from ...scenarios import Scenario
+from ...scenarios.reading import checked, demand_table, from_table
+from ...simulation import Setup
 from .machine import code_identity, run_limit, used_versions
+
+MAX_FACTOR = 4.0  #: How many times as often, or as rarely, as a scene says a law may be called.
+MAX_CALL = 10.0  #: How much later than in the scene a law's commands may act [s].
+ROUNDING = 1e-9  #: Of numbers of periods, relative to one.
+
+
+@dataclass(frozen=True)
+class RunTiming:
+    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes of one law alone.
+
+    Time limit, challenged rows and baseline stay those of the scene.
+    """
+
+    #: T_s of the law by that of the scene. Images come as before, or once a period if that is less often, none fresher;
+    #: the noise of accelerations is drawn for the law's periods, and makes speeds as uncertain.
+    sampling_time_factor: float = 1.0
+    call_time: float = 0.0  #: How much later commands begin to act [s], added to the ``command_delay`` of the scene.
+
+    def __post_init__(self) -> None:
+        for name, least, most in (("sampling_time_factor", 1.0 / MAX_FACTOR, MAX_FACTOR), ("call_time", 0.0, MAX_CALL)):
+            if not least <= getattr(self, name) <= most:
+                value = shown(getattr(self, name))
+                raise ConfigurationError(f"run: {name} must be from {least:g} to {most:g}, not {value}")
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """What is not as in the scene."""
+        return {name: value for name, value in vars(self).items() if value != getattr(AS_THE_SCENE, name)}
+
+    def of(self, setup: Setup) -> Setup:
+        """A scene's setup as the law has it; raises what :class:`.Setup` raises."""
+        own = replace(setup.disturbances, command_delay=setup.disturbances.command_delay + self.call_time)
+        Ts = setup.Ts * self.sampling_time_factor
+        if Ts != setup.Ts:
+            own = replace(own, acceleration_noise=own.acceleration_noise / math.sqrt(self.sampling_time_factor))
+            if own.image:
+                seen = own.image_period or setup.Ts
+                period = Ts * math.ceil(seen / Ts - ROUNDING)
+                own = replace(own, image_period=period, delay=math.ceil(own.delay * seen / period - ROUNDING))
+        return replace(setup, sampling_time=Ts, disturbances=own) if self.changes else setup
+
+
+AS_THE_SCENE = RunTiming()
 
 
 @dataclass(frozen=True)
 class ControllerSpec:
     """A controller as results name it; its law is a registered name or ``module:Class``, the same name if empty.
 
-    The module of an own controller is looked for in ``folder`` first.
+    The module of an own controller is looked for in ``folder`` first; ``run`` is what only its runs have.
     """
 
     name: str
     law: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
+    run: RunTiming = AS_THE_SCENE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", self.law or self.name)
+
+    @classmethod
+    def from_table(
+        cls, name: str, table: object, where: str = "controllers", folder: Path | None = None
+    ) -> ControllerSpec:
+        """What a table of a file or a manifest says; raises ConfigurationError for a wrong one."""
+        at = f"{where}.{name}"
+        options = demand_table(table, at)
+        law = checked(options.pop("type", name), str, at, "type")
+        return cls(name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run"))
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Law, options and timing, as :meth:`from_table` takes them."""
+        return {"type": self.law, **self.options, **({"run": changes} if (changes := self.run.changes) else {})}
+
+    def changed(self, key: str, value: object) -> ControllerSpec:
+        """The same with another value of an option, or of a key of ``run``; raises as :meth:`from_table`."""
+        if key.partition(".")[0] != "run":
+            return replace(self, options={**self.options, key: value})
+        run = {**self.run.changes, key.removeprefix("run."): value} if key != "run" else value
+        return replace(self, run=from_table(RunTiming, run, f"{self.name}.run"))
 
     @classmethod
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
@@ -96,7 +165,7 @@ class RunSpec:
     @property
     def _identity(self) -> str:
         scenario = self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
-        parts = scenario, self.overrides, self.controller.law, self.controller.options, self.trial, self.seed
+        parts = scenario, self.overrides, self.controller.table, self.trial, self.seed
         return json.dumps(parts, sort_keys=True, default=str)
 
     def __eq__(self, other: object) -> bool:
@@ -140,8 +209,7 @@ class RunSpec:
         """Identifies what is run but for the files it is made of: the code included, and whether it runs compiled."""
         what = (
             self.tables or str(self),
-            self.controller.law,
-            self.controller.options,
+            self.controller.table,
             self.trial,
             self.seed,
             code_identity(),

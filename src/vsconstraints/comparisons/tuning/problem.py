@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -58,7 +58,7 @@ class Searched:
     def setting(self, options: Mapping[str, Any]) -> ControllerSpec:
         """The law with these options; None leaves one to the law."""
         chosen = {option: value for option, value in options.items() if value is not None}
-        return ControllerSpec(self.law.name, self.law.law, {**self.law.options, **chosen}, self.law.folder)
+        return replace(self.law, options={**self.law.options, **chosen})
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,7 @@ class Tuned:
         return [
             f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default",
             f"[controllers.{toml_text(f'{name}-tuned')}]",
-            *toml_items({"type": setting.law, **setting.options}),
+            *toml_items(setting.table),
         ]
 
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
-from ...comparisons.runs.spec import BASELINE
+from ...comparisons.runs.spec import BASELINE, ControllerSpec
 from ...comparisons.statistics.judged import OUTCOMES
-from ...controllers import make_controller
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
 from ...simulation import Setup, simulate, until_settled
@@ -142,8 +141,8 @@ def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
     entries = evidence.manifest["configuration"]["controllers"]
     if controller not in entries:
         raise unknown_name("controller", controller, entries)
-    options = dict(entries[controller])
-    law = str(options.pop("type", controller))
-    if ":" in law and not evidence.trusted:
-        raise untrusted(f"controller {controller}", [law])
-    return RunRecord.of(setup, simulate(setup, make_controller(law, options)), "")
+    entry = ControllerSpec.from_table(controller, entries[controller])
+    if ":" in entry.law and not evidence.trusted:
+        raise untrusted(f"controller {controller}", [entry.law])
+    setup = entry.run.of(setup)
+    return RunRecord.of(setup, simulate(setup, entry.make()), "")

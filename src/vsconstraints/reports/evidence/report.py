@@ -8,12 +8,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...comparisons.evidence import Evidence
+from ...comparisons.evidence import CallTimes, Evidence
 from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
 from ...comparisons.runs.files import replaced
 from ...comparisons.statistics import costs, profile, ranks
 from ...errors import ConfigurationError, StorageError
 from ...rows.readable import counted
+from ...scenarios.reading import from_table
 from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
@@ -106,7 +107,7 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "of_length": of_length,
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
-        "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+        "definitions": {**{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS}, **_call_times(dataset)},
         "condition_text": condition_text,
         "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
         "counted": counted,
@@ -190,6 +191,12 @@ def _tuning(dataset: Dataset) -> dict[str, Any]:
         "evaluations": tables.evaluations_table(evaluations),
         "budgets_figure": dataset.picture(BUDGETS, evaluations, laws),
     }
+
+
+def _call_times(dataset: Dataset) -> dict[str, str]:
+    """What is to be known of when commands arrive, if they are late."""
+    stored = dataset.configuration.get("call_times")
+    return {"call_time": from_table(CallTimes, stored, "call_times").sentence} if stored else {}
 
 
 def _machine(dataset: Dataset) -> str:
