@@ -7,17 +7,20 @@ import re
 import runpy
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.statistics import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replay
 from vsconstraints.reports.evidence.dataset import Dataset
@@ -25,6 +28,7 @@ from vsconstraints.reports.evidence.failures import divisive_scene
 from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.plots import looks
 from vsconstraints.scenarios.families import Family
+from vsconstraints.simulation.trajectory import Outcome
 
 WIDEST = 8
 
@@ -151,6 +155,37 @@ def test_families_are_split_evenly_into_tables(families: int, columns: list[int]
     assert [name for header in headers for name in header[1:]] == names * 2
 
 
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([*get_args(Outcome), "another"]),
+            st.sampled_from(["", "fov[marker 2]", "range[joint 6]; x"]),
+        ),
+        min_size=1,
+    )
+)
+def test_every_run_ends_in_exactly_one_way(runs: list[tuple[str, str]]) -> None:
+    lines = frame([run(status=status, violated=rows, scene=i) for i, (status, rows) in enumerate(runs)])
+    ways = endings(lines)
+    own = {"trapped": "stuck", "slow": "slow", "unfinished": "slow", "converged": "success"}
+    assert set(ways) <= {"success", *UNSUCCESSFUL}
+    for (status, rows), way in zip(runs, ways, strict=True):
+        assert way == ("violated" if rows else own.get(status, "failed"))
+    assert ((ways == "success") == OUTCOMES["success"].flag(lines)).all()
+    assert ((ways == "violated") == OUTCOMES["violation"].flag(lines)).all()
+
+
+def test_success_and_the_other_endings_are_all_runs(tmp_path: Path) -> None:
+    ends = ["converged", "converged", "trapped", "slow", "unfinished", "failed", "aborted", "trapped"]
+    rows = ["", "fov[marker 2]", "", "", "", "", "", "fov[marker 2]"]
+    lines = [run(scene=i, status=end, violated=row, violation_depth=0.1 * bool(row), controller=law)
+             for law in "ab" for i, (end, row) in enumerate(zip(ends, rows, strict=True))]  # fmt: skip
+    (found,) = [table for table in tables(written(frame(lines), tmp_path)) if "stuck" in table[0]]
+    columns = [found[0].index(name) for name in ("success", *UNSUCCESSFUL)]
+    for line in found[1:]:
+        assert [first_number(line[k]) for k in columns] == pytest.approx([12.5, 25.0, 12.5, 25.0, 25.0], abs=0.6)
+
+
 def test_figures_are_drawn_of_little(tmp_path: Path) -> None:
     for i, rates in enumerate((ONE, {"nominal": {"a": 0.0, "b": 0.0}})):
         folder = tmp_path / str(i)
@@ -193,7 +228,7 @@ def test_the_worst_and_the_typical_failure_of_a_law(tmp_path: Path) -> None:
     ]
     assert found[2][4] == "violates `fov[marker 2]` by 30.0 px"
     (ways,) = [table for table in tables(text) if "runs without success" in table[0]]
-    assert ways[1] == ["a", "5 of 6", "fov violated 60 %; trapped, no row violated 40 %"]
+    assert ways[1] == ["a", "5 of 6", "fov violated 60 %; stuck 40 %"]
     flat = " ".join(text.split())
     assert 'replay( ".", family="planar-arm", scene=1, condition="nominal", controller="a", )' in flat
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
 from ...comparisons.runs.spec import BASELINE
-from ...comparisons.statistics.judged import OUTCOMES
+from ...comparisons.statistics import OUTCOMES, endings
 from ...controllers import make_controller
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
@@ -64,14 +64,15 @@ class Dataset:
         """Runs of the controllers that are compared, with their outcomes.
 
         ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
-        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one. ``tolerance`` is the least
-        one at which a run is a success; infinite if at none.
+        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one; ``ending`` is one of
+        :func:`.endings`. ``tolerance`` is the least one at which a run is a success; infinite if at none.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
         for standard in ("", "tolerant "):
             runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
             runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
+        runs["ending"] = endings(runs)
         runs["tolerance"] = runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
         plain: pd.DataFrame = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
         return plain

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.metrics import TOLERANCES, TOLERANT
-from ...comparisons.statistics import rate
+from ...comparisons.statistics import UNSUCCESSFUL, rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
 from ..groups import controller_cells, information_text
@@ -35,8 +35,6 @@ AIMS = {
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
-#: How runs end that do not converge; those of a column together.
-FAILED_STATUSES = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted"))
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
 
@@ -97,14 +95,15 @@ def _names_cell(laws: Sequence[str]) -> str:
 
 
 def success_table(dataset: Dataset, condition: str) -> Table:
-    """Success and violations in all families together, and how other runs ended."""
+    """Success in all families together, by both standards, and how the other runs ended."""
     ranked, tolerant, kept = (ranking(dataset, condition, name) for name in ("success", "tolerant success", "kept"))
-    kept, runs, lines = kept.among(dataset.working(condition)), dataset.among(condition), []
+    kept, endings, lines = kept.among(dataset.working(condition)), dataset.paired(condition, "ending"), []
     for law in ranked.laws:
-        statuses = runs[runs["controller"] == law]["status"]
-        endings = [str(int(statuses.isin(ending).sum())) for ending in FAILED_STATUSES]
-        lines.append([law, ranked.cell(law), tolerant.cell(law), kept.cell(law, complement=True), *endings])
-    return Table(["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, FAILED_STATUSES)], lines)
+        others = [
+            percentage(float((endings[law] == how).mean()), ranked.shares[law].digits) for how in UNSUCCESSFUL[1:]
+        ]
+        lines.append([law, ranked.cell(law), tolerant.cell(law), kept.cell(law, complement=True), *others])
+    return Table(["law", "success", f"at {of_length(TOLERANT)}", *UNSUCCESSFUL], lines)
 
 
 def tolerance_table(dataset: Dataset, condition: str) -> Table:
@@ -160,7 +159,7 @@ def failure_table(dataset: Dataset) -> Table:
     for law in dataset.laws:
         own = dataset.of_law(law)
         bad = own[~own["success"]]
-        columns = (bad[name].fillna("").astype(str) for name in ("status", "violated", "reason"))
+        columns = (bad[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
         kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
         named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
         named += [("others", len(bad) - sum(n for _, n in named))]
@@ -169,12 +168,11 @@ def failure_table(dataset: Dataset) -> Table:
     return Table(["law", "runs without success", "how"], lines, 3)
 
 
-def _failure_kind(status: str, violated: str, reason: str) -> str:
+def _failure_kind(ending: str, violated: str, reason: str) -> str:
     """The kinds of rows a run violated or, if none, how it ended."""
-    if status == "failed":
-        return f"failed: {plain(reason_kind(reason))}" if reason else status
-    kinds = enumeration(sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}))
-    return f"{kinds} violated" if kinds else f"{status}, no row violated"
+    if kinds := sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}):
+        return f"{enumeration(kinds)} violated"
+    return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
 
 
 def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
