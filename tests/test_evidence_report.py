@@ -18,14 +18,16 @@ from hypothesis import strategies as st
 from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
-from vsconstraints.comparisons.metrics import score
+from vsconstraints.comparisons.metrics import TOLERANCES, score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.statistics import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replay
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.failures import divisive_scene
+from vsconstraints.reports.evidence.figures import draw_tolerance
 from vsconstraints.reports.evidence.report import write_report_of
+from vsconstraints.reports.evidence.tables import tolerance_table
 from vsconstraints.reports.plots import looks
 from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation.trajectory import Outcome
@@ -96,7 +98,7 @@ def test_a_whole_report(tmp_path: Path) -> None:
         ["hierarchical-qp-tuned", "hierarchical-qp"],
     )
     assert "Rank reversal: without disturbances, hierarchical-qp succeeds" in text
-    for name in ("profiles", "ranks"):
+    for name in ("tolerance", "profiles", "ranks"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 5000
     for heading in ("Which controller to choose", "Failures", "Tuning", "Scenes", "Machine and versions"):
         assert f"\n## {heading}\n" in text
@@ -184,6 +186,22 @@ def test_success_and_the_other_endings_are_all_runs(tmp_path: Path) -> None:
     columns = [found[0].index(name) for name in ("success", *UNSUCCESSFUL)]
     for line in found[1:]:
         assert [first_number(line[k]) for k in columns] == pytest.approx([12.5, 25.0, 12.5, 25.0, 25.0], abs=0.6)
+
+
+def test_success_over_tolerated_depth_goes_through_the_table(tmp_path: Path) -> None:
+    depths = {"a": [0.0, 5e-4, 0.03, 0.5], "b": [0.0, 0.0, 0.09, 0.011]}
+    lines = [run(scene=i, controller=law, violation_depth=depth, violated="fov[marker 2]" * bool(depth))
+             for law, own in depths.items() for i, depth in enumerate(own)]  # fmt: skip
+    dataset = Dataset(made(frame([*lines, run(scene=9), run(scene=9, controller="b", status="slow")]), tmp_path))
+    sheet = draw_tolerance([("nominal", dataset.paired("nominal", "tolerance"))], ["a", "b"])
+    assert sheet is not None
+    (ax,) = sheet.figure.axes
+    table = tolerance_table(dataset, "nominal")
+    curves = {curve.get_color(): curve for curve in ax.lines}
+    for law, *cells in table.lines:
+        x, y = curves[looks(["a", "b"])[law].colour].get_data()
+        for tolerance, cell in zip(TOLERANCES, cells, strict=False):
+            assert y[int(np.argmin(abs(x - 100.0 * tolerance)))] == pytest.approx(float(cell), abs=0.1)
 
 
 def test_figures_are_drawn_of_little(tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
         [entry["label"] for entry in plane.entries()][-1]
         for plane in (Plane.of(setup), replace(Plane.of(setup), times=(0.0,)))
     ]
-    assert told == ["moving boundary, at the times given", "moving boundary, where it is then"]
+    assert told == ["boundary at these times", "boundary at that time"]
 
 
 @pytest.mark.parametrize("name", ["panda-fov", "case-study-6r"])

@@ -20,7 +20,7 @@ from ..plots import PNG, Formats
 from . import tables
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
-from .figures import BUDGETS, CRITICAL_DIFFERENCE, PROFILES, Diagram, Panel
+from .figures import BUDGETS, CRITICAL_DIFFERENCE, PROFILES, TOLERANCE, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
 from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
@@ -143,8 +143,10 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
         " ".join(one.text for one in claims.findings if one.condition == ranked.condition and one.about not in HIDDEN)
         for ranked in rankings
     ]
+    depths = [(condition_text(one.condition), dataset.paired(one.condition, "tolerance")) for one in rankings]
     return {
         "claims": claims,
+        "tolerance": dataset.picture(TOLERANCE, depths, dataset.laws),
         "rankings": rankings,
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
         "power": power_table(dataset),
