@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,12 +12,15 @@ from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.statistics import Profile, Ranks
 from ...rows import Array
+from ...scenarios.families.family import NOMINAL
 from ...simulation import Setup
 from ..figures import View
 from ..figures.tracks import LAST, VIOLATED, draw_run
 from ..plots import FAINT, INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
 from ..plots.image import START, Plane
 from ..plots.style import LOOKS
+from .factorial import Factorial
+from .ranking import Ranking
 
 COLUMNS = 3
 
@@ -100,6 +104,46 @@ PROFILES = Figure(
     "Performance profiles: in what share of the scenes a law succeeds with at most so many times the least of any law "
     "in that scene. Left, how often it is the best; right, how often it succeeds at all.",
     draw_profiles,
+)
+
+#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a level's room.
+DODGE, SPREAD = 0.05, 0.6
+
+
+def draw_levels(factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]) -> Sheet | None:
+    """Over the levels of the first factor, a panel for each combination of the others; ``rankings`` by condition."""
+    first, *others = factorial.factors
+    columns = len(others[0]) if others else 1
+    panels = [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
+    sheet, look = Sheet(left=0.62, right=0.2), looks(laws)
+    options: dict[str, Any] = {"height": 1.9, "gap": 0.2, "above": 0.3, "same_y": True}
+    options["labels"] = "", "success [% of scenes]"
+    step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
+    for ax, panel in zip(sheet.panels(len(panels), columns, **options), panels, strict=True):
+        at = [(k, factorial.conditions.get((level, *panel), "")) for k, level in enumerate(first)]
+        for i, law in enumerate(laws):
+            places, shares = [], []
+            for k, condition in at:
+                if condition in rankings and law in rankings[condition].shares:
+                    places.append(k + step * (i - 0.5 * (len(laws) - 1)))
+                    shares.append(rankings[condition].shares[law])
+            middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
+            style = {"color": look[law].colour, "linestyle": look[law].line, "marker": look[law].marker}
+            error = np.maximum([middle - low, high - middle], 0.0)
+            ax.errorbar(places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7)
+        ax.set(xlim=(-0.5, len(first) - 0.5), ylim=(-3.0, 103.0), xticks=range(len(first)), xticklabels=first)
+        title = ", ".join(level for level in panel if level != NOMINAL) or NOMINAL
+        ax.set_title(title, loc="left", fontsize=8.5, pad=4)
+    small = {"markersize": 4.0, "linewidth": 1.2}
+    sheet.legend([line(shortened(law), one.colour, one.line, marker=one.marker) | small for law, one in look.items()])
+    return sheet
+
+
+LEVELS = Figure(
+    "levels",
+    "success over levels",
+    "Success over the levels of one factor, with 95 % intervals, each by itself; panels: levels of the other factors.",
+    draw_levels,
 )
 
 #: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].

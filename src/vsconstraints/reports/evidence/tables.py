@@ -5,10 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from math import ceil
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.metrics import TOLERANCES, TOLERANT
@@ -26,8 +23,8 @@ from .ranking import Ranking, Share, best_by, condition_text, gap, names_text, p
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Columns of the headline table, families in a table, and reasons in a cell.
-MAX_COLUMNS, MAX_FAMILIES, MAX_REASONS = 7, 6, 3
+#: Columns of the headline table, and reasons in a cell.
+MAX_COLUMNS, MAX_REASONS = 7, 3
 MIN_SHARE = 0.02  #: Failures of fewer of a controller's failed runs than this are not named.
 #: What distinguishes controllers that succeed equally often, and the metric that measures it.
 AIMS = {
@@ -35,6 +32,7 @@ AIMS = {
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
+LOSSES = ("second loses", "median loses", "worst loses")  #: What choosing another controller costs.
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
 
@@ -49,6 +47,33 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
         "variation": median(clean["acceleration_variation"].astype(float).tolist()),
         "call": median(runs["step_time_median_us"].astype(float).tolist()),
     }
+
+
+def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
+    """The unrounded numbers of a condition's line of the answer: the best controller and what other choices lose."""
+    first, *others = ranked.laws
+    call = median(dataset.of_law(first)["step_time_median_us"].astype(float).tolist())
+    numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
+    numbers |= ranked.shares[first].numbers("success")
+    for name, law in zip(LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False):
+        numbers |= {name: law, **ranked.differences[first, law].numbers("loss", law=name)}
+    return numbers
+
+
+def answer_table(dataset: Dataset, rankings: Sequence[Ranking]) -> Table:
+    """Which controller, when, how sure, at what cost, and by how much another choice succeeds less often."""
+    lines = []
+    for ranked in rankings:
+        numbers, law, cells = answer_numbers(dataset, ranked), ranked.leader, ["none", DASH, DASH, DASH]
+        if not ranked.hopeless:
+            ties = len(ranked.front) - 1
+            named = f"{law} and {counted(ties, 'tie')}" if ties else bold(law)
+            cells = [named, ranked.shares[law].cell, number(numbers["call"])]
+            cells.append(information_text(dataset.required[law]))
+        others = [str(numbers[name]) for name in LOSSES if name in numbers]
+        losses = [f"{'≈ ' * (one in ranked.front)}{ranked.differences[law, one].cell}" for one in others]
+        lines.append([condition_text(ranked.condition), *cells, *(losses or [DASH] * len(LOSSES))])
+    return Table(["condition", "controller", "success [%]", "call [µs]", "required information", *LOSSES], lines, 2)
 
 
 def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Sequence[dict[str, Any]]) -> Table:
@@ -116,18 +141,6 @@ def tolerance_table(dataset: Dataset, condition: str) -> Table:
     return Table(["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"], lines)
 
 
-def family_tables(dataset: Dataset, condition: str) -> list[tuple[str, Table]]:
-    """Success and violations in each of several families; several tables where there are many families."""
-    families, parts, working = dataset.families_of(condition), [], dataset.working(condition)
-    for what, column in (("Success", "success"), ("Violated", "kept")) if len(families) > 1 else ():
-        for names in np.array_split(np.array(families), ceil(len(families) / MAX_FAMILIES)):
-            each = [ranking(dataset, condition, column, [name]) for name in names.tolist()]
-            each = each if what == "Success" else [one.among(working) for one in each]
-            lines = [[law, *(one.cell(law, complement=what != "Success") for one in each)] for law in dataset.laws]
-            parts.append((what, Table(["law", *names.tolist()], lines)))
-    return parts
-
-
 def quality_table(dataset: Dataset, condition: str) -> Table:
     """Each controller against the most successful one, on the scenes in which both succeed."""
     ranked, lines = ranking(dataset, condition), []
@@ -175,36 +188,48 @@ def _failure_kind(ending: str, violated: str, reason: str) -> str:
     return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
 
 
+def worst_last(runs: Any) -> Any:
+    """Runs by depth of violation and ending, the successful before all others and of these the slowest last."""
+    depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
+    by = ["success", "depth", "order", "settling_time_s"]
+    return runs.assign(depth=depth, order=ending).sort_values(by, ascending=[False, True, True, True], kind="stable")
+
+
 def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
     """By controller that fails, its typical (median) and worst run without success, by depth and ending."""
-    examples = {}
+    examples, failures = {}, worst_last(dataset.runs[~dataset.runs["success"]])
     for law in dataset.laws:
-        runs = dataset.of_law(law)
-        runs = runs[~runs["success"]]
-        depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
-        ordered = runs.assign(depth=depth, ending=ending).sort_values(["depth", "ending"], kind="stable")
+        runs = failures[failures["controller"] == law]
         if len(runs):
-            examples[law] = {"typical": ordered.iloc[(len(ordered) - 1) // 2], "worst": ordered.iloc[-1]}
+            examples[law] = {"typical": runs.iloc[(len(runs) - 1) // 2], "worst": runs.iloc[-1]}
     return examples
 
 
 def example_table(dataset: Dataset) -> Table:
     """The typical and the worst failure of each controller."""
     lines = [
-        [law, name, f"{run['family']} {run['scene']}, {run['condition']}", str(run["status"]), _reason(dataset, run)]
+        [
+            law,
+            name,
+            f"{run['family']} {run['scene']}, {run['condition']}",
+            str(run["status"]),
+            reason_text(dataset, run),
+        ]
         for law, examples in example_failures(dataset).items()
         for name, run in examples.items()
     ]
     return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
 
 
-def _reason(dataset: Dataset, run: Any) -> str:
+def reason_text(dataset: Dataset, run: Any) -> str:
     """Why a run was no success, and which row it violated by how much."""
-    parts = [plain(run["reason"])] if run["reason"] else []
-    rows = dataset.evidence.rows
-    for name in ("family", "condition", "scene", "controller"):
-        rows = rows[rows[name] == run[name]]
-    rows = rows[rows["violation_depth"] > 0.0]
+    parts, keys = [plain(run["reason"])] if run["reason"] else [], ["family", "condition", "scene", "controller"]
+
+    def violated() -> dict[Any, Any]:
+        rows = dataset.evidence.rows
+        return dict(iter(rows[rows["violation_depth"] > 0.0].groupby(keys, observed=True)))
+
+    rows = dataset.once("violated rows", violated).get(tuple(run[keys]), ())
     if len(rows):
         worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
         unit, factor = finer_unit(str(worst["unit"]))
