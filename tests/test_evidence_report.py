@@ -20,7 +20,7 @@ from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import TOLERANCES, score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.statistics import OUTCOMES, UNSUCCESSFUL, endings
+from vsconstraints.comparisons.statistics.judged import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replay
 from vsconstraints.reports.evidence.dataset import Dataset

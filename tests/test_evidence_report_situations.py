@@ -15,7 +15,7 @@ import pytest
 from browser import NAMES, browser, program
 from made_evidence import drawn_runs, frame, made, run
 from test_evidence_report import RATES, check, tables, written
-from vsconstraints.comparisons.statistics import UNSUCCESSFUL
+from vsconstraints.comparisons.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replayed
 from vsconstraints.reports.evidence.dataset import Dataset
@@ -141,8 +141,8 @@ def test_the_answer_says_what_another_choice_loses(tmp_path: Path) -> None:
     assert line[:5] == ["Without disturbances", "a and 1 tie", "100 (94.0–100)", "420", "see its code"]
     assert [re.match("≈ [0-9]+|[0-9]+", cell)[0] for cell in line[5:]] == ["≈ 10", "50", "90"]  # type: ignore[index]
     (data,) = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["answers"]
-    assert (data["law"], data["ties"], data["second loses"], data["median loses"]) == ("a", ["b"], "b", "c")
-    assert data["loss[worst loses]"] == pytest.approx(0.9)
+    assert (data["law"], data["ties"], data["second"], data["median"]) == ("a", ["b"], "b", "c")
+    assert data["loss[worst]"] == pytest.approx(0.9)
 
 
 def heat_map_of(page: str) -> Any:

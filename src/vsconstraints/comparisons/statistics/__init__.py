@@ -3,18 +3,7 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
-from .judged import (
-    LAW,
-    OUTCOMES,
-    SCENE,
-    UNSUCCESSFUL,
-    Verdict,
-    distinguishable,
-    endings,
-    judged_metrics,
-    simultaneous,
-    verdict,
-)
+from .judged import LAW, OUTCOMES, SCENE, Verdict, distinguishable, judged_metrics, simultaneous, verdict
 from .ranking import Profile, Ranks, profile, ranks
 from .rates import (
     Median,
@@ -36,7 +25,6 @@ __all__ = [
     "LAW",
     "OUTCOMES",
     "SCENE",
-    "UNSUCCESSFUL",
     "Median",
     "Paired",
     "PairedRates",
@@ -49,7 +37,6 @@ __all__ = [
     "detectable",
     "difference_interval",
     "distinguishable",
-    "endings",
     "judged_metrics",
     "mcnemar",
     "median",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
 from ...comparisons.runs.spec import BASELINE
-from ...comparisons.statistics import OUTCOMES, endings
+from ...comparisons.statistics.judged import OUTCOMES, endings
 from ...controllers import make_controller
 from ...errors import unknown_name
 from ...plugins.classes import untrusted

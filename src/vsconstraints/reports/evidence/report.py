@@ -17,7 +17,7 @@ from ...rows.readable import counted
 from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
-from . import tables
+from . import failures, tables
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
 from .figures import BUDGETS, CRITICAL_DIFFERENCE, LEVELS, PROFILES, TOLERANCE, Diagram, Panel
@@ -111,6 +111,8 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
         "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+        "tables": tables,
+        "failures": failures,
         "condition_text": condition_text,
         "situations_title": SITUATIONS,
         "situation_table": situation_table(dataset),
@@ -120,7 +122,7 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
     }
     try:
         interactive = {SITUATIONS: heat_map(dataset)} if context["rankings"] else {}
-        write_pages(report, render("evidence.md", dataset=dataset, tables=tables, **context), interactive)
+        write_pages(report, render("evidence.md", dataset=dataset, **context), interactive)
         with replaced(dataset.folder / CLAIMS) as file:
             file.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:

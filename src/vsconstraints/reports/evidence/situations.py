@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from ...comparisons.statistics import UNSUCCESSFUL
+from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ..markdown import Table
 from ..page import TEMPLATES, parser
 from .dataset import Dataset
+from .failures import reason_text, worst_last
 from .ranking import Ranking, Share, percentage, ranking
-from .tables import reason_text, worst_last
 
 #: Relative luminance above which black is read better than white, the contrast of both being the same there (WCAG).
 BRIGHT = 0.179

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.metrics import TOLERANCES, TOLERANT
-from ...comparisons.statistics import UNSUCCESSFUL, rate
+from ...comparisons.statistics import rate
+from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
 from ..groups import controller_cells, information_text
-from ..markdown import Table, bold, code, enumeration, plain
+from ..markdown import Table, bold, enumeration, plain
 from ..numbers import DASH, median, number, of_length
-from ..results import reason_kind
-from ..scenario import finer_unit
 from .dataset import Dataset
 from .ranking import Ranking, Share, best_by, condition_text, gap, names_text, pairwise_verdicts, percentage, ranking
 
@@ -25,16 +24,13 @@ if TYPE_CHECKING:
 
 #: Columns of the headline table, and reasons in a cell.
 MAX_COLUMNS, MAX_REASONS = 7, 3
-MIN_SHARE = 0.02  #: Failures of fewer of a controller's failed runs than this are not named.
 #: What distinguishes controllers that succeed equally often, and the metric that measures it.
 AIMS = {
     "lowest command variation": "acceleration_variation",
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
-LOSSES = ("second loses", "median loses", "worst loses")  #: What choosing another controller costs.
-#: Of statuses, the worst last.
-ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
+LOSSES = ("second", "median", "worst")  #: Of the other controllers: those whose loss is reported.
 
 
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
@@ -62,7 +58,7 @@ def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
 
 def answer_table(dataset: Dataset, rankings: Sequence[Ranking]) -> Table:
     """Which controller, when, how sure, at what cost, and by how much another choice succeeds less often."""
-    lines = []
+    lines, losing = [], [f"{name} loses" for name in LOSSES]
     for ranked in rankings:
         numbers, law, cells = answer_numbers(dataset, ranked), ranked.leader, ["none", DASH, DASH, DASH]
         if not ranked.hopeless:
@@ -73,7 +69,7 @@ def answer_table(dataset: Dataset, rankings: Sequence[Ranking]) -> Table:
         others = [str(numbers[name]) for name in LOSSES if name in numbers]
         losses = [f"{'≈ ' * (one in ranked.front)}{ranked.differences[law, one].cell}" for one in others]
         lines.append([condition_text(ranked.condition), *cells, *(losses or [DASH] * len(LOSSES))])
-    return Table(["condition", "controller", "success [%]", "call [µs]", "required information", *LOSSES], lines, 2)
+    return Table(["condition", "controller", "success [%]", "call [µs]", "required information", *losing], lines, 2)
 
 
 def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Sequence[dict[str, Any]]) -> Table:
@@ -164,81 +160,6 @@ def information_table(dataset: Dataset) -> Table:
         compiled = {1.0: "compiled", 0.0: "NumPy"}.get(share, f"compiled in {100.0 * share:.0f} %, else NumPy")
         lines.append([law, *cells, compiled, number(call)])
     return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
-
-
-def failure_table(dataset: Dataset) -> Table:
-    """How many runs of each controller were no success, and the most frequent ways to fail."""
-    lines = []
-    for law in dataset.laws:
-        own = dataset.of_law(law)
-        bad = own[~own["success"]]
-        columns = (bad[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
-        kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
-        named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
-        named += [("others", len(bad) - sum(n for _, n in named))]
-        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in named if n]
-        lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
-    return Table(["law", "runs without success", "how"], lines, 3)
-
-
-def _failure_kind(ending: str, violated: str, reason: str) -> str:
-    """The kinds of rows a run violated or, if none, how it ended."""
-    if kinds := sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}):
-        return f"{enumeration(kinds)} violated"
-    return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
-
-
-def worst_last(runs: Any) -> Any:
-    """Runs by depth of violation and ending, the successful before all others and of these the slowest last."""
-    depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
-    by = ["success", "depth", "order", "settling_time_s"]
-    return runs.assign(depth=depth, order=ending).sort_values(by, ascending=[False, True, True, True], kind="stable")
-
-
-def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """By controller that fails, its typical (median) and worst run without success, by depth and ending."""
-    examples, failures = {}, worst_last(dataset.runs[~dataset.runs["success"]])
-    for law in dataset.laws:
-        runs = failures[failures["controller"] == law]
-        if len(runs):
-            examples[law] = {"typical": runs.iloc[(len(runs) - 1) // 2], "worst": runs.iloc[-1]}
-    return examples
-
-
-def example_table(dataset: Dataset) -> Table:
-    """The typical and the worst failure of each controller."""
-    lines = [
-        [
-            law,
-            name,
-            f"{run['family']} {run['scene']}, {run['condition']}",
-            str(run["status"]),
-            reason_text(dataset, run),
-        ]
-        for law, examples in example_failures(dataset).items()
-        for name, run in examples.items()
-    ]
-    return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
-
-
-def reason_text(dataset: Dataset, run: Any) -> str:
-    """Why a run was no success, and which row it violated by how much."""
-    parts, keys = [plain(run["reason"])] if run["reason"] else [], ["family", "condition", "scene", "controller"]
-
-    def violated() -> dict[Any, Any]:
-        rows = dataset.evidence.rows
-        return dict(iter(rows[rows["violation_depth"] > 0.0].groupby(keys, observed=True)))
-
-    rows = dataset.once("violated rows", violated).get(tuple(run[keys]), ())
-    if len(rows):
-        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
-        unit, factor = finer_unit(str(worst["unit"]))
-        more = f" and {counted(len(rows) - 1, 'other row')}" if len(rows) > 1 else ""
-        depth = number(factor * float(worst["violation_depth"]))
-        parts.append(f"violates {code(str(worst['constraint']))} by {depth} {unit}{more}")
-    elif run["violated"]:
-        parts.append(f"violates {plain(run['violated'])}")
-    return "; ".join(parts) or "the goal is not reached, no row is violated"
 
 
 def tuning_table(dataset: Dataset) -> Table:
