@@ -26,6 +26,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
 
+INTERVAL = re.compile(r"\([−\d][−\d.– to%]*\)")  #: What is not broken at the end of a line.
+
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
 
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
@@ -109,6 +111,7 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
 
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
+    markdown.add_render_rule("text", _text)
     tokens: list[Token] = []
     for k, part in enumerate(DETAILS.split(text)):  # text, summary, details, text, …
         if k % 3 == 0:
@@ -151,6 +154,13 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
     if not BESIDE.fullmatch(source):
         return escapeHtml(f"![{tokens[k].content}]({source})")
     return f'<a href="{escapeHtml(source)}">{renderer.image(tokens, k, options, env)}</a>'
+
+
+def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
+    """Text in which intervals stay whole."""
+    from markdown_it.common.utils import escapeHtml
+
+    return INTERVAL.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
 
 
 def _headings(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
