@@ -87,11 +87,12 @@ def reason_text(dataset: Dataset, run: Any) -> str:
     """Why a run was no success, and which row it violated by how much."""
     parts, keys = [plain(run["reason"])] if run["reason"] else [], ["family", "condition", "scene", "controller"]
 
-    def violated() -> dict[Any, Any]:
-        rows = dataset.evidence.rows
-        return dict(iter(rows[rows["violation_depth"] > 0.0].groupby(keys, observed=True)))
+    def violated() -> tuple[Any, Any]:
+        rows = dataset.evidence.rows[dataset.evidence.rows["violation_depth"] > 0.0]
+        return rows, rows.groupby(keys, observed=True).indices
 
-    rows = dataset.once("violated rows", violated).get(tuple(run[keys]), ())
+    every, places = dataset.once("violated rows", violated)
+    rows = every.iloc[places.get(tuple(run[keys]), [])]
     if len(rows):
         worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
         unit, factor = finer_unit(str(worst["unit"]))
