@@ -14,15 +14,17 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import TOLERANCES, score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.statistics.judged import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence import replay
+from vsconstraints.reports.evidence import replay, replayed
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.failures import divisive_scene
 from vsconstraints.reports.evidence.figures import draw_tolerance
@@ -315,6 +317,13 @@ def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
     record = replay(tmp_path, "planar-arm", 2, "disturbed", "qp")
     again = score(record, replay(tmp_path, "planar-arm", 2, "disturbed", "tracking")).result
     stored = next(line for line in lines if line["controller"] == "qp")
+    seen = replayed(f"{tmp_path}:planar-arm:2:disturbed:qp")
+    assert (seen.law, seen.title) == ("qp", "planar-arm 2, disturbed")
+    np.testing.assert_array_equal(seen.trajectory.q, record.trajectory.q)
+    page = tmp_path / "replay.html"
+    words = ["replay", f"{tmp_path}:planar-arm:2:disturbed:qp", "--out", str(page)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert "planar-arm 2, disturbed" in page.read_text(encoding="utf-8")
     assert again["status"] == stored["status"]
     for name in ("duration_s", "acceleration_variation", "violation_depth", "final_feature_error_px"):
         assert again[name] == stored[name]
