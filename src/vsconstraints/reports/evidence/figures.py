@@ -263,9 +263,9 @@ def _panel(ax: Any, one: Shown, plane: Plane) -> None:
     ax.set_aspect("equal", adjustable="box", anchor="N")
     view = View(one.setup, {"tracking": one.baseline, one.controller: one.run}, ("tracking", one.controller))
     draw_run(ax, view, one.controller)
-    ax.set_title(f"{shortened(one.controller, 22)}\n", loc="left", fontsize=8, pad=2)
+    ax.set_title(f"{shortened(one.controller, 22)}\n", loc="left", fontsize=8, pad=5)
     ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
-    ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=2)
+    ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=5)
 
 
 WORST = Figure(
