@@ -150,3 +150,20 @@ for line in claims["table"]:
     found |= {name: by_scene("success", name)[line["law"]].mean() for name in set(own["condition"])}
     for name in set(line) - {"law"}:
         assert line[name] is None or np.isclose(line[name], found[name]), (line["law"], name)
+
+for line in claims["answers"]:
+    success = by_scene("success", line["condition"])
+    assert np.isclose(success[line["law"]].mean(), success.mean().max())
+    for name in {"second", "median", "worst"} & set(line):
+        ends = difference(success, line["law"], line[name])
+        assert np.allclose(ends, [line[f"{key}[{name}]"] for key in ("loss", "low", "high")], atol=1e-9), (line, name)
+
+for line in claims["situations"]:
+    flags = by_scene("success", line["condition"], [line["family"]])[line["law"]]
+    assert np.allclose(share(flags), [line[key] for key in ("success", "low", "high")])
+    own = runs[
+        (runs[["family", "condition", "controller"]] == [line["family"], line["condition"], line["law"]]).all(axis=1)
+    ]
+    assert line["endings"]["success"] == own["success"].sum()
+    assert line["endings"]["violated"] == own["violation"].sum()
+    assert sum(line["endings"].values()) == len(own)

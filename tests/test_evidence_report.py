@@ -7,24 +7,32 @@ import re
 import runpy
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
-from vsconstraints.comparisons.metrics import score
+from vsconstraints.comparisons.metrics import TOLERANCES, score
 from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.statistics.judged import OUTCOMES, UNSUCCESSFUL, endings
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports.evidence import replay
+from vsconstraints.reports.evidence import replay, replayed
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.failures import divisive_scene
+from vsconstraints.reports.evidence.figures import draw_tolerance
 from vsconstraints.reports.evidence.report import write_report_of
+from vsconstraints.reports.evidence.tables import tolerance_table
 from vsconstraints.reports.plots import looks
 from vsconstraints.scenarios.families import Family
+from vsconstraints.simulation.trajectory import Outcome
 
 WIDEST = 8
 
@@ -61,7 +69,8 @@ def check(text: str, folder: Path) -> None:
     for table in tables(text):
         assert len(table[0]) <= WIDEST
         assert all(len(line) == len(table[0]) for line in table)
-        for column in zip(*table, strict=True):
+        # controllers are compared down a column, or along a line of situations
+        for column in table[1:] if table[0][0] == "situation" else zip(*table, strict=True):
             better = -1.0 if column[0].startswith("violated") else 1.0
             values = [better * first_number(cell) for cell in column[1:]]
             for cell, value in zip(column[1:], values, strict=True):
@@ -84,15 +93,20 @@ def test_a_whole_report(tmp_path: Path) -> None:
     lines = text.splitlines()
     assert lines[0] == "# Made up"
     assert lines[2] == "**Which law keeps its rows?**"
-    assert "Drawn at random: 120 scenes of 2 families" in text
-    first = tables(text)[0]
-    assert len(first[0]) <= 7
-    assert [line[0] for line in first[1:3]] in (
+    assert "120 scenes of 2 families, drawn at random" in text
+    answer, headline = tables(text)[:2]
+    assert [line[0] for line in answer[1:]] == [
+        "Without disturbances",
+        "With disturbances",
+        "Under the arms' own limits",
+    ]
+    assert len(headline[0]) <= 7
+    assert [line[0] for line in headline[1:3]] in (
         ["hierarchical-qp", "hierarchical-qp-tuned"],
         ["hierarchical-qp-tuned", "hierarchical-qp"],
     )
     assert "Rank reversal: without disturbances, hierarchical-qp succeeds" in text
-    for name in ("profiles", "ranks"):
+    for name in ("tolerance", "profiles", "ranks"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 5000
     for heading in ("Which controller to choose", "Failures", "Tuning", "Scenes", "Machine and versions"):
         assert f"\n## {heading}\n" in text
@@ -111,7 +125,7 @@ FAILING = {"reason": "the law gave nothing at 0.5 s", "status": "failed", "utili
             drawn_runs(ONE, ["ur5"], 20),
             "Without disturbances: **sliding-mode** succeeds in ",
         ),
-        (drawn_runs(ONE, ["ur5"], 1), "Drawn at random: 1 scene of 1 family"),
+        (drawn_runs(ONE, ["ur5"], 1), "1 scene of 1 family, drawn at random"),
         (
             drawn_runs({"nominal": {"a": 0.0, "b": 0.0}}, ["ur5"], 20),
             "no controller succeeds in any of 20 scenes",
@@ -142,13 +156,51 @@ def test_whatever_there_is_a_report_is_written_that_says_so(runs: pd.DataFrame, 
     assert said in text
 
 
-@pytest.mark.parametrize(("families", "columns"), [(2, [2]), (6, [6]), (7, [4, 3]), (13, [5, 4, 4])])
-def test_families_are_split_evenly_into_tables(families: int, columns: list[int], tmp_path: Path) -> None:
-    names = [f"f{i}" for i in range(families)]
-    found = tables(written(drawn_runs({"nominal": {"a": 0.8, "b": 0.5}}, names, 2), tmp_path))
-    headers = [table[0] for table in found if table[0][:1] == ["law"] and table[0][-1] in names]
-    assert [len(header) - 1 for header in headers] == columns * 2  # successes, and violations
-    assert [name for header in headers for name in header[1:]] == names * 2
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([*get_args(Outcome), "another"]),
+            st.sampled_from(["", "fov[marker 2]", "range[joint 6]; x"]),
+        ),
+        min_size=1,
+    )
+)
+def test_every_run_ends_in_exactly_one_way(runs: list[tuple[str, str]]) -> None:
+    lines = frame([run(status=status, violated=rows, scene=i) for i, (status, rows) in enumerate(runs)])
+    ways = endings(lines)
+    own = {"trapped": "stuck", "slow": "slow", "unfinished": "slow", "converged": "success"}
+    assert set(ways) <= {"success", *UNSUCCESSFUL}
+    for (status, rows), way in zip(runs, ways, strict=True):
+        assert way == ("violated" if rows else own.get(status, "failed"))
+    assert ((ways == "success") == OUTCOMES["success"].flag(lines)).all()
+    assert ((ways == "violated") == OUTCOMES["violation"].flag(lines)).all()
+
+
+def test_success_and_the_other_endings_are_all_runs(tmp_path: Path) -> None:
+    ends = ["converged", "converged", "trapped", "slow", "unfinished", "failed", "aborted", "trapped"]
+    rows = ["", "fov[marker 2]", "", "", "", "", "", "fov[marker 2]"]
+    lines = [run(scene=i, status=end, violated=row, violation_depth=0.1 * bool(row), controller=law)
+             for law in "ab" for i, (end, row) in enumerate(zip(ends, rows, strict=True))]  # fmt: skip
+    (found,) = [table for table in tables(written(frame(lines), tmp_path)) if "stuck" in table[0]]
+    columns = [found[0].index(name) for name in ("success", *UNSUCCESSFUL)]
+    for line in found[1:]:
+        assert [first_number(line[k]) for k in columns] == pytest.approx([12.5, 25.0, 12.5, 25.0, 25.0], abs=0.6)
+
+
+def test_success_over_tolerated_depth_goes_through_the_table(tmp_path: Path) -> None:
+    depths = {"a": [0.0, 5e-4, 0.03, 0.5], "b": [0.0, 0.0, 0.09, 0.011]}
+    lines = [run(scene=i, controller=law, violation_depth=depth, violated="fov[marker 2]" * bool(depth))
+             for law, own in depths.items() for i, depth in enumerate(own)]  # fmt: skip
+    dataset = Dataset(made(frame([*lines, run(scene=9), run(scene=9, controller="b", status="slow")]), tmp_path))
+    sheet = draw_tolerance([("nominal", dataset.paired("nominal", "tolerance"))], ["a", "b"])
+    assert sheet is not None
+    (ax,) = sheet.figure.axes
+    table = tolerance_table(dataset, "nominal")
+    curves = {curve.get_color(): curve for curve in ax.lines}
+    for law, *cells in table.lines:
+        x, y = curves[looks(["a", "b"])[law].colour].get_data()
+        for tolerance, cell in zip(TOLERANCES, cells, strict=False):
+            assert y[int(np.argmin(abs(x - 100.0 * tolerance)))] == pytest.approx(float(cell), abs=0.1)
 
 
 def test_figures_are_drawn_of_little(tmp_path: Path) -> None:
@@ -193,9 +245,8 @@ def test_the_worst_and_the_typical_failure_of_a_law(tmp_path: Path) -> None:
     ]
     assert found[2][4] == "violates `fov[marker 2]` by 30.0 px"
     (ways,) = [table for table in tables(text) if "runs without success" in table[0]]
-    assert ways[1] == ["a", "5 of 6", "fov violated 60 %; trapped, no row violated 40 %"]
-    flat = " ".join(text.split())
-    assert 'replay( ".", family="planar-arm", scene=1, condition="nominal", controller="a", )' in flat
+    assert ways[1] == ["a", "5 of 6", "fov violated 60 %; stuck 40 %"]
+    assert "\nvsconstraints replay .:planar-arm:1:nominal:a\n" in text
 
 
 def test_a_tuning_is_shown(tmp_path: Path) -> None:
@@ -276,6 +327,13 @@ def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
     record = replay(tmp_path, "planar-arm", 2, "disturbed", "qp")
     again = score(record, replay(tmp_path, "planar-arm", 2, "disturbed", "tracking")).result
     stored = next(line for line in lines if line["controller"] == "qp")
+    seen = replayed(f"{tmp_path}:planar-arm:2:disturbed:qp")
+    assert (seen.law, seen.title) == ("qp", "planar-arm 2, disturbed")
+    np.testing.assert_array_equal(seen.trajectory.q, record.trajectory.q)
+    page = tmp_path / "replay.html"
+    words = ["replay", f"{tmp_path}:planar-arm:2:disturbed:qp", "--out", str(page)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert "planar-arm 2, disturbed" in page.read_text(encoding="utf-8")
     assert again["status"] == stored["status"]
     for name in ("duration_s", "acceleration_variation", "violation_depth", "final_feature_error_px"):
         assert again[name] == stored[name]

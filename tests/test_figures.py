@@ -17,8 +17,10 @@ from matplotlib.path import Path as MplPath
 from PIL import Image
 
 from vsconstraints.comparisons import RunRecord, Suite
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.drawing import remove_stale
+from vsconstraints.reports.evidence.figures import Shown, draw_worst
 from vsconstraints.reports.figures.overview import typical
 from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
@@ -159,7 +161,7 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
         [entry["label"] for entry in plane.entries()][-1]
         for plane in (Plane.of(setup), replace(Plane.of(setup), times=(0.0,)))
     ]
-    assert told == ["moving boundary, at the times given", "moving boundary, where it is then"]
+    assert told == ["boundary at these times", "boundary at that time"]
 
 
 @pytest.mark.parametrize("name", ["panda-fov", "case-study-6r"])
@@ -177,6 +179,18 @@ def test_a_legend_beside_tracks_covers_no_panel_and_no_label(name, tmp_path):
     placed = legend.get_window_extent()
     for ax in sheet.figure.axes:
         assert not placed.overlaps(ax.get_tightbbox()), ax.get_title(loc="left")
+
+
+def test_a_long_name_leaves_room_for_how_the_run_ended():
+    setup = Scenario.load("example-2d-fov").setup()
+    run = RunRecord.of(setup, simulate(setup, ControllerSpec("tracking").make()), "")
+    names = ("hierarchical-qp-observer", "robust-hierarchical-qp-observer")
+    view, shown = View(setup, dict.fromkeys(names, run), names), [Shown(name, "a 1", setup, run, run) for name in names]
+    for sheet in (draw_tracks(view), draw_worst(shown, names)):
+        for ax in sheet.placed().axes:
+            law, status = ax._left_title, ax._right_title
+            assert status.get_text().strip() == "converged"
+            assert law.get_window_extent().x1 + 5.0 < status.get_window_extent().x0
 
 
 def test_a_figure_is_written_in_the_formats_asked_for(tmp_path: Path) -> None:

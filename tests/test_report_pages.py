@@ -40,7 +40,7 @@ ARMED = (
 HARMLESS = {
     "html", "head", "meta", "link", "title", "style", "body", "main", "nav", "h1", "h2", "h3", "h4", "h5", "h6", "p",
     "ul", "ol", "li", "a", "img", "strong", "em", "code", "pre", "table", "thead", "tbody", "tr", "th", "td", "br",
-    "hr", "blockquote", "details", "summary",
+    "hr", "blockquote", "details", "summary", "span",
 }  # fmt: skip
 
 

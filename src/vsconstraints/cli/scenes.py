@@ -17,8 +17,9 @@ from .terminal import USAGE_ERROR, console, errors, note, progress
 
 _FAMILY = "Instead of a scenario: a family, of which one scene."
 _RUN = (
-    "SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or the file of a stored "
-    "run, FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario."
+    "SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or of a campaign "
+    "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
+    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario."
 )
 _SCENARIO = "A name, or the path of a file."
 _Scenario = Annotated[str | None, Argument(help=_SCENARIO, autocompletion=options.scenario_names)]
@@ -76,7 +77,7 @@ def replay(
 ) -> None:
     """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a film."""
     from ..reports.replay import write_film, write_replay
-    from ..reports.replay.runs import name_of, select_run
+    from ..reports.replay.runs import campaign_run, name_of, select_run
 
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise ConfigurationError(f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films")
@@ -84,7 +85,10 @@ def replay(
     page = out or (None if films else Path(f"replay-{name_of(runs[0])}.html"))
     if page is not None:
         demand("replay")
-    selected = [select_run(run, seed, trust, note) for run in runs]
+    if any(map(campaign_run, runs)):
+        demand("evidence", "a run of a campaign")
+        from ..reports.evidence import replayed
+    selected = [replayed(run, trust, note) if campaign_run(run) else select_run(run, seed, trust, note) for run in runs]
     for path in films:
         note(*write_film(selected, path))
         console.print(f"Film: {path}")

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -23,6 +26,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
 
+INTERVAL = re.compile(r"\([−\d][−\d.– to%]*\)")  #: What is not broken at the end of a line.
+
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
 
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
@@ -37,14 +42,21 @@ def render(template: str, **context: Any) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
 
-def write_pages(report: Path, text: str) -> None:
-    """Write a report without its details, :func:`details_of` it, and its page; raises OSError."""
+def write_pages(report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> None:
+    """Write a report without its details, :func:`details_of` it, and its page; raises OSError.
+
+    ``interactive`` is HTML that stands in the page, and there unfolded, instead of the details of that summary.
+    """
     title = text.partition("\n")[0]
     short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
     details = "\n".join(f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text))
     if details:
         details = f"{title}: details\n\n{details.replace('](#', '](report.md#')}"
-    for path, content in ((report, short), (details_of(report), details), (page_of(report), html_page(text))):
+    for path, content in (
+        (report, short),
+        (details_of(report), details),
+        (page_of(report), html_page(text, interactive)),
+    ):
         if content:
             with replaced(path) as part:
                 part.write_text(content, encoding="utf-8")
@@ -87,9 +99,10 @@ def parser(html: bool = True) -> MarkdownIt:
     return MarkdownIt("commonmark", {"html": html, "xhtmlOut": False}).enable("table")
 
 
-def html_page(text: str) -> str:
-    """A report in Markdown as one HTML file, without scripts and without anything from a network.
+def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
+    """A report in Markdown as one HTML file without anything from a network; see :func:`write_pages`.
 
+    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped.
     Links stay as they are: figures, tables and replays are found beside the page. Whatever looks like HTML in the text
     is shown as it stands, but for anchors and details. Cells have the heading of their column as ``data-label``: where
     a window is too narrow for a table, its lines are shown as lists of headings and values.
@@ -98,11 +111,18 @@ def html_page(text: str) -> str:
 
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
+    markdown.add_render_rule("text", _text)
     tokens: list[Token] = []
     for k, part in enumerate(DETAILS.split(text)):  # text, summary, details, text, …
-        summary = f"<details><summary>{part}</summary>\n"
-        tokens += [Token("html_block", "", 0, content=summary)] if k % 3 == 1 else markdown.parse(part)
-        tokens += [Token("html_block", "", 0, content="</details>\n")] if k % 3 == 2 else []
+        if k % 3 == 0:
+            tokens += markdown.parse(part)
+        elif k % 3 == 1:
+            summary = part
+        elif summary in interactive:
+            tokens.append(Token("html_block", "", 0, content=interactive[summary]))
+        else:
+            tokens.append(Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n"))
+            tokens += [*markdown.parse(part), Token("html_block", "", 0, content="</details>\n")]
     headings = _headings(tokens, set(ANCHOR.findall(text)))
     _label_tables(tokens)
     first = next(
@@ -113,6 +133,7 @@ def html_page(text: str) -> str:
         re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half) for half in halves
     )
     listed = [one for one in headings if one["tag"] in ("h2", "h3")]
+    script = (TEMPLATES / "heat-map.js").read_text(encoding="utf-8") if interactive else ""
     page = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True).get_template("page.html")
     return page.render(
         title=next((one["text"] for one in headings), "Report"),
@@ -120,6 +141,8 @@ def html_page(text: str) -> str:
         before=before,
         contents=listed if sum(one["tag"] == "h2" for one in listed) >= MIN_SECTIONS else [],
         after=after,
+        script=script,
+        digest=b64encode(sha256(script.encode()).digest()).decode(),
     )
 
 
@@ -131,6 +154,13 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
     if not BESIDE.fullmatch(source):
         return escapeHtml(f"![{tokens[k].content}]({source})")
     return f'<a href="{escapeHtml(source)}">{renderer.image(tokens, k, options, env)}</a>'
+
+
+def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
+    """Text in which intervals stay whole."""
+    from markdown_it.common.utils import escapeHtml
+
+    return INTERVAL.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
 
 
 def _headings(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:

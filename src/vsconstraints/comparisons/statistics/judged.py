@@ -124,6 +124,20 @@ OUTCOMES: Mapping[str, Outcome] = {
 }
 
 
+#: What statuses mean where no row is violated; any other status is a failure.
+ENDINGS: Mapping[str, str] = {"converged": "success", "trapped": "stuck", "slow": "slow", "unfinished": "slow"}
+UNSUCCESSFUL = ("violated", "stuck", "slow", "failed")  #: How runs end that are no success.
+
+
+def endings(runs: Any) -> Any:
+    """How each run ended: ``"success"``, or exactly one of :data:`UNSUCCESSFUL`.
+
+    *Violated* is a run that violated a row by the strict standard, whatever else; of the others *stuck* came to rest
+    away from the goal, *slow* was still moving at the end of its time, and *failed* was broken off.
+    """
+    return runs["status"].astype(str).map(ENDINGS).fillna("failed").where(~violated(runs), "violated")
+
+
 def judged_metrics() -> dict[str, Metric]:
     """Metrics of which less or more is better, by name: the column, or ``column / column`` of a ratio of two."""
     return {

@@ -3,7 +3,7 @@
 It needs pandas, which ``pip install 'vsconstraints[evidence]'`` brings.
 """
 
-from .dataset import replay
+from .dataset import replay, replayed
 from .report import write_evidence_report
 
-__all__ = ["replay", "write_evidence_report"]
+__all__ = ["replay", "replayed", "write_evidence_report"]

@@ -5,20 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
 from ...comparisons.runs.spec import BASELINE, ControllerSpec
-from ...comparisons.statistics.judged import OUTCOMES
+from ...comparisons.statistics.judged import OUTCOMES, endings
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
+from ...scenarios.families.family import NOMINAL
 from ...simulation import Setup, simulate, until_settled
 from ..drawing import picture
 from ..groups import required_information
 from ..plots import PNG, Figure, Formats
 from ..plots.style import TUNED
+from ..replay.runs import ReplayRun, campaign_run
+from .factorial import Factorial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +36,8 @@ class Dataset:
     """Evidence as the parts of the report need it.
 
     ``tuning`` is the folder of the tuning, if there is one to show; ``figures`` whether figures are drawn, in
-    ``formats``. ``laws``, ``conditions`` and ``families`` are those that have runs, in the campaign's order.
+    ``formats``. ``laws``, ``families`` and ``situations``, families in conditions, are those that have runs, in the
+    campaign's order; so are ``conditions``, without those that are nothing but levels of ``factorials`` of families.
     """
 
     def __init__(
@@ -43,8 +48,18 @@ class Dataset:
         self.configuration: dict[str, Any] = dict(evidence.manifest["configuration"])
         self._cache: dict[Hashable, Any] = {}
         self.laws = _ordered(evidence.controllers, self.runs["controller"])
-        self.conditions = _ordered(("nominal", *evidence.conditions), self.runs["condition"])
         self.families = _ordered(tuple(self.configuration["families"]), self.runs["family"])
+        every = _ordered((NOMINAL, *evidence.conditions), self.runs["condition"])
+        pairs = set(self.runs[["family", "condition"]].itertuples(index=False, name=None))
+        self.situations = [pair for pair in product(self.families, every) if pair in pairs]
+        self.factorials: dict[str, Factorial] = {}
+        for family in self.families:
+            table = self.configuration["families"].get(family, {}).get("tables", {}).get("conditions", {})
+            own = Factorial.of(table, [condition for name, condition in self.situations if name == family])
+            self.factorials |= {family: own} if own is not None else {}
+        levels = {(family, name) for family, own in self.factorials.items() for name in own.conditions.values()}
+        outside = {NOMINAL, *(condition for family, condition in self.situations if (family, condition) not in levels)}
+        self.conditions = tuple(name for name in every if name in outside) or every
         self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
@@ -63,14 +78,15 @@ class Dataset:
         """Runs of the controllers that are compared, with their outcomes.
 
         ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
-        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one. ``tolerance`` is the least
-        one at which a run is a success; infinite if at none.
+        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one; ``ending`` is one of
+        :func:`.endings`. ``tolerance`` is the least one at which a run is a success; infinite if at none.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
         for standard in ("", "tolerant "):
             runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
             runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
+        runs["ending"] = endings(runs)
         runs["tolerance"] = runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
         plain: pd.DataFrame = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
         return plain
@@ -127,6 +143,17 @@ def replay(
     """
     evidence = Evidence.load(Path(folder), trust)
     return rerun(evidence, setup_of(evidence, family, scene, condition), controller)
+
+
+def replayed(run: str, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None) -> ReplayRun:
+    """The run of ``FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER``, simulated again to be seen; raises as :func:`replay`."""
+    folder, family, scene, condition, controller = campaign_run(run)
+    evidence = Evidence.load(Path(folder), trust)
+    for remark in evidence.remarks:
+        on_remark(remark)
+    setup = setup_of(evidence, family, int(scene), condition)
+    trajectory = rerun(evidence, setup, controller).trajectory
+    return ReplayRun(controller, setup, trajectory, f"{family} {scene}, {condition}")
 
 
 def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:

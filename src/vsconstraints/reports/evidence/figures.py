@@ -1,20 +1,26 @@
-"""Figures of the report of evidence: profiles, mean ranks, success over the budget of tuning, and the worst runs."""
+"""Figures of the report of evidence: success over tolerated depth, profiles, mean ranks, budgets, the worst runs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...comparisons import RunRecord
+from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.statistics import Profile, Ranks
+from ...rows import Array
+from ...scenarios.families.family import NOMINAL
 from ...simulation import Setup
 from ..figures import View
 from ..figures.tracks import LAST, VIOLATED, draw_run
-from ..plots import FAINT, INK, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
+from ..plots import FAINT, INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
 from ..plots.image import START, Plane
 from ..plots.style import LOOKS
+from .factorial import Factorial
+from .ranking import Ranking
 
 COLUMNS = 3
 
@@ -24,15 +30,56 @@ MAX_RATIO, TICK_GAP = 100.0, 0.12
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 
 
+DEEPEST = 0.1  #: Up to this depth violations are tolerated in the figure of it [L].
+
+Depths = tuple[str, Any]  #: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
 Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
 Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
+
+
+def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | None:
+    """One panel per condition."""
+    if not panels:
+        return None
+    sheet, depth = Sheet(left=0.62, right=0.2), np.geomspace(NEGLIGIBLE, DEEPEST, 400)
+    options: dict[str, Any] = {"height": 2.0, "gap": 0.4, "above": 0.28, "same_y": True}
+    options["labels"] = "tolerated depth [% of L]", "success [% of scenes]"
+    for ax, (title, least) in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
+        _curves(ax, 100.0 * depth, (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T, least.columns, laws)
+        ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
+        ax.set_title(title, loc="left", fontsize=8.5, pad=4)
+        logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
+    _legend(sheet, laws)
+    return sheet
+
+
+def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequence[str]) -> None:
+    """The shares of each law that is shown, (laws, N) over x (N,), in the looks that it has among all laws."""
+    look, width = looks(laws), widths(laws, 2.4, 1.2)
+    for law, own in zip(shown, shares, strict=True):
+        ax.plot(x, 100.0 * own, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(0.0, 102.0)
+
+
+def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
+    sheet.legend([line(shortened(law), one.colour, one.line) for law, one in looks(laws).items()])
+
+
+TOLERANCE = Figure(
+    "tolerance",
+    "success over tolerated depth",
+    "Success over the depth of violations that is tolerated, from the strict standard, left, to 10 % of L; dashed: "
+    "the tolerant standard.",
+    draw_tolerance,
+)
 
 
 def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sheet | None:
     """One panel per condition, metrics below each other, each with a horizontal axis of its own."""
     if not any(metrics):
         return None
-    look, width, sheet = looks(laws), widths(laws, 2.4, 1.2), Sheet(left=0.62, right=0.2)
+    sheet = Sheet(left=0.62, right=0.2)
     options: dict[str, Any] = {"height": 1.75, "gap": 0.2, "above": 0.28, "same_y": True}
     options["labels"] = "times the least of the scene", "share of scenes [%]"
     for panels in metrics:
@@ -44,13 +91,10 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
             if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
                 ticks.append(tick)
         for ax, (title, shown, profile) in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
-            for law, shares in zip(shown, 100.0 * profile.share(tau).T, strict=True):
-                ax.plot(tau, shares, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
-            ax.set_xlim(1.0, last)
-            ax.set_ylim(0.0, 102.0)
+            _curves(ax, tau, profile.share(tau).T, shown, laws)
             logarithmic(ax.xaxis, ticks)
             ax.set_title(title, loc="left", fontsize=8.5, pad=4)
-    sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
+    _legend(sheet, laws)
     return sheet
 
 
@@ -60,6 +104,46 @@ PROFILES = Figure(
     "Performance profiles: in what share of the scenes a law succeeds with at most so many times the least of any law "
     "in that scene. Left, how often it is the best; right, how often it succeeds at all.",
     draw_profiles,
+)
+
+#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a level's room.
+DODGE, SPREAD = 0.05, 0.6
+
+
+def draw_levels(factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]) -> Sheet | None:
+    """Over the levels of the first factor, a panel for each combination of the others; ``rankings`` by condition."""
+    first, *others = factorial.factors
+    columns = len(others[0]) if others else 1
+    panels = [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
+    sheet, look = Sheet(left=0.62, right=0.2), looks(laws)
+    options: dict[str, Any] = {"height": 1.9, "gap": 0.2, "above": 0.3, "same_y": True}
+    options["labels"] = "", "success [% of scenes]"
+    step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
+    for ax, panel in zip(sheet.panels(len(panels), columns, **options), panels, strict=True):
+        at = [(k, factorial.conditions.get((level, *panel), "")) for k, level in enumerate(first)]
+        for i, law in enumerate(laws):
+            places, shares = [], []
+            for k, condition in at:
+                if condition in rankings and law in rankings[condition].shares:
+                    places.append(k + step * (i - 0.5 * (len(laws) - 1)))
+                    shares.append(rankings[condition].shares[law])
+            middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
+            style = {"color": look[law].colour, "linestyle": look[law].line, "marker": look[law].marker}
+            error = np.maximum([middle - low, high - middle], 0.0)
+            ax.errorbar(places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7)
+        ax.set(xlim=(-0.5, len(first) - 0.5), ylim=(-3.0, 103.0), xticks=range(len(first)), xticklabels=first)
+        title = ", ".join(level for level in panel if level != NOMINAL) or NOMINAL
+        ax.set_title(title, loc="left", fontsize=8.5, pad=4)
+    small = {"markersize": 4.0, "linewidth": 1.2}
+    sheet.legend([line(shortened(law), one.colour, one.line, marker=one.marker) | small for law, one in look.items()])
+    return sheet
+
+
+LEVELS = Figure(
+    "levels",
+    "success over levels",
+    "Success over the levels of one factor, with 95 % intervals, each by itself; panels: levels of the other factors.",
+    draw_levels,
 )
 
 #: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
@@ -124,7 +208,7 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look[law].colour, alpha=0.12, linewidth=0)
     ax.set_xlabel("evaluations of each law, the default first")
     ax.set_ylabel("success on training scenes [%]")
-    sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
+    _legend(sheet, laws)
     return sheet
 
 
@@ -179,9 +263,9 @@ def _panel(ax: Any, one: Shown, plane: Plane) -> None:
     ax.set_aspect("equal", adjustable="box", anchor="N")
     view = View(one.setup, {"tracking": one.baseline, one.controller: one.run}, ("tracking", one.controller))
     draw_run(ax, view, one.controller)
-    ax.set_title(f"{shortened(one.controller)}\n", loc="left", fontsize=9.0, pad=2)
+    ax.set_title(f"{shortened(one.controller, 22)}\n", loc="left", fontsize=8, pad=5)
     ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
-    ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=2)
+    ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=5)
 
 
 WORST = Figure(

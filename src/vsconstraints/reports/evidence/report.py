@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,16 +18,19 @@ from ...scenarios.reading import from_table
 from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
-from . import tables
+from . import failures, tables
 from .across import across_findings, across_table
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
-from .figures import BUDGETS, CRITICAL_DIFFERENCE, PROFILES, Diagram, Panel
+from .figures import BUDGETS, CRITICAL_DIFFERENCE, LEVELS, PROFILES, TOLERANCE, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
 from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
+from .situations import heat_map, situation_data, situation_table
 
 CLAIMS = "claims.json"
+
+SITUATIONS = "Success in every situation"  #: The details that are a heat map in the page.
 
 #: Metrics whose definitions the report repeats.
 DEFINED = (
@@ -102,19 +105,26 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "table": [finite(line) for line in claims.table],
         "conclusions": [one.as_data() for one in conclusions(dataset)],
         "power": [one.as_data() for one in powers(dataset)],
+        "answers": [finite(tables.answer_numbers(dataset, one)) for one in context["rankings"]],
+        "situations": [finite(one) for one in situation_data(dataset)],
     }
     context |= {
         "of_length": of_length,
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
         "definitions": {**{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS}, **_call_times(dataset)},
+        "tables": tables,
+        "failures": failures,
         "condition_text": condition_text,
+        "situations_title": SITUATIONS,
+        "situation_table": situation_table(dataset),
         "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
         "counted": counted,
         "machine": _machine(dataset),
     }
     try:
-        write_pages(report, render("evidence.md", dataset=dataset, tables=tables, **context))
+        interactive = {SITUATIONS: heat_map(dataset)} if context["rankings"] else {}
+        write_pages(report, render("evidence.md", dataset=dataset, **context), interactive)
         with replaced(dataset.folder / CLAIMS) as file:
             file.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
@@ -146,8 +156,11 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
         " ".join(one.text for one in claims.findings if one.condition == ranked.condition and one.about not in HIDDEN)
         for ranked in rankings
     ]
+    depths = [(condition_text(one.condition), dataset.paired(one.condition, "tolerance")) for one in rankings]
     return {
         "claims": claims,
+        "tolerance": dataset.picture(TOLERANCE, depths, dataset.laws),
+        "levels": _levels(dataset),
         "rankings": rankings,
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
         "across": across_table(dataset),
@@ -155,6 +168,18 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
         "power": power_table(dataset),
         "conclusions": conclusion_tables(dataset),
     }
+
+
+def _levels(dataset: Dataset) -> list[str]:
+    """The figure of each family whose conditions are a factorial."""
+    texts = []
+    for family, factorial in dataset.factorials.items():
+        rankings = {name: ranking(dataset, name, families=[family]) for name in factorial.conditions.values()}
+        scenes = counted(next(iter(rankings.values())).scenes, "scene")
+        caption = f"{family}, {scenes}. {LEVELS.caption}"
+        figure = replace(LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption)
+        texts.append(dataset.picture(figure, factorial, rankings, dataset.laws))
+    return [text for text in texts if text]
 
 
 def _quality(dataset: Dataset) -> dict[str, Any]:

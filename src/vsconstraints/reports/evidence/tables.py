@@ -5,40 +5,32 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from math import ceil
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.metrics import TOLERANCES, TOLERANT
 from ...comparisons.statistics import rate
+from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
 from ..groups import controller_cells, information_text
-from ..markdown import Table, bold, code, enumeration, plain
+from ..markdown import Table, bold, enumeration, plain
 from ..numbers import DASH, median, number, of_length
-from ..results import reason_kind
-from ..scenario import finer_unit
 from .dataset import Dataset
 from .ranking import Ranking, Share, best_by, condition_text, gap, names_text, pairwise_verdicts, percentage, ranking
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Columns of the headline table, families in a table, and reasons in a cell.
-MAX_COLUMNS, MAX_FAMILIES, MAX_REASONS = 7, 6, 3
-MIN_SHARE = 0.02  #: Failures of fewer of a controller's failed runs than this are not named.
+#: Columns of the headline table, and reasons in a cell.
+MAX_COLUMNS, MAX_REASONS = 7, 3
 #: What distinguishes controllers that succeed equally often, and the metric that measures it.
 AIMS = {
     "lowest command variation": "acceleration_variation",
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
-#: How runs end that do not converge; those of a column together.
-FAILED_STATUSES = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted"))
-#: Of statuses, the worst last.
-ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
+LOSSES = ("second", "median", "worst")  #: Of the other controllers: those whose loss is reported.
 
 
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
@@ -51,6 +43,33 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
         "variation": median(clean["acceleration_variation"].astype(float).tolist()),
         "call": median(runs["step_time_median_us"].astype(float).tolist()),
     }
+
+
+def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
+    """The unrounded numbers of a condition's line of the answer: the best controller and what other choices lose."""
+    first, *others = ranked.laws
+    call = median(dataset.of_law(first)["step_time_median_us"].astype(float).tolist())
+    numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
+    numbers |= ranked.shares[first].numbers("success")
+    for name, law in zip(LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False):
+        numbers |= {name: law, **ranked.differences[first, law].numbers("loss", law=name)}
+    return numbers
+
+
+def answer_table(dataset: Dataset, rankings: Sequence[Ranking]) -> Table:
+    """Which controller, when, how sure, at what cost, and by how much another choice succeeds less often."""
+    lines, losing = [], [f"{name} loses" for name in LOSSES]
+    for ranked in rankings:
+        numbers, law, cells = answer_numbers(dataset, ranked), ranked.leader, ["none", DASH, DASH, DASH]
+        if not ranked.hopeless:
+            ties = len(ranked.front) - 1
+            named = f"{law} and {counted(ties, 'tie')}" if ties else bold(law)
+            cells = [named, ranked.shares[law].cell, number(numbers["call"])]
+            cells.append(information_text(dataset.required[law]))
+        others = [str(numbers[name]) for name in LOSSES if name in numbers]
+        losses = [f"{'≈ ' * (one in ranked.front)}{ranked.differences[law, one].cell}" for one in others]
+        lines.append([condition_text(ranked.condition), *cells, *(losses or [DASH] * len(LOSSES))])
+    return Table(["condition", "controller", "success [%]", "call [µs]", "required information", *losing], lines, 2)
 
 
 def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Sequence[dict[str, Any]]) -> Table:
@@ -97,14 +116,15 @@ def _names_cell(laws: Sequence[str]) -> str:
 
 
 def success_table(dataset: Dataset, condition: str) -> Table:
-    """Success and violations in all families together, and how other runs ended."""
+    """Success in all families together, by both standards, and how the other runs ended."""
     ranked, tolerant, kept = (ranking(dataset, condition, name) for name in ("success", "tolerant success", "kept"))
-    kept, runs, lines = kept.among(dataset.working(condition)), dataset.among(condition), []
+    kept, endings, lines = kept.among(dataset.working(condition)), dataset.paired(condition, "ending"), []
     for law in ranked.laws:
-        statuses = runs[runs["controller"] == law]["status"]
-        endings = [str(int(statuses.isin(ending).sum())) for ending in FAILED_STATUSES]
-        lines.append([law, ranked.cell(law), tolerant.cell(law), kept.cell(law, complement=True), *endings])
-    return Table(["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, FAILED_STATUSES)], lines)
+        others = [
+            percentage(float((endings[law] == how).mean()), ranked.shares[law].digits) for how in UNSUCCESSFUL[1:]
+        ]
+        lines.append([law, ranked.cell(law), tolerant.cell(law), kept.cell(law, complement=True), *others])
+    return Table(["law", "success", f"at {of_length(TOLERANT)}", *UNSUCCESSFUL], lines)
 
 
 def tolerance_table(dataset: Dataset, condition: str) -> Table:
@@ -115,18 +135,6 @@ def tolerance_table(dataset: Dataset, condition: str) -> Table:
         shares = [percentage(float((least[law] <= each).mean()), 1) for each in TOLERANCES]
         lines.append([law, *shares, kept.cell(law, complement=True)])
     return Table(["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"], lines)
-
-
-def family_tables(dataset: Dataset, condition: str) -> list[tuple[str, Table]]:
-    """Success and violations in each of several families; several tables where there are many families."""
-    families, parts, working = dataset.families_of(condition), [], dataset.working(condition)
-    for what, column in (("Success", "success"), ("Violated", "kept")) if len(families) > 1 else ():
-        for names in np.array_split(np.array(families), ceil(len(families) / MAX_FAMILIES)):
-            each = [ranking(dataset, condition, column, [name]) for name in names.tolist()]
-            each = each if what == "Success" else [one.among(working) for one in each]
-            lines = [[law, *(one.cell(law, complement=what != "Success") for one in each)] for law in dataset.laws]
-            parts.append((what, Table(["law", *names.tolist()], lines)))
-    return parts
 
 
 def quality_table(dataset: Dataset, condition: str) -> Table:
@@ -152,70 +160,6 @@ def information_table(dataset: Dataset) -> Table:
         compiled = {1.0: "compiled", 0.0: "NumPy"}.get(share, f"compiled in {100.0 * share:.0f} %, else NumPy")
         lines.append([law, *cells, compiled, number(call)])
     return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
-
-
-def failure_table(dataset: Dataset) -> Table:
-    """How many runs of each controller were no success, and the most frequent ways to fail."""
-    lines = []
-    for law in dataset.laws:
-        own = dataset.of_law(law)
-        bad = own[~own["success"]]
-        columns = (bad[name].fillna("").astype(str) for name in ("status", "violated", "reason"))
-        kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
-        named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
-        named += [("others", len(bad) - sum(n for _, n in named))]
-        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in named if n]
-        lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
-    return Table(["law", "runs without success", "how"], lines, 3)
-
-
-def _failure_kind(status: str, violated: str, reason: str) -> str:
-    """The kinds of rows a run violated or, if none, how it ended."""
-    if status == "failed":
-        return f"failed: {plain(reason_kind(reason))}" if reason else status
-    kinds = enumeration(sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}))
-    return f"{kinds} violated" if kinds else f"{status}, no row violated"
-
-
-def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """By controller that fails, its typical (median) and worst run without success, by depth and ending."""
-    examples = {}
-    for law in dataset.laws:
-        runs = dataset.of_law(law)
-        runs = runs[~runs["success"]]
-        depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
-        ordered = runs.assign(depth=depth, ending=ending).sort_values(["depth", "ending"], kind="stable")
-        if len(runs):
-            examples[law] = {"typical": ordered.iloc[(len(ordered) - 1) // 2], "worst": ordered.iloc[-1]}
-    return examples
-
-
-def example_table(dataset: Dataset) -> Table:
-    """The typical and the worst failure of each controller."""
-    lines = [
-        [law, name, f"{run['family']} {run['scene']}, {run['condition']}", str(run["status"]), _reason(dataset, run)]
-        for law, examples in example_failures(dataset).items()
-        for name, run in examples.items()
-    ]
-    return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
-
-
-def _reason(dataset: Dataset, run: Any) -> str:
-    """Why a run was no success, and which row it violated by how much."""
-    parts = [plain(run["reason"])] if run["reason"] else []
-    rows = dataset.evidence.rows
-    for name in ("family", "condition", "scene", "controller"):
-        rows = rows[rows[name] == run[name]]
-    rows = rows[rows["violation_depth"] > 0.0]
-    if len(rows):
-        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
-        unit, factor = finer_unit(str(worst["unit"]))
-        more = f" and {counted(len(rows) - 1, 'other row')}" if len(rows) > 1 else ""
-        depth = number(factor * float(worst["violation_depth"]))
-        parts.append(f"violates {code(str(worst['constraint']))} by {depth} {unit}{more}")
-    elif run["violated"]:
-        parts.append(f"violates {plain(run['violated'])}")
-    return "; ".join(parts) or "the goal is not reached, no row is violated"
 
 
 def tuning_table(dataset: Dataset) -> Table:

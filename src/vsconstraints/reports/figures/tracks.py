@@ -59,7 +59,7 @@ def draw_tracks(view: View) -> Sheet | None:
     for ax, name in zip(panels, names, strict=True):
         plane.draw(ax, labels=False)
         draw_run(ax, view, name)
-        view.title(ax, name)
+        view.title(ax, name, fontsize=8)  # the status has room beside the longest
         ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
         if detail is not None:
             square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)

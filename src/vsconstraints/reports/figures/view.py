@@ -72,7 +72,7 @@ class View:
         goals = () if self.setup is None else self.setup.task.goals[1:]
         time_axis(ax, self.end, [goal.from_time for goal in goals] if self.setup is not None else sorted(begins))
 
-    def title(self, ax: Any, name: str, above: float = 4.0) -> None:
+    def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
         """A controller's name above its panel [pt]."""
         colour = darker(self.looks[name].colour)
-        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=above)
+        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font)

@@ -154,8 +154,8 @@ class Plane:
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
-            where = "at the times given" if len(self.times) > 1 else "where it is then"
-            entries.append(line(f"moving boundary, {where}", **_moving(2, MOMENTS)))
+            when = "these times" if len(self.times) > 1 else "that time"
+            entries.append(line(f"boundary at {when}", **_moving(2, MOMENTS)))
         return entries
 
 

@@ -30,7 +30,8 @@ Thing = tuple[str, int] | None
 MAX_RUNS = 4  # more than so many beside each other cannot be distinguished
 #: What names a run.
 HOW = (
-    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
+    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a campaign again, "
+    "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
 )
 
@@ -214,8 +215,16 @@ def simulated(run: str, seed: int = 0) -> ReplayRun:
     return ReplayRun(_named(law, trial), done.setup, done.trajectory, loaded.title)
 
 
+def campaign_run(run: str) -> list[str]:
+    """Folder, family, scene, condition and controller of a run of a campaign; empty if a text names none."""
+    parts = run.rsplit(":", 4)
+    return parts if len(parts) == 5 and parts[2].isdecimal() else []
+
+
 def name_of(run: str) -> str:
-    """The name of the scenario that a text names."""
+    """The name of the scenario, or family and scene, that a text names."""
+    if parts := campaign_run(run):
+        return "-".join(parts[1:3])
     return Path(run).stem.partition("--")[0] if run.endswith(".npz") else Path(run.partition(":")[0]).stem
 
 
