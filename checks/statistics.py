@@ -280,7 +280,7 @@ def families(world: World, laws: int, repetitions: int, seed: int, scenes: int =
 
 
 def like_families(laws: int, repetitions: int, seed: int, groups: int = 7, scenes: int = 100) -> tuple[Rate, Rate]:
-    """Laws that are alike over all families, but differ in each: how often any seems better in a family like these.
+    """Laws that are alike over all families, but differ in each: how often any seems to be behind the best one.
 
     Logits of families vary by 1, those of a law in a family by 0.7. The second rate is how often the interval of the
     first law's success holds the truth.
@@ -291,10 +291,10 @@ def like_families(laws: int, repetitions: int, seed: int, groups: int = 7, scene
     for rng in np.random.default_rng([seed, laws, groups]).spawn(repetitions):
         logits = middle + rng.standard_normal((groups, 1, 1)) + 0.7 * rng.standard_normal((groups, laws, 1))
         good = rng.random((groups, laws, scenes)) < expit(logits)
-        first, second = good[:, np.triu_indices(laws, 1)[0]], good[:, np.triu_indices(laws, 1)[1]]
-        only = (first & ~second).sum(axis=2).T
-        pairs = across_families(only, (first ^ second).sum(axis=2).T, simultaneous(0.95, len(only)))
-        false += any(not pair.low <= 0.5 <= pair.high for pair in pairs)
+        best = good.sum(axis=(0, 2)).argmax()
+        first, others = good[:, [best]], np.delete(good, best, axis=1)
+        only, differ = (flags.sum(axis=2).T for flags in (first & ~others, first ^ others))
+        false += any(pair.low > 0.5 for pair in across_families(only, differ, simultaneous(0.95, laws - 1)))
         (own,) = across_families(good[:, 0].sum(axis=1)[None], np.full((1, groups), scenes))
         held += own.low <= truth <= own.high
     return rate_of(false, repetitions), rate_of(held, repetitions)

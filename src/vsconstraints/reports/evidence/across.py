@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 from typing import Any, NamedTuple
 
 from ...comparisons.statistics import across_families, left_out_ranks, simultaneous
@@ -65,12 +64,12 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     shares = dict(zip(laws, (Share(*one[:3]) for one in across_families(own, of)), strict=True))
     behind = set()
     if len(laws) > 1:
-        # against the most successful one, which is known from these scenes: corrected for all pairs
+        # with the best, whichever it is: Hsu's multiple comparisons, corrected for all others
         only, differ = (
             _counts(success, laws[1:], lambda first, other: first & ~other),
             _counts(success, laws[1:], lambda first, other: first ^ other),
         )
-        pairs = across_families(only, differ, simultaneous(0.95, len(list(combinations(laws, 2)))))
+        pairs = across_families(only, differ, simultaneous(0.95, len(laws) - 1))
         behind = {law for law, pair in zip(laws[1:], pairs, strict=True) if pair.low > 0.5}
     return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
 

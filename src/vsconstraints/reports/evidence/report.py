@@ -175,8 +175,8 @@ def _levels(dataset: Dataset) -> list[str]:
     texts = []
     for family, factorial in dataset.factorials.items():
         rankings = {name: ranking(dataset, name, families=[family]) for name in factorial.conditions.values()}
-        scenes = counted(next(iter(rankings.values())).scenes, "scene")
-        caption = f"{family}, {scenes}. {LEVELS.caption}"
+        scenes = sorted({one.scenes for one in rankings.values()})
+        caption = f"{family}, {' to '.join(map(str, (scenes[0], scenes[-1])[-len(scenes) :]))} scenes. {LEVELS.caption}"
         figure = replace(LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption)
         texts.append(dataset.picture(figure, factorial, rankings, dataset.laws))
     return [text for text in texts if text]
