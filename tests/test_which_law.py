@@ -4,10 +4,13 @@ import csv
 import json
 import re
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import pytest
 
 from vsconstraints.comparisons import Suite
+from vsconstraints.comparisons.study import SHIPPED
 from vsconstraints.controllers import CONTROLLERS, DEMANDS, RESOLVERS, Hierarchy, law_ranges
 from vsconstraints.controllers.ranges import ROWS
 from vsconstraints.errors import ConfigurationError
@@ -89,6 +92,56 @@ def test_what_the_page_says_of_tuning_and_disturbances_is_what_the_kept_study_sa
     assert last == {*re.findall(r"`(.+?)`", noise)}
     assert '"disturbed"' in (ROOT / "comparisons" / "tuning.toml").read_text(encoding="utf-8")
     assert "strength" in law_ranges("potential-field")
+
+
+RUNGS = ("nominal", "medium", "fast", "late-36", "noisy", "fast-late-36-noisy")
+ROBUST = "robust-hierarchical-qp-observer"
+
+
+@pytest.fixture(scope="module")
+def study() -> Any:
+    return pd.read_parquet(SHIPPED)
+
+
+def success(runs: Any, law: str) -> int:
+    """In per cent."""
+    return round(100.0 * runs[runs["controller"] == law]["success"].mean())
+
+
+def test_the_table_of_the_ladders_is_that_of_the_kept_runs(study: Any) -> None:
+    rungs = study[study["family"].str.startswith("ladder") & (study["scene"] < 40)]
+    text = (ROOT / "docs" / "which-law.md").read_text(encoding="utf-8").partition("| law | paper's regime |")[2]
+    lines = [cells(line) for line in text.partition("\n\n")[0].splitlines() if line.startswith("| `")]
+    assert len(lines) == 8
+    for named, *numbers in lines:
+        known = [success(rungs[rungs["condition"] == rung], named.strip("`")) for rung in RUNGS]
+        assert [int(number) for number in numbers] == known, named
+    assert rungs[rungs["condition"] == "fast"].drop_duplicates(["family", "scene"]).shape[0] == 120
+
+
+def test_what_the_page_says_of_what_changed_is_what_the_kept_runs_say(study: Any) -> None:
+    page = " ".join((ROOT / "docs" / "which-law.md").read_text(encoding="utf-8").split())
+    disturbed = study[study["condition"] == "disturbed"]
+    for words, family in (
+        ("the ladder of the Panda ({} against {} %)", "ladder-panda"),
+        ("where things move ({} against {} %)", "moving"),
+        ("the free camera ({} against {} %)", "free-camera"),
+        ("the UR5 ({} against {} %)", "ur5"),
+    ):
+        own = disturbed[disturbed["family"] == family]
+        assert words.format(success(own, "predictive"), success(own, ROBUST)) in page
+    seven = disturbed[~disturbed["family"].str.startswith("ladder") & (disturbed["scene"] < 100)]
+    tie = f"in seven families ({success(seven, 'predictive')} against {success(seven, ROBUST)} %, a tie)"
+    assert tie in page
+    rungs = study[study["family"].str.startswith("ladder") & (study["scene"] < 40)]
+    slow, fast, late = (rungs[rungs["condition"] == name] for name in ("nominal", "fast", "late-36"))
+    assert f"In its own regime it succeeds in {success(slow, 'sliding-mode')} %" in page
+    assert f"One period ahead it has {success(slow, 'sliding-mode-ahead')} %" in page
+    assert f"falls from {success(slow, 'hierarchical-qp')} to {success(late, 'hierarchical-qp')} %" in page
+    assert f"its robust form keeps {success(late, 'robust-hierarchical-qp')} %" in page
+    field, other = (success(disturbed, law) for law in ("potential-field", "hierarchical-qp"))
+    assert field > other
+    assert f"{field} % with disturbances, more than `hierarchical-qp`, but {success(fast, 'potential-field')} %" in page
 
 
 def test_the_page_names_laws_that_can_be_run_and_says_how() -> None:
