@@ -23,6 +23,7 @@ from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput
 
+ROOT = Path(__file__).parent.parent
 TUNED = '[controllers.qp-tuned]\ntype = "hierarchical-qp"\nalpha = 9.0\n'
 STATED = CallTimes({"sliding-mode": 0.5, "hierarchical-qp": 2.0}, 1e-4)
 
@@ -174,3 +175,11 @@ def test_options_of_nonsense_are_refused(
     refused = say("small.toml", "--out", "out", *words)
     assert isinstance(refused.exception, ConfigurationError | InvalidInput)
     assert answer in str(refused.exception)
+
+
+def test_the_stated_times_fit_the_laws_of_the_verdict() -> None:
+    stated = call_times(str(ROOT / "comparisons/time-passes.toml"), Campaign.load(), None, here)
+    late = timing(stated.of(Campaign.load(ROOT / "comparisons/verdict.toml")))
+    assert late["sliding-mode-quarter"] == RunTiming(0.25, late["sliding-mode"].call_time)
+    assert 3e-4 < late["predictive"].call_time < 5e-4
+    assert len({run.call_time for run in late.values()}) > 9
