@@ -20,7 +20,7 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.intersample import inspected_periods
-from vsconstraints.simulation.plant import MAX_UNDER_WAY, Actuation, Plant
+from vsconstraints.simulation.plant import MAX_PENDING, Actuation, Plant
 
 TS, TAU = 0.01, 0.03
 
@@ -185,7 +185,7 @@ def test_a_situation_counts_the_delay_as_latency() -> None:
     [
         (-1e-3, "command_delay must be zero or more"),
         (float("inf"), "command_delay must be finite"),
-        (0.002 * MAX_UNDER_WAY + 1e-4, "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s"),
+        (0.002 * MAX_PENDING + 1e-4, "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s"),
     ],
 )
 def test_a_delay_of_nonsense_is_refused(delay: float, words: str) -> None:
