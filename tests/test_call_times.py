@@ -17,12 +17,13 @@ from campaigns import campaign
 from test_evidence import HERE, here
 from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import MEASURED, CallTimes, Campaign, Evidence, call_times, collect
-from vsconstraints.comparisons.evidence.call_times import calls_of
+from vsconstraints.comparisons.evidence.call_times import time_calls
 from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, RunTiming
 from vsconstraints.errors import ConfigurationError, InvalidInput
 
+ROOT = Path(__file__).parent.parent
 TUNED = '[controllers.qp-tuned]\ntype = "hierarchical-qp"\nalpha = 9.0\n'
 STATED = CallTimes({"sliding-mode": 0.5, "hierarchical-qp": 2.0}, 1e-4)
 
@@ -86,8 +87,8 @@ def test_the_least_of_equal_calls_counts_and_99_percent_of_them(
             times[0], times[np.random.default_rng().integers(1, 50)] = 1.0, 1e-3
             return SimpleNamespace(trajectory=SimpleNamespace(step_time=times))
 
-    monkeypatch.setitem(calls_of.__globals__, "Bench", Interrupted)
-    for _, family, call in calls_of(task):
+    monkeypatch.setitem(time_calls.__globals__, "Bench", Interrupted)
+    for _, family, call in time_calls(task):
         assert (family, call) == ("quick", pytest.approx(1e-4, abs=1e-9))
 
 
@@ -174,3 +175,11 @@ def test_options_of_nonsense_are_refused(
     refused = say("small.toml", "--out", "out", *words)
     assert isinstance(refused.exception, ConfigurationError | InvalidInput)
     assert answer in str(refused.exception)
+
+
+def test_the_stated_times_fit_the_laws_of_the_verdict() -> None:
+    stated = call_times(str(ROOT / "comparisons/time-passes.toml"), Campaign.load(), None, here)
+    late = timing(stated.of(Campaign.load(ROOT / "comparisons/verdict.toml")))
+    assert late["sliding-mode-quarter"] == RunTiming(0.25, late["sliding-mode"].call_time)
+    assert 3e-4 < late["predictive"].call_time < 5e-4
+    assert len({run.call_time for run in late.values()}) > 9

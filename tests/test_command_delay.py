@@ -19,8 +19,8 @@ from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.disturbances import Disturbances
-from vsconstraints.simulation.intersample import _inspected
-from vsconstraints.simulation.plant import MAX_UNDER_WAY, Actuation, Plant
+from vsconstraints.simulation.intersample import inspected_periods
+from vsconstraints.simulation.plant import MAX_PENDING, Actuation, Plant
 
 TS, TAU = 0.01, 0.03
 
@@ -169,9 +169,9 @@ def test_a_joint_that_turns_where_the_command_changes_is_seen() -> None:
     assert plant.qd[0] == pytest.approx(1.0)
     states, far = np.array([*states, plant.x]), np.ones((2, 1))
     setup = SimpleNamespace(Ts=0.1, constraints=SimpleNamespace(characteristic_length=np.ones(1)))
-    np.testing.assert_array_equal(_inspected(cast(Any, setup), plant, states, far), [0])
+    np.testing.assert_array_equal(inspected_periods(cast(Any, setup), plant, states, far), [0])
     plant.switch = 0.0
-    assert not len(_inspected(cast(Any, setup), plant, states, far))
+    assert not len(inspected_periods(cast(Any, setup), plant, states, far))
 
 
 def test_a_situation_counts_the_delay_as_latency() -> None:
@@ -185,7 +185,7 @@ def test_a_situation_counts_the_delay_as_latency() -> None:
     [
         (-1e-3, "command_delay must be zero or more"),
         (float("inf"), "command_delay must be finite"),
-        (0.002 * MAX_UNDER_WAY + 1e-4, "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s"),
+        (0.002 * MAX_PENDING + 1e-4, "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s"),
     ],
 )
 def test_a_delay_of_nonsense_is_refused(delay: float, words: str) -> None:

@@ -345,7 +345,7 @@ def test_an_arm_without_inertias_is_refused_until_rods_are_given() -> None:
         ("actuation", "position", 'actuation = "position" is of an arm without mass'),
         ("disturbances.acceleration", [0.1], "disturbances.acceleration is of an arm without mass"),
         ("disturbances.time_constant", 0.1, "disturbances.time_constant is of an arm without mass"),
-        ("disturbances.command_delay", 0.1, "of an arm without mass: with plant, plant.dead_time delays torques"),
+        ("disturbances.command_delay", 0.1, "disturbances.command_delay is of an arm without mass"),
     ],
 )
 def test_an_arm_has_one_plant(key: str, value: Any, words: str) -> None:

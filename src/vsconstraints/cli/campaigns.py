@@ -113,7 +113,7 @@ def evidence(
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError("call times are measured on this machine: with --cluster, give a file of them")
-    chosen = timed(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
+    chosen = with_call_times(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
     plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
     if cluster is not None:
@@ -123,7 +123,7 @@ def evidence(
     run_campaign(chosen, out, plan, workers, wanted)
 
 
-def timed(
+def with_call_times(
     chosen: Campaign,
     out: Path | None,
     jobs: int | None,

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from . import options
-from .campaigns import run_campaign, timed
+from .campaigns import run_campaign, with_call_times
 from .results import ReportOptions
 from .terminal import NOTHING_DONE, console, errors, note_processes, progress
 
@@ -57,7 +57,7 @@ def run(
     note_processes(jobs)
     campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
     run_campaign(
-        timed(campaign, out, jobs, time_passes, slower, budget_us),
+        with_call_times(campaign, out, jobs, time_passes, slower, budget_us),
         out,
         Plan(),
         nullcontext(processes(jobs)),

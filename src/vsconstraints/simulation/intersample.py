@@ -40,7 +40,7 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
     least = np.full((N, m), np.inf)
     if m == 0 or N < 2:
         return least
-    periods, length = _inspected(setup, plant, states, clearance), setup.constraints.characteristic_length
+    periods, length = inspected_periods(setup, plant, states, clearance), setup.constraints.characteristic_length
 
     def look(at: IntArray, share: float) -> Array:
         """(P, m) clearances a share of the period after some samples, which are noted; infinite where unseen."""
@@ -75,7 +75,7 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
     return least
 
 
-def _inspected(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
+def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
     """Numbers of the periods that are inspected."""
     length, least = setup.constraints.characteristic_length, clearance.min(axis=0)
     near = NEAR * length

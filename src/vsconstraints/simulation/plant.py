@@ -17,7 +17,7 @@ from .disturbances import Disturbances
 #: What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1).
 Actuation = Literal["acceleration", "position"]
 POSITION_LOOP = 6  #: Size of the system of an arm that follows q_c.
-MAX_UNDER_WAY = 100  #: Most commands that may be under way: each is a row of the state.
+MAX_PENDING = 100  #: Most commands that may be under way: each is a row of the state.
 
 
 class Plant:
@@ -59,11 +59,11 @@ class Plant:
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
         self.Ts, self._limits = float(Ts), without_limits(Ts) if limits is None else limits
-        self._system, self._late = _system(actuation, tau), late(disturbances.command_delay, self.Ts)
-        self.switch = self._late[1] / self.Ts
-        self.transition = np.array(_transition(self._system, self._late, self.Ts))
+        self._system, self._delay = _system(actuation, tau), split_delay(disturbances.command_delay, self.Ts)
+        self.switch = self._delay[1] / self.Ts
+        self.transition = np.array(_transition(self._system, self._delay, self.Ts))
         # what is under way grows older by a period
-        s, waiting = len(self.transition), under_way(self._late)
+        s, waiting = len(self.transition), pending_commands(self._delay)
         self.transition[s - 2 - waiting : s - 2] = np.eye(s)[s - 1 - waiting : s - 1]
         self.x = np.zeros((s, len(q0)))
         self.x[0], self.x[1], self.x[-1] = q0, qd0, self._offset
@@ -116,7 +116,7 @@ class Plant:
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""
-        moved = states @ _transition(self._system, self._late, after)[:2].T
+        moved = states @ _transition(self._system, self._delay, after)[:2].T
         return moved[..., 0], moved[..., 1]
 
 
@@ -137,19 +137,19 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
     return ((0, 1, 0, 0, 0, 0), (-k, -d, k, d, 0, 1), (0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 1, 0), (0,) * 6, (0,) * 6)
 
 
-def late(delay: float, Ts: float) -> tuple[int, float]:
+def split_delay(delay: float, Ts: float) -> tuple[int, float]:
     """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many commands are under way."""
     periods = delay / Ts
-    if not periods <= MAX_UNDER_WAY:
+    if not periods <= MAX_PENDING:
         raise InvalidInput(
-            f"disturbance command_delay must not exceed {MAX_UNDER_WAY} sampling times, {MAX_UNDER_WAY * Ts:g} s, not "
+            f"disturbance command_delay must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not "
             f"{delay} s"
         )
     whole = int(np.floor(periods + 1e-9))
     return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
 
 
-def under_way(delay: tuple[int, float]) -> int:
+def pending_commands(delay: tuple[int, float]) -> int:
     """How many commands before the newest are still to act, or act: as many as a delay has periods, begun ones too."""
     return delay[0] + (delay[1] > 0.0)
 
@@ -158,7 +158,7 @@ def under_way(delay: tuple[int, float]) -> int:
 def _transition(system: tuple[tuple[float, ...], ...], delay: tuple[int, float], after: float) -> Array:
     """(s, s) from the beginning of a period to ``after`` [s] in it: exp(A t), with one command and then another."""
     whole, rest = delay
-    s = len(system) + under_way(delay)
+    s = len(system) + pending_commands(delay)
 
     def held(periods: int, t: float) -> Array:
         """With the command that is so many periods old."""

@@ -25,7 +25,7 @@ from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .image_sensor import ImageSensor, SceneRenderer
-from .plant import Actuation, Plant, late, under_way
+from .plant import Actuation, Plant, pending_commands, split_delay
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
 
@@ -118,12 +118,10 @@ class Setup:
             )
         for name in ("acceleration", "acceleration_noise", "time_constant", "command_delay"):
             if np.any(getattr(self.disturbances, name)):
-                instead = (
-                    "plant.dead_time delays torques"
-                    if name == "command_delay"
-                    else "it follows from controller, friction and gears"
+                raise ConfigurationError(
+                    f"disturbances.{name} is of an arm without mass: with plant, it follows from controller, friction "
+                    "and gears (plant.dead_time delays torques)"
                 )
-                raise ConfigurationError(f"disturbances.{name} is of an arm without mass: with plant, {instead}")
         return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
@@ -181,7 +179,7 @@ class Setup:
         """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
         n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
         # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
-        waiting = under_way(late(self.disturbances.command_delay, self.Ts))
+        waiting = pending_commands(split_delay(self.disturbances.command_delay, self.Ts))
         kept = (6 + waiting) * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
         # computed from them at the end: states, clearances, errors
         scored = 3 * n + 3 * m + 2 * markers + 8

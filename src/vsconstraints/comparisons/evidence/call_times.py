@@ -100,14 +100,15 @@ def call_times(
 
 
 def _stored(folder: Path) -> object:
-    return manifest_of(folder).get("configuration", {}).get("call_times", {})
+    configuration = manifest_of(folder).get("configuration")
+    return configuration.get("call_times", {}) if isinstance(configuration, dict) else {}
 
 
 def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]) -> CallTimes:
     prepare()
     tasks = dict(enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={}))))
     found = defaultdict[tuple[str, str], list[float]](list)
-    with workers(calls_of) as opened:
+    with workers(time_calls) as opened:
         for done, (_, answer) in enumerate(opened.run({i: (task,) for i, task in tasks.items()}), start=1):
             if isinstance(answer, Failure):
                 raise ConfigurationError(f"calls cannot be measured: {answer.reason}")
@@ -120,8 +121,8 @@ def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[i
     return CallTimes(dict(longest), 1e-6, HOW)
 
 
-def calls_of(task: Batch) -> list[tuple[str, str, float]]:
-    """Of every run of a task law, family, and what 99 % of its calls are shorter than [s]: what workers do."""
+def time_calls(task: Batch) -> list[tuple[str, str, float]]:
+    """Of every run of a task its law, its family, and what 99 % of its calls are shorter than [s]: for workers."""
     found = []
     with deadline(task.limit) as step:
         for number in task.scenes:

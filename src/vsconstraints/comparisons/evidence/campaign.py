@@ -172,7 +172,9 @@ class Campaign(Experiment):
                     f"{', '.join(family.conditions)}"
                 )
         for entry, family in product(self.controllers, self.families):
-            heavy = [name for name in self.conditions_of(family) if entry.run.call_time and family.says("plant", name)]
+            heavy = [
+                name for name in self.conditions_of(family) if entry.run.call_time and family.has_key("plant", name)
+            ]
             if heavy:
                 raise ConfigurationError(
                     f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "

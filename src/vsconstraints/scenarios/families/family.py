@@ -79,7 +79,7 @@ class Family(Described):
         """Names of its conditions, the nominal one first."""
         return (NOMINAL, *(name for name in self._overrides if name != NOMINAL))
 
-    def says(self, key: str, condition: str) -> bool:
+    def has_key(self, key: str, condition: str) -> bool:
         """Whether the tables of a condition, or those of all, have a key."""
         own = (self.tables["conditions"][part] for part in self._parts.get(condition, ()))
         return any(key in tables for tables in (self.tables, *own))
