@@ -77,7 +77,7 @@ class CallTimes:
         call = self._call(entry.name if entry.name in self.calls else entry.law)
         factor = entry.run.sampling_time_factor
         if self.budget_s is not None:
-            factor = min(max(call / self.budget_s, 1.0 / MAX_FACTOR), MAX_FACTOR)
+            factor = float(f"{min(max(call / self.budget_s, 1.0 / MAX_FACTOR), MAX_FACTOR):.6g}")
         return replace(entry, run=RunTiming(factor, call))
 
 
