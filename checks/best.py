@@ -1,10 +1,10 @@
-"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``: what can be done at all on test set v1.
+"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``: what can be done at all.
 
-Says of each scene whether it is *reachable* (a motion is known that satisfies all rows and settles at the goal),
-*separated* (it is proved that there is none) or *unknown*, and the best known motion, by the time in which it settles.
-Motions are those of laws and, from these, of optimal control (``pip install 'vsconstraints[best]'``); each is judged by
-the package's own rows, many times in each interval. Scenes that are in the table are not done again; ``--verify``
-judges all motions in it once more, without optimal control.
+Says of scenes of test set v1 whether they are *reachable* (a motion is known that satisfies all rows and settles at the
+goal), *separated* (it is proved that there is none) or *unknown*, and the best known motion, by when it settles. These
+are motions of laws and, beginning with them, of optimal control (``pip install 'vsconstraints[best,evidence]'``), which
+are judged by the package's own rows, close together. Scenes that are in the table are not done again, unless
+``--again`` says so of the unknown ones. ``--verify`` judges all motions in the table once more, which needs no solver.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -30,11 +32,13 @@ from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
 from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace
 from vsconstraints.errors import SceneError
 from vsconstraints.robots.geometry import distances
-from vsconstraints.rows import Array, BoolArray
+from vsconstraints.rows import Array
+from vsconstraints.scenarios.families import Drawn
 from vsconstraints.scenarios.families.family import LIMITED, NOMINAL, SHIPPED
 from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
+from vsconstraints.vision.scene import Scene
 
 TABLE = SHIPPED / "testset-v1-best.parquet"  #: that comes with the package
 LAWS = "predictive,robust-hierarchical-qp,hierarchical-qp,cbf-filter"
@@ -63,6 +67,7 @@ DIGITS = 4  #: of accelerations, in the table
 MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}  #: that rows are kept at first between nodes, by their units
 #: Half the diagonal of a pixel, what a polyline may be off its curve, and the depth that counts as none [px].
 SLACK = 0.5 * np.sqrt(2.0) + 0.25
+STARTS = 2  #: valid motions from different guesses, of which the best one counts
 ROUNDS = 3  #: how often it is made larger where a motion turns out to be outside between its nodes
 
 
@@ -101,7 +106,7 @@ class Motion(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """How deep a motion is outside each row (m,), as a fraction of L, and when it has settled [s]; NaN if it has not."""
+    """How deep a motion is outside each row (m,), as a fraction of L, and when it has settled [s], NaN if not."""
 
     depth: Array
     settled: float
@@ -137,47 +142,43 @@ def judged(setup: Setup, motion: Motion) -> Judgement:
 
 
 def separated(setup: Setup) -> str:
-    """Why no motion can solve a scene: what closes a marker off from its goal in the image; empty if nothing is found.
+    """Why no motion can solve a scene: the marker that rows close off from its goal in the image; empty if none is.
 
-    A marker's path in the image is continuous, whatever moves. Squares of one pixel count as allowed where any point of
-    them is: by their centre's distance to the boundary, which is overestimated by :data:`SLACK`. Paths through allowed
-    points then lead through squares that touch. Closed off is a marker none of whose pixels at poses within the goal's
-    tolerances lie in squares that are connected to its first one. Rows that move are left out.
+    A marker's path in the image is continuous, whatever moves. A pixel counts as allowed if any point of its square may
+    be, so that the path leads through allowed pixels that touch each other. Closed off is a marker of which no pixel at
+    a pose within the goal's tolerances is connected to the first one. Rows that move, and tasks in several goals or
+    with distortion, prove nothing here; nor does a field of view alone, nor an obstacle that nothing keeps it near.
     """
     scene, goal, (distance, angle, near, _) = setup.scene, setup.task.goals[0], setup.goal_tolerances[0]
-    if len(setup.task.goals) != 1:
+    rows = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint) and c.motion is None]
+    if len(setup.task.goals) != 1 or scene.camera.distortion is not None:
         return ""
-    still = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint) and c.motion is None]
     half = np.ceil(0.5 * np.asarray(scene.camera.size)) + 2.0
     u, v = (np.arange(-side, side + 1.0) for side in half)
-    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
-    start = scene.glance(setup.q0)[0]
-    for i, pixel in enumerate(start):
-        rows = [c for c in still if c.markers is None or i + 1 in c.markers]
-        # a field of view bounds what is filled, and alone closes nothing off
-        if all(isinstance(c, FieldOfView) for c in rows) or not any(isinstance(c, FieldOfView) for c in rows):
+    pixels = np.stack(np.meshgrid(u, v), axis=-1)
+    for i, first in enumerate(scene.glance(setup.q0)[0]):
+        own = [c for c in rows if c.markers is None or i + 1 in c.markers]
+        if len({isinstance(c, FieldOfView) for c in own}) != 2:
             continue
-        allowed = np.ones(len(grid), dtype=np.bool_)
-        for c in rows:
-            everywhere = np.repeat(grid, len(start), axis=1)
-            trace = Trace(np.zeros(len(grid)), *[grid[:, :0, 0]] * 2, everywhere, everywhere, scene.camera.size, scene)
-            at = i if c.markers is None else c.markers.index(i + 1)
-            allowed &= c.clearance(trace, slice(0, 0))[:, at] > -SLACK
-        parts, _ = ndimage.label(allowed.reshape(len(v), len(u)), np.ones((3, 3)))
-        column, row = np.rint(pixel + half).astype(int)
-        reach = near
-        if isinstance(setup.task.feature, CameraPose):
-            P = goal.camera.inverse.act(scene.markers)[i]
-            off = distance + angle * np.linalg.norm(P)
-            if off >= P[2]:
-                continue
-            slope = 1.0 + np.linalg.norm(P[:2]) / P[2]
-            reach = max(scene.camera.focal) * off * slope / (P[2] - off)
-        there = np.hypot(*np.moveaxis(grid[:, 0] - goal.pixels[i], -1, 0)).reshape(parts.shape) <= reach + SLACK
-        if parts[row, column] and not (parts[there] == parts[row, column]).any():
+        allowed = np.all([_clearance(c, i, pixels, scene) > -SLACK for c in own], axis=0)
+        parts, _ = ndimage.label(allowed, np.ones((3, 3)))
+        column, row = np.rint(first + half).astype(int)
+        if isinstance(setup.task.feature, CameraPose) and goal.camera is not None:
+            x, y, z = goal.camera.inverse.act(scene.markers)[i]
+            off = distance + angle * np.linalg.norm((x, y, z))
+            near = max(scene.camera.focal) * off * (1.0 + np.hypot(x, y) / z) / (z - off) if z > off else np.inf
+        there = np.hypot(*np.moveaxis(pixels - goal.pixels[i], -1, 0)) <= near + SLACK
+        if parts[row, column] and parts[row, column] not in parts[there]:
             return f"marker {i + 1} is closed off from its goal in the image"
     return ""
 
+
+def _clearance(constraint: ImageConstraint, marker: int, pixels: Array, scene: Scene) -> Array:
+    """Clearance (a, b) of a marker everywhere in the image (a, b, 2) [px]."""
+    everywhere = np.repeat(pixels.reshape(-1, 1, 2), len(scene.markers), axis=1)
+    trace = Trace(np.zeros(len(everywhere)), *[everywhere[:, 0]] * 2, everywhere, everywhere, scene.camera.size)
+    row = marker if constraint.markers is None else constraint.markers.index(marker + 1)
+    return constraint.clearance(trace, slice(0))[:, row].reshape(pixels.shape[:2])
 
 
 class Known(NamedTuple):
@@ -192,6 +193,19 @@ class Known(NamedTuple):
         """By the strict standard."""
         return self.result["status"] == "converged" and not self.result["violated"]
 
+    @property
+    def until(self) -> float:
+        """When it has settled, or ends [s]."""
+        late, t = np.flatnonzero(~self.record.settled), self.record.trajectory.t
+        return float(t[min(late[-1] + 1, len(t) - 1)] if len(late) else t[-1])
+
+    @property
+    def largest(self) -> Array:
+        """(n,) the largest |q̈| of each joint until then."""
+        path = self.record.trajectory
+        most: Array = np.abs(path.qdd_command[path.t <= self.until]).max(axis=0)
+        return most
+
 
 def runs_of(bench: Bench, laws: Sequence[str]) -> list[Known]:
     """All laws on a scene: those that succeed first, the soonest settled first of all."""
@@ -205,37 +219,49 @@ def runs_of(bench: Bench, laws: Sequence[str]) -> list[Known]:
     return sorted((run for run in runs if len(run.record.trajectory.t) > 1), key=lambda run: order[id(run)])
 
 
+class Found(NamedTuple):
+    """A valid motion, when it settles [s], and what limits |q̈|; none, NaN, and why there is none."""
+
+    motion: Motion | None
+    settled: float
+    limit: str
+
+
 class Planner:
     """Optimal control of one scene after the other; programs are kept for those that are alike."""
 
-    def __init__(self, seconds: float) -> None:
-        from . import optimal  # CasADi is there where it is needed
+    def __init__(self, seconds: float, compiled: bool = False) -> None:
+        from . import optimal  # CasADi is needed here only
 
-        self.optimal, self.seconds, self.programs = optimal, seconds, dict[str, Any]()
+        self.optimal, self.seconds, self.compiled = optimal, seconds, compiled
+        self.programs: dict[str, Any] = {}
 
-    def best(self, setup: Setup, limited: Setup | None, runs: Sequence[Known]) -> tuple[Motion | None, float, str]:
-        """The best valid motion that is found in the time that there is, when it settles, and what limits |q̈|."""
-        began, optimal = perf_counter(), self.optimal
+    def best(self, setup: Setup, limited: Setup | None, runs: Sequence[Known]) -> Found:
+        """The best of the first :data:`STARTS` valid motions that are found from different guesses.
+
+        |q̈| is limited by the actuators, as in the condition ``limited``. Where a family has none, or no law succeeds
+        and nothing is found, it is limited by the largest of each joint in the best run.
+        """
         try:
-            scene = optimal.written(setup)
-        except optimal.NotCovered as what:
-            return None, np.nan, f"{LAWS_ONLY}: {what}"
-        n, best = setup.scene.robot.n, (None, np.inf, "")
+            scene = self.optimal.written(setup)
+        except self.optimal.NotCovered as what:
+            return Found(None, np.nan, f"{LAWS_ONLY}: {what}")
+        n, until = setup.scene.robot.n, perf_counter() + self.seconds
         if scene.likeness not in self.programs:
-            self.programs[scene.likeness] = optimal.Program(scene, n, setup.scene.motion is not None, self.seconds)
-            began = perf_counter()
-        program = self.programs[scene.likeness]
-        actuators = np.full(n, np.inf) if limited is None else limited.limits.of_joint("acceleration", n)
-        for guess, largest in guesses(optimal.Guess, setup, runs):
-            for limit, said in ((actuators, "actuators"), (largest, "guess")):
-                if not np.isfinite(limit).all() or (said == "guess" and (best[0] or np.isfinite(actuators).all())):
-                    continue
-                motion, settled = self.refined(program, setup, scene, limit, guess, began + self.seconds)
-                if motion is not None and settled < best[1]:
-                    best = motion, settled, said
-            if perf_counter() - began > self.seconds:
+            follows = setup.scene.motion is not None
+            self.programs[scene.likeness] = self.optimal.Program(scene, n, follows, self.compiled)
+            until = perf_counter() + self.seconds
+        limits = {} if limited is None else {"actuators": limited.limits.of_joint("acceleration", n)}
+        if not limits or not runs[0].success:
+            limits["best run"] = runs[0].largest
+        found: list[Found] = []
+        for (said, limit), guess in product(limits.items(), guesses(self.optimal.Guess, setup, runs)):
+            if len(found) == STARTS or (found and found[0].limit != said) or perf_counter() > until:
                 break
-        return best
+            motion, settled = self.refined(self.programs[scene.likeness], setup, scene, limit, guess, until)
+            if motion is not None:
+                found.append(Found(motion, settled, said))
+        return min(found, key=lambda each: each.settled, default=Found(None, np.nan, "nothing found"))
 
     def refined(
         self, program: Any, setup: Setup, scene: Any, limit: Array, guess: Any, until: float
@@ -267,49 +293,120 @@ def room(setup: Setup) -> Array:
     return np.maximum(setup.constraints.clearance(trace)[0], 0.0)
 
 
-def guesses(kind: Any, setup: Setup, runs: Sequence[Known]) -> Any:
-    """Where optimal control begins, and the largest |q̈| there (n,): runs, and the straight line to the end of the first."""
+def guesses(kind: Any, setup: Setup, runs: Sequence[Known]) -> list[Any]:
+    """Where optimal control begins: the best run, the straight line to its end, and the other runs."""
+    begin = []
     for run in runs:
         path = run.record.trajectory
-        late = np.flatnonzero(~run.record.settled)
-        T = path.t[min(late[-1] + 1, len(path.t) - 1)] if len(late) else path.t[-1]
-        largest = np.abs(path.qdd_command[path.t <= T]).max(axis=0)
-        yield kind(path.t, path.q, path.qd, T), largest
+        begin.append(kind(path.t, path.q, path.qd, run.until))
         if run is runs[0] and setup.scene.motion is None:
             s = np.linspace(0.0, 1.0, 101)[:, None]
-            q = setup.q0 + (3.0 - 2.0 * s) * s**2 * (path.q[-1] - setup.q0)
-            t = T * s[:, 0]
-            yield kind(t, q, np.gradient(q, t, axis=0), T), largest
+            q, t = setup.q0 + (3.0 - 2.0 * s) * s**2 * (path.q[-1] - setup.q0), run.until * s[:, 0]
+            begin.append(kind(t, q, np.gradient(q, t, axis=0), run.until))
+    return begin
 
 
-def line_of(family: Any, half: str, number: int, laws: Sequence[str], planner: Planner | None) -> dict[str, Any]:
-    """The table's line of a scene."""
-    scene, setups = family.set_up(number, half)
-    setup, began = setups[NOMINAL], perf_counter()
-    runs = runs_of(Bench(scene, NOMINAL, scene.setup(NOMINAL)), laws)
-    good = [run for run in runs if run.success]
-    law_time = good[0].result["settling_time_s"] if good else np.nan
-    spaces = [run.result["utilization"] for run in good if np.isfinite(run.result["utilization"])]
-    proof = "" if good else separated(setup)
-    motion, time, why = None, np.nan, ""
-    began = perf_counter()
-    if planner is not None and not proof:
-        motion, time, why = planner.best(setup, setups.get(LIMITED), runs)
-    known = f"law {good[0].law}" if good else f"proof: {proof}" if proof else ""
-    if motion is not None and not time >= law_time:
+def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], planner: Planner | None) -> dict[str, Any]:
+    """The table's line of a scene, with its setups by condition."""
+    runs = runs_of(Bench(scene, NOMINAL), laws)
+    good, began = [run for run in runs if run.success], perf_counter()
+    law = good[0] if good else None
+    times = [run.result["settling_time_s"] for run in good]
+    proof = "" if good else separated(setups[NOMINAL])
+    found = Found(None, np.nan, "")
+    if planner is not None and runs and not proof:
+        found = planner.best(setups[NOMINAL], setups.get(LIMITED), runs)
+    known = f"proof: {proof}" if proof else f"law {law.law}" if law else ""
+    if found.motion is not None and not found.settled >= min(times, default=np.inf):
         known = "optimal control"
     return {
-        "family": family.name,
-        "half": half,
-        "scene": number,
+        "family": scene.family,
+        "half": scene.half,
+        "scene": scene.number,
         "outcome": SEPARATED if proof else REACHABLE if known else UNKNOWN,
         "known_by": known,
-        "best_time_s": np.fmin(law_time, time if motion is not None else np.nan),
-        "law": good[0].law if good else "",
-        "law_time_s": law_time,
-        "law_space": max(spaces, default=np.nan),
-        "optimal_time_s": time if motion is not None else np.nan,
-        "acceleration": why,
+        "best_time_s": min([*times, *([found.settled] if found.motion else [])], default=np.nan),
+        "law": law.law if law else "",
+        "law_time_s": min(times, default=np.nan),
+        "law_space": np.fmax.reduce([run.result["utilization"] for run in good], initial=np.nan),
+        "optimal_time_s": found.settled,
+        "acceleration": found.limit,
         "solve_s": perf_counter() - began,
-        "motion": motion.text() if motion is not None else "",
+        "motion": found.motion.text() if found.motion is not None else "",
     }
+
+
+def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str]:
+    """Which motions of the table are not what it says of them, judged once more."""
+    families = {family.name: family for family in test_set.families}
+    for line in lines:
+        if line["motion"]:
+            setup = families[line["family"]].set_up(line["scene"], line["half"])[1][NOMINAL]
+            found = judged(setup, Motion.read(line["motion"]))
+            if not (found.valid and abs(found.settled - line["optimal_time_s"]) < PERIOD):
+                scene = " ".join(map(str, key(line)))
+                yield f"{scene}: settled after {found.settled:.4g} s, {found.depth.max():.2g} L outside"
+
+
+def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How many scenes there are of each outcome, and how much sooner the best motion settles than the best law."""
+    names = (REACHABLE, SEPARATED, UNKNOWN)
+    yield "| family | scenes | reachable | separated | unknown | solved | sooner | ratio | solve [s] |"
+    yield "|---|" + "---:|" * 8
+    for family in [*dict.fromkeys(line["family"] for line in lines), "all"]:
+        own = [line for line in lines if family in (line["family"], "all")]
+        both = [line for line in own if line["law"] and line["motion"]]
+        ratios = [line["best_time_s"] / line["law_time_s"] for line in both]
+        counts = [len(own), *(sum(line["outcome"] == name for line in own) for name in names)]
+        counts += [sum(bool(line["motion"]) for line in own), sum(ratio < 1.0 for ratio in ratios)]
+        ratio = f"{np.median(ratios):.2f}" if ratios else ""
+        seconds = np.median([line["solve_s"] for line in own])
+        yield f"| {family} | {' | '.join(map(str, counts))} | {ratio} | {seconds:.1f} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print what the module's docstring says; the exit code is 1 if a motion of the table is not what it says."""
+    parser = argparse.ArgumentParser(prog="python -m checks.best", description=__doc__)
+    parser.add_argument("--scenes", type=int, default=10, help="of each family, from the first one")
+    parser.add_argument("--family", action="append", default=[], help="one of several; all if not given")
+    parser.add_argument("--half", default="held-out")
+    parser.add_argument("--laws", default=LAWS, help="in the order in which they are run")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of optimal control for each scene; 0: laws only")
+    parser.add_argument("--table", type=Path, default=TABLE)
+    parser.add_argument("--compiled", action="store_true", help="with a C compiler: for many scenes")
+    parser.add_argument("--again", action="store_true", help="scenes whose outcome is unknown")
+    parser.add_argument(
+        "--verify", action="store_true", help="judge all motions in the table once more, and do nothing else"
+    )
+    asked, test_set = parser.parse_args(arguments), TestSet.load()
+    lines = parquet.read([asked.table], COLUMNS).to_pylist() if asked.table.exists() else []
+    if asked.verify:
+        problems = list(wrong(lines, test_set))
+        print("\n".join([*summary(lines), *problems]))
+        return 1 if problems else 0
+    if asked.seconds > 0.0 and find_spec("casadi") is None:
+        parser.error("optimal control needs CasADi: pip install 'vsconstraints[best]'; --seconds 0 does without it")
+    planner = Planner(asked.seconds, asked.compiled) if asked.seconds > 0.0 else None
+    chosen = test_set.chosen(asked.family, asked.half, asked.scenes, None)
+    there = {key(line) for line in lines if not (asked.again and line["outcome"] == UNKNOWN)}
+    for number, family in product(range(asked.scenes), chosen["families"]):
+        if (family.name, asked.half, number) not in there:
+            line = line_of(*family.set_up(number, asked.half), asked.laws.split(","), planner)
+            lines = sorted([line, *(other for other in lines if key(other) != key(line))], key=key)
+            facts = {"version": test_set.version, "sha256": test_set.sha256, "laws": asked.laws}
+            parquet.write(asked.table, parquet.table(COLUMNS, lines), facts)
+            print(
+                f"{family.name} {number}: {line['outcome']}, {line['known_by']}, {line['best_time_s']:.3f} s",
+                flush=True,
+            )
+    print("\n".join(summary(lines)))
+    return 0
+
+
+def key(line: Mapping[str, Any]) -> tuple[str, str, int]:
+    """Which scene a line of the table is of."""
+    return line["family"], line["half"], line["scene"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
