@@ -32,13 +32,12 @@ from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
 from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace
 from vsconstraints.errors import SceneError
 from vsconstraints.robots.geometry import distances
-from vsconstraints.rows import Array
+from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios.families import Drawn
 from vsconstraints.scenarios.families.family import LIMITED, NOMINAL, SHIPPED
 from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
-from vsconstraints.vision.scene import Scene
 
 TABLE = SHIPPED / "testset-v1-best.parquet"  #: that comes with the package
 LAWS = "predictive,robust-hierarchical-qp,hierarchical-qp,cbf-filter"
@@ -65,8 +64,7 @@ COLUMNS = (
 PARTS, PERIOD = 20, 1e-3  #: a motion is judged as often in each interval, and at least once in so many seconds
 DIGITS = 4  #: of accelerations, in the table
 MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}  #: that rows are kept at first between nodes, by their units
-#: Half the diagonal of a pixel, what a polyline may be off its curve, and the depth that counts as none [px].
-SLACK = 0.5 * np.sqrt(2.0) + 0.25
+SLACK = 0.75  #: half the diagonal of a pixel, and the depth that counts as none [px]
 STARTS = 2  #: valid motions from different guesses, of which the best one counts
 ROUNDS = 3  #: how often it is made larger where a motion turns out to be outside between its nodes
 
@@ -155,30 +153,34 @@ def separated(setup: Setup) -> str:
         return ""
     half = np.ceil(0.5 * np.asarray(scene.camera.size)) + 2.0
     u, v = (np.arange(-side, side + 1.0) for side in half)
-    pixels = np.stack(np.meshgrid(u, v), axis=-1)
+    U, V = np.meshgrid(u, v)
     for i, first in enumerate(scene.glance(setup.q0)[0]):
         own = [c for c in rows if c.markers is None or i + 1 in c.markers]
         if len({isinstance(c, FieldOfView) for c in own}) != 2:
             continue
-        allowed = np.all([_clearance(c, i, pixels, scene) > -SLACK for c in own], axis=0)
+        allowed = np.all([_perhaps_allowed(c, u, v) for c in own], axis=0)
         parts, _ = ndimage.label(allowed, np.ones((3, 3)))
         column, row = np.rint(first + half).astype(int)
         if isinstance(setup.task.feature, CameraPose) and goal.camera is not None:
             x, y, z = goal.camera.inverse.act(scene.markers)[i]
             off = distance + angle * np.linalg.norm((x, y, z))
             near = max(scene.camera.focal) * off * (1.0 + np.hypot(x, y) / z) / (z - off) if z > off else np.inf
-        there = np.hypot(*np.moveaxis(pixels - goal.pixels[i], -1, 0)) <= near + SLACK
+        there = np.hypot(U - goal.pixels[i, 0], V - goal.pixels[i, 1]) <= near + SLACK
         if parts[row, column] and parts[row, column] not in parts[there]:
             return f"marker {i + 1} is closed off from its goal in the image"
     return ""
 
 
-def _clearance(constraint: ImageConstraint, marker: int, pixels: Array, scene: Scene) -> Array:
-    """Clearance (a, b) of a marker everywhere in the image (a, b, 2) [px]."""
-    everywhere = np.repeat(pixels.reshape(-1, 1, 2), len(scene.markers), axis=1)
-    trace = Trace(np.zeros(len(everywhere)), *[everywhere[:, 0]] * 2, everywhere, everywhere, scene.camera.size)
-    row = marker if constraint.markers is None else constraint.markers.index(marker + 1)
-    return constraint.clearance(trace, slice(0))[:, row].reshape(pixels.shape[:2])
+def _perhaps_allowed(constraint: ImageConstraint, u: Array, v: Array) -> BoolArray:
+    """(b, a) whether a pixel around (u, v) may have an allowed point, of u (a,) and v (b,), by the mean value theorem.
+
+    The gradient is longest at a corner of the pixel if its length is convex, as that of circles and hyperellipses is.
+    """
+    corners = np.stack(np.meshgrid(np.append(u, u[-1] + 1.0) - 0.5, np.append(v, v[-1] + 1.0) - 0.5), axis=-1)
+    steep = np.linalg.norm(constraint.gradient(corners), axis=-1)
+    steepest = np.maximum.reduce([steep[:-1, :-1], steep[:-1, 1:], steep[1:, :-1], steep[1:, 1:]])
+    allowed: BoolArray = constraint.sigma(np.stack(np.meshgrid(u, v), axis=-1)) <= SLACK * steepest
+    return allowed
 
 
 class Known(NamedTuple):
@@ -336,6 +338,12 @@ def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], plan
     }
 
 
+def read(table: Path) -> list[dict[str, Any]]:
+    """The lines of a table, numbers that do not exist as NaN; raises ConfigurationError if it cannot be read."""
+    lines = parquet.read([table], COLUMNS).to_pylist()
+    return [{name: np.nan if value is None else value for name, value in line.items()} for line in lines]
+
+
 def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str]:
     """Which motions of the table are not what it says of them, judged once more."""
     families = {family.name: family for family in test_set.families}
@@ -379,7 +387,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--verify", action="store_true", help="judge all motions in the table once more, and do nothing else"
     )
     asked, test_set = parser.parse_args(arguments), TestSet.load()
-    lines = parquet.read([asked.table], COLUMNS).to_pylist() if asked.table.exists() else []
+    lines = read(asked.table) if asked.table.exists() else []
     if asked.verify:
         problems = list(wrong(lines, test_set))
         print("\n".join([*summary(lines), *problems]))

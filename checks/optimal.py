@@ -62,7 +62,8 @@ class Guess(NamedTuple):
 
     def states(self, after: int, end: float) -> tuple[Array, Array, Array]:
         """Where the arm is at all nodes, q̇, and q̈ between them; ``after`` intervals follow the goal, to the end."""
-        nodes = np.concatenate((np.linspace(0.0, self.T, INTERVALS + 1), np.linspace(self.T, end, after + 1)[1:]))
+        T = min(self.T, 0.8 * end) if after else self.T
+        nodes = np.concatenate((np.linspace(0.0, T, INTERVALS + 1), np.linspace(T, end, after + 1)[1:]))
         q, qd = (np.stack([np.interp(nodes, self.t, x) for x in of.T], axis=1) for of in (self.q, self.qd))
         return q, qd, np.diff(qd, axis=0) / np.diff(nodes)[:, None]
 
