@@ -251,7 +251,7 @@ class Planner:
         n, until = setup.scene.robot.n, perf_counter() + self.seconds
         if scene.likeness not in self.programs:
             follows = setup.scene.motion is not None
-            self.programs[scene.likeness] = self.optimal.Program(scene, n, follows, self.compiled)
+            self.programs[scene.likeness] = self.optimal.Program(scene, n, follows, self.seconds, self.compiled)
             until = perf_counter() + self.seconds
         limits = {} if limited is None else {"actuators": limited.limits.of_joint("acceleration", n)}
         if not limits or not runs[0].success:

@@ -44,7 +44,6 @@ OPTIONS = {
     "ipopt.acceptable_constr_viol_tol": 1e-7,
     "ipopt.mu_init": 1e-2,
     "ipopt.max_iter": 300,
-    "ipopt.max_wall_time": 10.0,
 }
 
 
@@ -231,7 +230,7 @@ def boxes(setup: Setup, margin: Array) -> Array:
 class Program:
     """The optimal control of scenes that are alike: one of a family, with the numbers of others."""
 
-    def __init__(self, scene: Written, n: int, follows: bool, compiled: bool = False) -> None:
+    def __init__(self, scene: Written, n: int, follows: bool, seconds: float, compiled: bool) -> None:
         N, K = INTERVALS, INTERVALS + (FOLLOWING if follows else 0)
         self.n, self.K, self.follows = n, K, follows
         T, Q, V, A = ca.MX.sym("T"), ca.MX.sym("q", n, K + 1), ca.MX.sym("v", n, K + 1), ca.MX.sym("a", n, K)
@@ -258,7 +257,7 @@ class Program:
                 "f": cost,
                 "g": ca.veccat(dynamics, rows, goal),
             },
-            {**OPTIONS, **(COMPILED if compiled else {"expand": True})},
+            {**OPTIONS, "ipopt.max_wall_time": seconds, **(COMPILED if compiled else {"expand": not follows})},
         )
 
     def __call__(self, setup: Setup, scene: Written, limit: Array, margin: Array, guess: Guess) -> Plan | None:
