@@ -30,7 +30,7 @@ from vsconstraints.comparisons.metrics.measured import NEGLIGIBLE
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
 from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace
-from vsconstraints.errors import SceneError
+from vsconstraints.errors import ConfigurationError, SceneError
 from vsconstraints.robots.geometry import distances
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios.families import Drawn
@@ -64,9 +64,9 @@ COLUMNS = (
 PARTS, PERIOD = 20, 1e-3  #: a motion is judged as often in each interval, and at least once in so many seconds
 DIGITS = 4  #: of accelerations, in the table
 MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}  #: that rows are kept at first between nodes, by their units
+ROUNDS = 3  #: how often a motion is sought, with a larger margin where it turns out to be outside between its nodes
 SLACK = 0.75  #: half the diagonal of a pixel, and the depth that counts as none [px]
 STARTS = 2  #: valid motions from different guesses, of which the best one counts
-ROUNDS = 3  #: how often it is made larger where a motion turns out to be outside between its nodes
 
 
 class Motion(NamedTuple):
@@ -134,7 +134,7 @@ def judged(setup: Setup, motion: Motion) -> Judgement:
     away = np.linalg.norm(pixels - goal.pixels, axis=2).max(axis=1)
     late = np.flatnonzero(~setup.reached(t, pose, away, qd))
     settled = 0.0 if not len(late) else t[late[-1] + 1] if late[-1] + 1 < len(t) else np.nan
-    if end - settled < setup.tolerances.dwell_s - setup.Ts:
+    if end - settled < setup.tolerances.dwell_s - 1e-9:
         settled = np.nan
     return Judgement(np.where(np.isnan(depth), np.inf, depth).max(axis=0), float(settled))
 
@@ -338,8 +338,10 @@ def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], plan
     }
 
 
-def read(table: Path) -> list[dict[str, Any]]:
-    """The lines of a table, numbers that do not exist as NaN; raises ConfigurationError if it cannot be read."""
+def read(table: Path, test_set: TestSet) -> list[dict[str, Any]]:
+    """The lines of a table, numbers that do not exist as NaN; ConfigurationError if it is not of this test set."""
+    if (known := parquet.facts_of(table).get("sha256")) != test_set.sha256:
+        raise ConfigurationError(f"{table} is of the test set {known}, not of {test_set.sha256}: give another --table")
     lines = parquet.read([table], COLUMNS).to_pylist()
     return [{name: np.nan if value is None else value for name, value in line.items()} for line in lines]
 
@@ -349,11 +351,15 @@ def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str
     families = {family.name: family for family in test_set.families}
     for line in lines:
         if line["motion"]:
-            setup = families[line["family"]].set_up(line["scene"], line["half"])[1][NOMINAL]
-            found = judged(setup, Motion.read(line["motion"]))
+            setups = families[line["family"]].set_up(line["scene"], line["half"])[1]
+            motion, scene = Motion.read(line["motion"]), " ".join(map(str, key(line)))
+            found = judged(setups[NOMINAL], motion)
             if not (found.valid and abs(found.settled - line["optimal_time_s"]) < PERIOD):
-                scene = " ".join(map(str, key(line)))
                 yield f"{scene}: settled after {found.settled:.4g} s, {found.depth.max():.2g} L outside"
+            if line["acceleration"] == "actuators":
+                limit = setups[LIMITED].limits.of_joint("acceleration", motion.qdd.shape[1])
+                if (np.abs(motion.qdd) > limit + 10.0**-DIGITS).any():
+                    yield f"{scene}: beyond the limits of acceleration"
 
 
 def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -387,7 +393,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--verify", action="store_true", help="judge all motions in the table once more, and do nothing else"
     )
     asked, test_set = parser.parse_args(arguments), TestSet.load()
-    lines = read(asked.table) if asked.table.exists() else []
+    lines = read(asked.table, test_set) if asked.table.exists() else []
     if asked.verify:
         problems = list(wrong(lines, test_set))
         print("\n".join([*summary(lines), *problems]))
@@ -401,7 +407,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if (family.name, asked.half, number) not in there:
             line = line_of(*family.set_up(number, asked.half), asked.laws.split(","), planner)
             lines = sorted([line, *(other for other in lines if key(other) != key(line))], key=key)
-            facts = {"version": test_set.version, "sha256": test_set.sha256, "laws": asked.laws}
+            facts = {"version": test_set.version, "sha256": test_set.sha256}
             parquet.write(asked.table, parquet.table(COLUMNS, lines), facts)
             print(
                 f"{family.name} {number}: {line['outcome']}, {line['known_by']}, {line['best_time_s']:.3f} s",

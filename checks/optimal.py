@@ -276,7 +276,7 @@ class Program:
             q[0], v[0] = start
             if not self.follows:
                 v[-1] = 0.0
-            time = 0.05 if side < 0.0 else (0.98 * end if self.follows else 4.0 * guess.T + 2.0)
+            time = 0.05 if side < 0.0 else (end - setup.tolerances.dwell_s if self.follows else 4.0 * guess.T + 2.0)
             bounds.append(np.concatenate(([time], q.ravel(), v.ravel(), np.tile(side * limit, K))))
         above = np.tile(np.append(-margin[list(scene.which)], np.zeros(len(setup.scene.markers))), 2 * K)
         found = self._solve(

@@ -17,6 +17,7 @@ from checks import best
 
 from documents import ROOT
 from vsconstraints.comparisons.evidence import parquet
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
@@ -104,7 +105,7 @@ def test_scenes_in_the_table_are_not_done_again(tmp_path: Path, monkeypatch: pyt
     command = ["--family", "planar-arm", "--laws", "hierarchical-qp", "--seconds", "0", "--table", str(path)]
     assert best.main([*command, "--scenes", "1"]) == 0
     assert best.main([*command, "--scenes", "2"]) == 0
-    lines = best.read(path)
+    lines = best.read(path, TestSet.load())
     assert [(line["scene"], line["outcome"], line["known_by"]) for line in lines] == [
         (0, "reachable", "law hierarchical-qp"),
         (1, "reachable", "law hierarchical-qp"),
@@ -112,6 +113,9 @@ def test_scenes_in_the_table_are_not_done_again(tmp_path: Path, monkeypatch: pyt
     assert all(line["best_time_s"] == line["law_time_s"] for line in lines)
     monkeypatch.setattr(best, "line_of", lambda *_: pytest.fail("done again"))
     assert best.main([*command, "--scenes", "2"]) == 0
+    parquet.write(path, parquet.table(best.COLUMNS, lines), {"sha256": "another"})
+    with pytest.raises(ConfigurationError, match="is of the test set another, not of"):
+        best.main([*command, "--verify"])
 
 
 def test_optimal_control_is_sooner_and_a_changed_motion_is_refused(
@@ -123,21 +127,23 @@ def test_optimal_control_is_sooner_and_a_changed_motion_is_refused(
         path = tmp_path / "best.parquet"
         command = ["--family", "planar-arm", "--laws", "hierarchical-qp", "--scenes", "1", "--table", str(path)]
         assert best.main(command) == 0
-    (line,) = best.read(path)
+    (line,) = best.read(path, TestSet.load())
     assert line["known_by"] == "optimal control"
     assert line["best_time_s"] < 0.6 * line["law_time_s"]
     assert best.main([*command, "--verify"]) == 0
     motion = best.Motion.read(line["motion"])
     faster = best.Motion(motion.intervals / 1.01, motion.qdd * 1.01**2)  # the same way, speeds 1 % higher
     line["motion"] = faster.text()
-    parquet.write(path, parquet.table(best.COLUMNS, [line]), {})
+    parquet.write(path, parquet.table(best.COLUMNS, [line]), parquet.facts_of(path))
     assert best.main([*command, "--verify"]) == 1
-    assert "planar-arm held-out 0: settled after" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "planar-arm held-out 0: settled after" in said
+    assert "planar-arm held-out 0: beyond the limits of acceleration" in said
 
 
 def test_the_table_that_comes_with_the_package() -> None:
-    lines, test_set = best.read(best.TABLE), TestSet.load()
-    assert parquet.facts_of(best.TABLE)["sha256"] == test_set.sha256
+    test_set = TestSet.load()
+    lines = best.read(best.TABLE, test_set)
     assert len(lines) >= 500
     assert len({best.key(line) for line in lines}) == len(lines)
     assert sum(line["outcome"] == best.UNKNOWN for line in lines) <= 0.05 * len(lines)
