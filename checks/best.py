@@ -57,6 +57,7 @@ COLUMNS = (
     Column("law_space", "number"),  # the greatest utilization of the laws that succeed
     Column("optimal_time_s", "number"),
     Column("acceleration", "text", category=True),  # what limits |q̈| of optimal control, or why there is none
+    Column("least_time_s", "number"),  # that the slowest joint by itself needs, with the limits of actuators
     Column("solve_s", "number"),
     Column("motion", "text"),  # of optimal control
 )
@@ -333,6 +334,7 @@ def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], plan
         "law_space": np.fmax.reduce([run.result["utilization"] for run in good], initial=np.nan),
         "optimal_time_s": found.settled,
         "acceleration": found.limit,
+        "least_time_s": scene.least_time,
         "solve_s": perf_counter() - began,
         "motion": found.motion.text() if found.motion is not None else "",
     }
@@ -363,19 +365,20 @@ def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str
 
 
 def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """How many scenes there are of each outcome, and how much sooner the best motion settles than the best law."""
+    """How many scenes there are of each outcome, and the best motions beside the best laws and the slowest joints."""
     names = (REACHABLE, SEPARATED, UNKNOWN)
-    yield "| family | scenes | reachable | separated | unknown | solved | sooner | ratio | solve [s] |"
-    yield "|---|" + "---:|" * 8
+    yield f"| family | scenes | {' | '.join(names)} | solved | sooner | to best law | to least time | solve [s] |"
+    yield "|---|" + "---:|" * 9
     for family in [*dict.fromkeys(line["family"] for line in lines), "all"]:
         own = [line for line in lines if family in (line["family"], "all")]
-        both = [line for line in own if line["law"] and line["motion"]]
-        ratios = [line["best_time_s"] / line["law_time_s"] for line in both]
+        to_law = np.array([line["optimal_time_s"] / line["law_time_s"] for line in own])
+        own_limits = [line for line in own if line["acceleration"] == "actuators"]
+        to_least = np.array([line["optimal_time_s"] / line["least_time_s"] for line in own_limits])
         counts = [len(own), *(sum(line["outcome"] == name for line in own) for name in names)]
-        counts += [sum(bool(line["motion"]) for line in own), sum(ratio < 1.0 for ratio in ratios)]
-        ratio = f"{np.median(ratios):.2f}" if ratios else ""
-        seconds = np.median([line["solve_s"] for line in own])
-        yield f"| {family} | {' | '.join(map(str, counts))} | {ratio} | {seconds:.1f} |"
+        counts += [sum(bool(line["motion"]) for line in own), int((to_law < 1.0).sum())]
+        ratios = [f"{np.median(of):.2f}" if len(of := each[np.isfinite(each)]) else "" for each in (to_law, to_least)]
+        seconds = f"{np.median([line['solve_s'] for line in own]):.1f}"
+        yield f"| {' | '.join([family, *map(str, counts), *ratios, seconds])} |"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
