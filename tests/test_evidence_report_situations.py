@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import html5lib
+import numpy as np
+import pandas as pd
 import pytest
 
 from browser import NAMES, browser, program
@@ -18,6 +20,7 @@ from test_evidence_report import RATES, check, tables, written
 from vsconstraints.comparisons.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replayed
+from vsconstraints.reports.evidence.best import regrets
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.factorial import Factorial
 from vsconstraints.reports.evidence.figures import draw_levels
@@ -28,6 +31,7 @@ from vsconstraints.reports.page import html_page, page_of
 from vsconstraints.reports.replay.runs import name_of
 from vsconstraints.scenarios.families import Family, families
 
+ROOT = Path(__file__).parents[1]
 LADDER = {
     "fast": {"task": {"Kp0": 40.0}},
     "slow": {"task": {"Kp0": 4.0}},
@@ -249,3 +253,27 @@ def test_the_heat_map_is_sorted_by_a_click_and_scrolls_in_its_box_on_a_phone(tmp
         shown = "[...document.querySelectorAll('.run')].filter(card => card.getBoundingClientRect().height > 0)"
         assert page.value(f"{shown}.map(card => card.id)") == ["run-1-1"]
         assert page.complaints == []
+
+
+def test_laws_beside_the_best_known_motions_by_hand() -> None:
+    """The second scene cannot be solved as far as is known, and of the third nothing is known: neither counts."""
+    known = pd.DataFrame(
+        {"family": "a", "scene": [0, 1, 3], "outcome": ["reachable", "unknown", "reachable"]}
+        | {"best_time_s": [1.0, np.nan, 2.0], "law_space": [0.9, np.nan, 0.5]}
+    )
+    runs = pd.DataFrame(
+        {"family": "a", "scene": [0, 1, 2, 3] * 2, "controller": ["one"] * 4 + ["other"] * 4}
+        | {"success": [True] * 4 + [True, True, True, False]}
+        | {"settling_time_s": [2.0, 9.0, 9.0, 6.0, 1.5, 9.0, 9.0, 1.0], "utilization": 0.7}
+    )
+    found = regrets(runs, known)
+    assert [(own["success"].count, own["success"].of) for own in found.values()] == [(2, 2), (1, 2)]
+    assert [own["time"] for own in found.values()] == pytest.approx([2.5, 1.5])  # medians of 2 and 3; 1.5
+    assert [own["space"] for own in found.values()] == pytest.approx([0.0, -0.2])
+
+
+def test_only_scenes_of_the_test_set_stand_beside_its_best_motions(tmp_path: Path) -> None:
+    """Families of the same names, but drawn otherwise, have no such table; the kept study has one."""
+    report = (ROOT / "reports" / "evidence" / "report.md").read_text(encoding="utf-8")
+    assert "| predictive" in report.partition("## Beside the best known motions")[2].partition("\n## ")[0]
+    assert "best known motions" not in written(drawn_runs(RATES, ["planar-arm", "ur5"], 20), tmp_path)

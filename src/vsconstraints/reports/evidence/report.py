@@ -20,6 +20,7 @@ from ..page import facts_table, render, write_pages
 from ..plots import PNG, Formats
 from . import failures, tables
 from .across import across_findings, across_table
+from .best import best_table
 from .dataset import Dataset
 from .failures import TRACKS, scene_figures, worst_figures
 from .figures import BUDGETS, CRITICAL_DIFFERENCE, LEVELS, PROFILES, TOLERANCE, Diagram, Panel
@@ -164,6 +165,7 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
         "rankings": rankings,
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
         "across": across_table(dataset),
+        "best": best_table(dataset),
         "across_sentences": [one.text for one in claims.findings if one.about == "across"],
         "power": power_table(dataset),
         "conclusions": conclusion_tables(dataset),
