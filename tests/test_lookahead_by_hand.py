@@ -427,7 +427,7 @@ def governor(sigma: Array, Lg: Array, J: Array, K: Array) -> Governor:
     model = SimpleNamespace(task=gains, K=K, labels=tuple("abcdefgh"[: len(K)]))
     made = Governor.of(model, np.ones(1), (J.shape[0], J.shape[1]))
     own = made.own
-    own.settings[:], own.sigma[:], own.Lg[:], own.Jt[:], own.least[:] = (2.0, 0.1, 0.3), sigma, Lg, J.T, 0.3
+    own.settings[:], own.sigma[:], own.Lg[:], own.Jt[:], own.least[:] = (2.0, 0.1, 0.3, 0.0, 0.0), sigma, Lg, J.T, 0.3
     own.times[goal_governor.KNOWN] = inf
     return made
 

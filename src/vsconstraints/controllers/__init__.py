@@ -12,6 +12,7 @@ from ..errors import ConfigurationError, VsconstraintsError, described, shown, u
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
+from .barrier_governor import BarrierGovernor
 from .base import Controller
 from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
@@ -26,7 +27,7 @@ from .resolver import Additive, Priority, Resolver
 from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, SaturationExact, Scaling
 
 __all__ = [
-    "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
+    "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BarrierGovernor", "BoundaryLayer", "Choices", "Controller",
     "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Observed",
     "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
     "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking",
@@ -35,7 +36,7 @@ __all__ = [
 
 LAWS: tuple[type[Controller], ...] = (
     SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
-    PathIntegralControl,
+    BarrierGovernor, PathIntegralControl,
 )  # fmt: skip
 
 #: Controllers by the name files and the command line use.

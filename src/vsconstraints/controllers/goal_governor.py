@@ -83,6 +83,7 @@ class GoalGovernor(Controller):
     }
 
     model: Any
+    _barrier = 0.0, 0.0  #: α and κ of :class:`.BarrierGovernor`.
 
     def __init__(
         self,
@@ -198,7 +199,7 @@ class GoalGovernor(Controller):
         made = self._governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence)
+        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence, *self._barrier)
         return made
 
 
