@@ -164,6 +164,15 @@ def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tu
 
 
 @in_place
+def slowness(own: GovernorArrays, task: TaskArrays) -> float:
+    """How often the time constant of tracking near the goal goes into that at the distance of the trial."""
+    squared = 0.0
+    for i in range(own.trial.size):
+        squared += (task.error[i] - own.trial[i]) ** 2
+    return math.sqrt(own.tracking[0] / gains(squared, own.tracking[0], own.tracking[1], own.tracking[2])[0])
+
+
+@in_place
 def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -> None:
     """Write how σ of a row that has not been nearer depends on s_ref, which moves s by its rise; L_gφ = K ∂σ/∂q."""
     share = own.rise[0] / own.K[i] if own.K[i] > 0.0 else own.rise[1]
@@ -194,6 +203,8 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
         own.counts[NEXT] = -1
         return
     h, rest = own.periods[min(k, N - 1)], own.rest[: task.rest.size if k < N else 0]
+    # far references are tracked more slowly, and a barrier lets the reference get far
+    h *= slowness(own, task) if own.settings[ALPHA] > 0.0 else 1.0
     Kp, Kv = aim(own, task, own.trial, h)
     for i in range(own.b.size if k >= N else 0):
         own.b[i] = -own.error[i]
