@@ -77,14 +77,14 @@ def nearest(own: GovernorArrays) -> float:
 @in_place
 def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
     """Change the reference on trial by the least with which ∇h (s_trial − s_ref) ≥ −α h T, not beyond the speed."""
-    gradient, one, r, least = own.b, own.error, own.reference, nearest(own)
-    total = along = squared = length = 0.0
-    gradient[:] = 0.0
+    gradient, one, r, least, speed = own.b, own.error, own.reference, nearest(own), own.settings[SPEED]
+    total = along = squared = length = gradient[:] = 0.0
     for i in range(own.least.size):
         weight = math.exp(-own.settings[SHARPNESS] * (own.least[i] - least))
         total += weight
         if weight > NEGLIGIBLE:
-            call_int_pointer(law.track, (law.scratch, own.nearest_Jt[i], own.slope[i], law.options[0], own.rest[:0], one))
+            Jt, slope = own.nearest_Jt[i], own.slope[i]
+            call_int_pointer(law.track, (law.scratch, Jt, slope, law.options[0], own.rest[:0], one))
             for j in range(r.size):
                 gradient[j] -= weight * one[j]
     for j in range(r.size if total > 0.0 else 0):
@@ -97,9 +97,8 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
         for j in range(r.size):
             own.trial[j] += share * gradient[j]
             length += (own.trial[j] - r[j]) ** 2
-        if math.sqrt(length) > period * own.settings[SPEED]:
-            for j in range(r.size):
-                own.trial[j] = r[j] + (own.trial[j] - r[j]) * period * own.settings[SPEED] / math.sqrt(length)
+        for j in range(r.size if math.sqrt(length) > period * speed else 0):
+            own.trial[j] = r[j] + (own.trial[j] - r[j]) * period * speed / math.sqrt(length)
 
 
 @in_place
@@ -109,8 +108,7 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
     margin, speed = own.settings[MARGIN], own.settings[SPEED]
     step = period * speed * min(max((nearest(own) - margin) / (influence - margin), 0.0), 1.0)
     barrier = own.settings[ALPHA] > 0.0
-    if barrier:
-        step = period * speed if nearest(own) > -math.inf else 0.0
+    step = period * speed if barrier and nearest(own) > -math.inf else step
     copy_vector(own.trial, r)
     own.counts[MOVES] = 0
     for i in range(r.size):
@@ -148,8 +146,8 @@ def start(own: GovernorArrays) -> None:
 
 
 @in_place
-def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tuple[float, float]:
-    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return its K_p and K_v."""
+def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tuple[float, float, float]:
+    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return K_p, K_v and h."""
     far = near = 0.0
     for i in range(own.b.size):
         own.error[i] = task.error[i] - reference[i]
@@ -157,19 +155,12 @@ def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tu
         near += own.error[i] * own.error[i]
     now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
     Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
+    # a barrier lets the reference get far, and what is far is tracked more slowly
+    h *= math.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
     then = held_gains(Kp, Kv, h)
     for i in range(own.b.size):
         own.b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
-    return then
-
-
-@in_place
-def slowness(own: GovernorArrays, task: TaskArrays) -> float:
-    """How often the time constant of tracking near the goal goes into that at the distance of the trial."""
-    squared = 0.0
-    for i in range(own.trial.size):
-        squared += (task.error[i] - own.trial[i]) ** 2
-    return math.sqrt(own.tracking[0] / gains(squared, own.tracking[0], own.tracking[1], own.tracking[2])[0])
+    return then[0], then[1], h
 
 
 @in_place
@@ -203,9 +194,7 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
         own.counts[NEXT] = -1
         return
     h, rest = own.periods[min(k, N - 1)], own.rest[: task.rest.size if k < N else 0]
-    # far references are tracked more slowly, and a barrier lets the reference get far
-    h *= slowness(own, task) if own.settings[ALPHA] > 0.0 else 1.0
-    Kp, Kv = aim(own, task, own.trial, h)
+    Kp, Kv, h = aim(own, task, own.trial, h)
     for i in range(own.b.size if k >= N else 0):
         own.b[i] = -own.error[i]
     for j in range(rest.size):

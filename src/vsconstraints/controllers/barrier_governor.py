@@ -12,28 +12,23 @@ from .ranges import Declared, Range
 class BarrierGovernor(GoalGovernor):
     """The reference governor by control barrier functions, in closed form.
 
-    It predicts what :class:`.GoalGovernor` does. With dᵢ the least −σᵢ of row i along the predicted motion, by the row's
-    scale, the barrier is their softmin h = −1/κ log Σ exp(−κ dᵢ) − δ, and ṡ_ref the solution of
+    It predicts what :class:`.GoalGovernor` does. With dᵢ the least −σᵢ of row i, by its scale, along the predicted
+    motion, the barrier is their softmin h = −1/κ log Σ exp(−κ dᵢ) − δ, and ṡ_ref, with the goal's attraction a,
 
         min ‖ṡ_ref − v a‖²  s.t.  ∇h ṡ_ref ≥ −α h:   ṡ_ref = v a + ∇hᵀ max(0, −α h − v ∇h a)/‖∇h‖²
 
     (after Nakano, Garone and Notomista, "Optimization-free constrained control with guaranteed recursive feasibility: a
-    CBF-based reference governor approach", arXiv:2604.04001, 2026), with the attraction a of the goal governor. While
-    s_ref rests no margin falls, as less and less of the same motion is left. So the part of ḣ that is due to the motion
-    of the arm is not negative, and is left out, and where h ≥ 0 there always is a solution, ṡ_ref = 0.
-
-    ∇h = Σ wᵢ ∇dᵢ, w the softmax of −κ d, with ∇dᵢ = −J⁺ᵀ ∂σᵢ/∂q S where row i is nearest: s follows s_ref by the step
-    response S of the tracking law, whose gains count as constant; Ṡ takes its place for rows of speeds. Where h < 0 the
-    reference returns, no faster than v. As in the goal governor no step is made after which a dᵢ is less than δ/2.
+    CBF-based reference governor approach", arXiv:2604.04001, 2026). While s_ref rests no dᵢ falls. So what the arm's
+    motion adds to ḣ is left out, and where h ≥ 0 there is a solution, ṡ_ref = 0. ∇dᵢ = −S J⁺ᵀ ∂σᵢ/∂q where row i is
+    nearest, with tracking's step response S, of gains that count as constant; Ṡ for rows of speeds. Where h < 0 the
+    reference returns, by v at most. No step is made after which a dᵢ is less than δ/2.
 
     Parameters
     ----------
     speed, margin, horizon, demand, resolver, options
         As of :class:`.GoalGovernor`.
-    alpha
-        α, how fast h may fall [1/s].
-    sharpness
-        κ: h is less than the least dᵢ − δ by up to log(m)/κ.
+    alpha, sharpness
+        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ.
     """
 
     name = "barrier-governor"
@@ -47,7 +42,7 @@ class BarrierGovernor(GoalGovernor):
         self,
         *,
         speed: float = 2.0,
-        margin: float = 0.01,
+        margin: float = 0.02,
         alpha: float = 5.0,
         sharpness: float = 200.0,
         horizon: float | None = None,
@@ -60,5 +55,5 @@ class BarrierGovernor(GoalGovernor):
         super().__init__(speed=speed, margin=margin, influence=float("inf"), horizon=horizon, **law)
 
     @property
-    def _barrier(self) -> tuple[float, float]:
-        return self.alpha, self.sharpness
+    def _settings(self) -> tuple[float, ...]:
+        return self.speed, self.margin, self.influence, self.alpha, self.sharpness

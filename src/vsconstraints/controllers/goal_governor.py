@@ -83,7 +83,6 @@ class GoalGovernor(Controller):
     }
 
     model: Any
-    _barrier = 0.0, 0.0  #: α and κ of :class:`.BarrierGovernor`.
 
     def __init__(
         self,
@@ -123,6 +122,10 @@ class GoalGovernor(Controller):
     def _forget(self) -> None:
         self.periods: Array = np.empty(0)
         self._governor: Governor | None = None
+
+    @property
+    def _settings(self) -> tuple[float, ...]:
+        return self.speed, self.margin, self.influence, 0.0, 0.0
 
     @property
     def reference(self) -> Array | None:
@@ -199,7 +202,7 @@ class GoalGovernor(Controller):
         made = self._governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence, *self._barrier)
+        self._governor, made.own.settings[:] = made, self._settings
         return made
 
 
