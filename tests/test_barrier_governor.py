@@ -27,9 +27,9 @@ def barrier(own: Any) -> tuple[float, Array]:
     return -logsumexp(-KAPPA * own.least) / KAPPA - DELTA, -softmax(-KAPPA * own.least) @ slopes
 
 
-@pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r"])
-def test_moves_are_those_of_a_qp_and_h_is_never_negative(name: str) -> None:
-    """Along a run; a step of the reference is that of the QP or none."""
+@pytest.mark.parametrize(("name", "short"), [("example-2d-fov", 1e-3), ("case-study-6r", DELTA / 2)])
+def test_moves_are_those_of_a_qp_and_h_stays_positive(name: str, short: float) -> None:
+    """Along a run, up to what the prediction errs; a step of the reference is that of the QP or none."""
     setup = Scenario.load(name).setup()
     law = BarrierGovernor(speed=SPEED, margin=DELTA, alpha=ALPHA, sharpness=KAPPA)
     step, period = ControlStep(setup.scene, setup.constraints, setup.task), setup.Ts
@@ -48,17 +48,17 @@ def test_moves_are_those_of_a_qp_and_h_is_never_negative(name: str) -> None:
             refused += not moved
             binding += bool(moved) and not np.allclose(expected, nominal)
             if moved:
-                np.testing.assert_allclose((own.reference - r) / period, expected, atol=1e-6)
+                np.testing.assert_allclose((own.reference - r) / period, expected, atol=1e-5)
         before = barrier(own)
         lowest = min(lowest, before[0])
         q, qd = q + period * (qd + 0.5 * period * qdd), qd + period * qdd
     assert binding > 50
     assert refused < 5
-    assert lowest > -1e-3
+    assert lowest > -short
 
 
 def test_the_slope_of_the_barrier_is_that_of_what_is_predicted() -> None:
-    """Against finite differences over the reference, with constant gains, of ranges, speeds and markers in view."""
+    """Against finite differences over the reference, with constant gains; of speeds, but for the change of J."""
     scenario = Scenario.load("case-study-6r").with_override("task.Kp_slope", 0.0)
     setup = scenario.setup()
     step = ControlStep(setup.scene, setup.constraints, setup.task)
@@ -78,9 +78,10 @@ def test_the_slope_of_the_barrier_is_that_of_what_is_predicted() -> None:
     found = np.zeros_like(slopes)
     for j, away in enumerate(1e-5 * np.eye(6)):
         found[:, j] = (response(reference + away).least - response(reference - away).least) / 2e-5
-    close = np.abs(found - slopes).max(axis=1) < 0.05 * np.abs(found).max(axis=1) + 1e-3
+    share = np.where(model.K > 0.0, 1e-3, 0.1)
+    close = np.abs(found - slopes).max(axis=1) < share * np.abs(found).max(axis=1) + 1e-5
     assert close.all(), [label for label, one in zip(model.labels, close, strict=True) if not one]
-    assert np.abs(slopes).max(axis=1).min() > 0.0
+    assert (np.abs(slopes).max(axis=1) > 0.1).sum() > 4
 
 
 def test_it_violates_nothing_where_the_goal_governor_does_not_and_is_faster() -> None:

@@ -20,15 +20,13 @@ class BarrierGovernor(GoalGovernor):
     (after Nakano, Garone and Notomista, "Optimization-free constrained control with guaranteed recursive feasibility: a
     CBF-based reference governor approach", arXiv:2604.04001, 2026). While s_ref rests no dᵢ falls. So what the arm's
     motion adds to ḣ is left out, and where h ≥ 0 there is a solution, ṡ_ref = 0. ∇dᵢ = −S J⁺ᵀ ∂σᵢ/∂q where row i is
-    nearest, with tracking's step response S, of gains that count as constant; Ṡ for rows of speeds. Where h < 0 the
-    reference returns, by v at most. No step is made after which a dᵢ is less than δ/2.
+    nearest, with tracking's step response S; Ṡ for rows of speeds. Gains, and J of speeds, count as constant. Where
+    h < 0 the reference returns, by v at most. No step is made after which a dᵢ is less than δ/2.
 
     Parameters
     ----------
-    speed, margin, horizon, demand, resolver, options
-        As of :class:`.GoalGovernor`.
     alpha, sharpness
-        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ.
+        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ. For others see there.
     """
 
     name = "barrier-governor"
