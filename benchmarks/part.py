@@ -129,6 +129,7 @@ OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
     "goal-governor": ("goal-governor", {}),
+    "barrier-governor": ("barrier-governor", {}),
 }
 """Laws and options that are timed beside those of the default comparison."""
 

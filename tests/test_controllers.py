@@ -57,11 +57,13 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         *({"demand": "implicit-switch", "resolver": resolver.name} for resolver in RESOLVERS),
     ],
     "goal-governor": [{}, {"demand": "switch"}],
+    "barrier-governor": [{}, {"demand": "switch"}],
 }
 """Options with which each registered controller is put through the contract; all pairs: see tests/test_laws.py."""
 
-BARE = [name for name in CONTROLLERS if name != "goal-governor"]
-"""Controllers that need no scene, and so answer any rows and task; for the other see tests/test_goal_governor.py."""
+GOVERNORS = "goal-governor", "barrier-governor"
+BARE = [name for name in CONTROLLERS if name not in GOVERNORS]
+"""Controllers that need no scene, and so answer any rows and task; for governors see tests/test_goal_governor.py."""
 
 LAWS = [
     pytest.param(name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())]))
@@ -77,10 +79,11 @@ def test_every_registered_controller_has_variants(name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("options", VARIANTS["goal-governor"])
-def test_the_goal_governor_asks_for_a_model(options: dict[str, Any]) -> None:
-    with pytest.raises(InvalidInput, match=r"goal-governor uses a model: .*reset\(model="):
-        make_controller("goal-governor", options).command(*sound())
+@pytest.mark.parametrize("name", GOVERNORS)
+def test_governors_ask_for_a_model(name: str) -> None:
+    for options in VARIANTS[name]:
+        with pytest.raises(InvalidInput, match=rf"{name} uses a model: .*reset\(model="):
+            make_controller(name, options).command(*sound())
 
 
 def ready(name: str, options: dict[str, Any] | None = None, given: tuple[Rows, Task] | None = None) -> Controller:

@@ -40,7 +40,7 @@ LAWS: list[Any] = [
 ]
 """Every name, every demand and every resolver."""
 
-MODEL = ("predictive", "goal-governor", "mppi")
+MODEL = ("predictive", "goal-governor", "barrier-governor", "mppi")
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
 
 
@@ -105,6 +105,7 @@ def test_what_is_searched_of_each_law() -> None:
         "predictive": {"horizon", "block", "approach", "damping", "margin"},
         "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
+        "barrier-governor": {"speed", "margin", "alpha", "sharpness", "horizon"},
     }
     pair = {"demand": "barrier", "resolver": "saturation", "K": 2.0, "margin": 0.1}
     assert law_ranges("law", pair) == {"alpha": Range(1.0, 200.0)}

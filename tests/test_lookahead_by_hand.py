@@ -427,7 +427,7 @@ def governor(sigma: Array, Lg: Array, J: Array, K: Array) -> Governor:
     model = SimpleNamespace(task=gains, K=K, labels=tuple("abcdefgh"[: len(K)]))
     made = Governor.of(model, np.ones(1), (J.shape[0], J.shape[1]))
     own = made.own
-    own.settings[:], own.sigma[:], own.Lg[:], own.Jt[:], own.least[:] = (2.0, 0.1, 0.3), sigma, Lg, J.T, 0.3
+    own.settings[:], own.sigma[:], own.Lg[:], own.Jt[:], own.least[:] = (2.0, 0.1, 0.3, 0.0, 0.0), sigma, Lg, J.T, 0.3
     own.times[goal_governor.KNOWN] = inf
     return made
 
@@ -464,6 +464,37 @@ def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> N
         np.testing.assert_allclose(direction(law, np.array([3.0, 0.0])), [-0.5 * speed, 0.0])
     law.own.least[:], law.own.times[goal_governor.KNOWN] = 0.5, -inf
     np.testing.assert_array_equal(direction(law, np.array([3.0, 0.0])), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "inside", "there"),
+    [
+        (1.0, 0.3, (-0.55, -0.45)),  # ½ s of −α h = −0.2
+        (100.0, 0.3, (-1.0, 0.0)),
+        (1.0, 0.1, (-0.5, -0.5)),  # on the boundary: along it
+        (1.0, -0.2, (-0.425, -0.575)),
+        (10.0, -0.2, (0.25 / sqrt(1.625), -1.25 / sqrt(1.625))),  # returns no faster than the reference may move
+    ],
+)
+def test_a_barrier_changes_the_move_by_the_least(alpha: float, inside: float, there: tuple[float, float]) -> None:
+    """At (2, 0) the goal attracts by (−1, 0), and d rises by (1, −1): the slope is Jᵀ (−1, 1)."""
+    J = np.diag([1.0, 2.0])
+    law = governor(np.zeros(1), np.zeros((1, 2)), J, np.ones(1))
+    law.own.settings[3:], law.own.least[:] = (alpha, 100.0), inside
+    law.own.nearest_Jt[:], law.own.slope[:] = J.T, J.T @ [-1.0, 1.0]
+    np.testing.assert_allclose(direction(law, np.array([2.0, 0.0])), there, atol=1e-12)
+    # where nothing is known of the response nothing moves
+    law.own.times[goal_governor.KNOWN] = -inf
+    np.testing.assert_array_equal(direction(law, np.array([2.0, 0.0])), 0.0)
+
+
+def test_rows_of_a_barrier_count_by_how_near_they_are() -> None:
+    """Two as near count half each, and lower h by log(2)/κ; one that is far counts nothing."""
+    law = governor(np.zeros(3), np.zeros((3, 2)), np.eye(2), np.ones(3))
+    law.own.settings[3:], law.own.least[:] = (1.0, 100.0), (0.3, 0.3, 5.0)
+    law.own.nearest_Jt[:], law.own.slope[:] = np.eye(2), [[-1.0, 1.0], [-1.0, -1.0], [1.0, 0.0]]
+    found = direction(law, np.array([2.0, 0.0]))
+    np.testing.assert_allclose(found, [-0.5 * (0.2 - log(2.0) / 100.0), 0.0], atol=1e-12)
 
 
 class Moved:

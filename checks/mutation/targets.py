@@ -46,6 +46,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/plan_program.py",
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/goal_governor.py",
+        "src/vsconstraints/controllers/barrier_governor.py",
         "src/vsconstraints/compiled/goal_governor.py",
     ),
     "formulas": (
@@ -103,6 +104,7 @@ TESTS = (
     "tests/test_formulas.py",
     "tests/test_geometry.py",
     "tests/test_goal_governor.py",
+    "tests/test_barrier_governor.py",
     "tests/test_headlines_by_hand.py",
     "tests/test_hierarchical_qp.py",
     "tests/test_implicit_switch.py",

@@ -20,11 +20,12 @@ from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArray
 GOAL, PRESENT, MOVES, NEXT, COUNTS = range(5)
 #: The goal's end, the sample before, and the predicted state [s]; and ∞ where a response is known, −∞ where none is.
 UNTIL, LAST, AHEAD, KNOWN, TIMES = range(5)
-SPEED, MARGIN, INFLUENCE, SETTINGS = range(4)  #: v, δ and ζ.
+SPEED, MARGIN, INFLUENCE, ALPHA, SHARPNESS, SETTINGS = range(6)  #: v, δ and ζ; α and κ of a barrier, α = 0 of none.
 #: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
 ALL, BEGIN, GO_ON, LOST, CONCLUDE = range(5)
 SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
 NEWTON = 2  #: Steps of Newton from where a response ends to where it comes to rest.
+NEGLIGIBLE = 1e-6  #: The share in the softmin, to that of the nearest row, of rows whose gradients are left out.
 
 
 class GovernorArrays(NamedTuple):
@@ -55,6 +56,10 @@ class GovernorArrays(NamedTuple):
     sigma: Annotated[Array, F8, "m"]
     Lg: Annotated[Array, F8, "m", "n"]
     Jt: Annotated[Array, F8, "n", "k"]
+    #: Of a barrier: ∂s/∂s_ref and ∂ṡ/∂s_ref at the predicted state; and where each row is nearest, Jᵀ (∂σ/∂s_ref)ᵀ.
+    rise: Annotated[Array, F8, 2]
+    nearest_Jt: Annotated[Array, F8, "m", "n", "k"]
+    slope: Annotated[Array, F8, "m", "n"]
 
 
 load_governor = struct_loader(zeros(GovernorArrays))
@@ -70,11 +75,40 @@ def nearest(own: GovernorArrays) -> float:
 
 
 @in_place
+def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
+    """Change the reference on trial by the least with which ∇h (s_trial − s_ref) ≥ −α h T, not beyond the speed."""
+    gradient, one, r, least, speed = own.b, own.error, own.reference, nearest(own), own.settings[SPEED]
+    total = along = squared = length = gradient[:] = 0.0
+    for i in range(own.least.size):
+        weight = math.exp(-own.settings[SHARPNESS] * (own.least[i] - least))
+        total += weight
+        if weight > NEGLIGIBLE:
+            Jt, slope = own.nearest_Jt[i], own.slope[i]
+            call_int_pointer(law.track, (law.scratch, Jt, slope, law.options[0], own.rest[:0], one))
+            for j in range(r.size):
+                gradient[j] -= weight * one[j]
+    for j in range(r.size if total > 0.0 else 0):
+        gradient[j] /= total
+        along += gradient[j] * (own.trial[j] - r[j])
+        squared += gradient[j] * gradient[j]
+    if squared > 0.0:
+        h = least - own.settings[MARGIN] - math.log(total) / own.settings[SHARPNESS]
+        share = max(-own.settings[ALPHA] * h * period - along, 0.0) / squared
+        for j in range(r.size):
+            own.trial[j] += share * gradient[j]
+            length += (own.trial[j] - r[j]) ** 2
+        for j in range(r.size if math.sqrt(length) > period * speed else 0):
+            own.trial[j] = r[j] + (own.trial[j] - r[j]) * period * speed / math.sqrt(length)
+
+
+@in_place
 def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
-    """Write the reference to be tried: where v Δ ρ leads in a period [s]."""
+    """Write the reference to be tried: where v Δ ρ, or what a barrier leaves of v a, leads in a period [s]."""
     r, outwards, influence, squared = own.reference, own.error, own.settings[INFLUENCE], 0.0
     margin, speed = own.settings[MARGIN], own.settings[SPEED]
     step = period * speed * min(max((nearest(own) - margin) / (influence - margin), 0.0), 1.0)
+    barrier = own.settings[ALPHA] > 0.0
+    step = period * speed if barrier and nearest(own) > -math.inf else step
     copy_vector(own.trial, r)
     own.counts[MOVES] = 0
     for i in range(r.size):
@@ -83,7 +117,9 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
     strength = step * math.sqrt(squared) / size / (influence - margin)
     for i in range(r.size):
         own.trial[i] -= step * r[i] / size
-    for i in range(own.sigma.size if step > 0.0 else 0):
+    if barrier and step > 0.0:
+        hold_back(own, law, period)
+    for i in range(own.sigma.size if step > 0.0 and not barrier else 0):
         if not (-own.sigma[i] < influence and own.K[i] > 0.0):
             continue
         # ∇sσ: of the joints' motions that move the feature so, the least counts
@@ -106,12 +142,12 @@ def start(own: GovernorArrays) -> None:
     copy_vector(own.state[0], own.now[1:])
     copy_vector(own.state[1], own.now[1 + own.rest.size :])
     own.times[AHEAD], own.times[KNOWN], own.counts[NEXT] = own.now[0], math.inf, 0
-    own.least[:] = math.inf
+    own.least[:], own.rise[:] = math.inf, 0.0
 
 
 @in_place
-def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> None:
-    """Write error and b of the task whose goal is at the reference, for q̈ that is held for h [s]."""
+def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tuple[float, float, float]:
+    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return K_p, K_v and h."""
     far = near = 0.0
     for i in range(own.b.size):
         own.error[i] = task.error[i] - reference[i]
@@ -119,9 +155,22 @@ def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> No
         near += own.error[i] * own.error[i]
     now = gains(far, own.tracking[0], own.tracking[1], own.tracking[2])
     Kp, Kv = gains(near, own.tracking[0], own.tracking[1], own.tracking[2])
+    # a barrier lets the reference get far, and what is far is tracked more slowly
+    h *= math.sqrt(own.tracking[0] / Kp) if own.settings[ALPHA] > 0.0 else 1.0
     then = held_gains(Kp, Kv, h)
     for i in range(own.b.size):
         own.b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
+    return then[0], then[1], h
+
+
+@in_place
+def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -> None:
+    """Write how σ of a row that has not been nearer depends on s_ref, which moves s by its rise; L_gφ = K ∂σ/∂q."""
+    share = own.rise[0] / own.K[i] if own.K[i] > 0.0 else own.rise[1]
+    for j in range(own.slope.shape[1]):
+        own.slope[i, j] = share * rows.Lg[i, j] / rows.scale[i]
+        for row in range(own.b.size):
+            own.nearest_Jt[i, j, row] = task.J[row, j]
 
 
 @in_place
@@ -133,6 +182,8 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
     if 0 < k <= N or at_rest:
         for i in range(own.least.size):
             own.sigma[i] = rows.sigma[i] / rows.scale[i]
+            if own.settings[ALPHA] > 0.0 and -own.sigma[i] < own.least[i]:
+                note_slope(own, i, rows, task)
             own.least[i] = min(own.least[i], -own.sigma[i])
     if at_rest:
         for j in range(n):
@@ -143,7 +194,7 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
         own.counts[NEXT] = -1
         return
     h, rest = own.periods[min(k, N - 1)], own.rest[: task.rest.size if k < N else 0]
-    aim(own, task, own.trial, h)
+    Kp, Kv, h = aim(own, task, own.trial, h)
     for i in range(own.b.size if k >= N else 0):
         own.b[i] = -own.error[i]
     for j in range(rest.size):
@@ -154,6 +205,11 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
         qd[j] = qd[j] + h * qdd[j] if k < N else 0.0
     if k < N:
         own.times[AHEAD] = min(own.times[AHEAD] + h, own.times[UNTIL])
+        rise, rate = own.rise[0], own.rise[1]
+        bend = Kp * (1.0 - rise) - Kv * rate
+        own.rise[0], own.rise[1] = rise + h * (rate + 0.5 * h * bend), rate + h * bend
+    else:
+        own.rise[0], own.rise[1] = 1.0, 0.0
     own.counts[NEXT] = k + 1
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
+from .barrier_governor import BarrierGovernor
 from .barriers import Barrier
 from .base import Controller
 from .demand import Demand
@@ -26,16 +27,16 @@ from .resolver import Additive, Priority, Resolver
 from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, SaturationExact, Scaling
 
 __all__ = [
-    "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
-    "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Observed",
-    "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion",
-    "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking",
-    "controller_class", "law_ranges", "make_controller",
+    "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BarrierGovernor", "BoundaryLayer",
+    "Choices", "Controller", "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy",
+    "ImplicitSwitch", "Law", "Observed", "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl",
+    "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact",
+    "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges", "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
     SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
-    PathIntegralControl,
+    BarrierGovernor, PathIntegralControl,
 )  # fmt: skip
 
 #: Controllers by the name files and the command line use.

@@ -124,6 +124,10 @@ class GoalGovernor(Controller):
         self._governor: Governor | None = None
 
     @property
+    def _settings(self) -> tuple[float, ...]:
+        return self.speed, self.margin, self.influence, 0.0, 0.0
+
+    @property
     def reference(self) -> Array | None:
         """See the class."""
         own: Any = self._governor and self._governor.own
@@ -198,7 +202,7 @@ class GoalGovernor(Controller):
         made = self._governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self._governor, made.own.settings[:] = made, (self.speed, self.margin, self.influence)
+        self._governor, made.own.settings[:] = made, self._settings
         return made
 
 
