@@ -39,7 +39,7 @@ def test_moves_are_those_of_a_qp_and_h_stays_positive(name: str, short: float) -
     for k in range(round(1.9 / period)):
         r = law.reference
         qdd = step.command(law, k * period, q, qd)[1].qdd
-        own = law._governor.own  # type: ignore[union-attr]
+        own = law.governor.own
         if before is not None and r is not None:
             h, slope = before
             nominal = -SPEED * r / max(np.linalg.norm(r), 0.1 * SPEED)

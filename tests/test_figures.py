@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.path import Path as MplPath
+from matplotlib.text import Text
 from PIL import Image
 
 from vsconstraints.comparisons import RunRecord, Suite
@@ -188,7 +189,10 @@ def test_a_long_name_leaves_room_for_how_the_run_ended():
     view, shown = View(setup, dict.fromkeys(names, run), names), [Shown(name, "a 1", setup, run, run) for name in names]
     for sheet in (draw_tracks(view), draw_worst(shown, names)):
         for ax in sheet.placed().axes:
-            law, status = ax._left_title, ax._right_title
+            law, status = (
+                next(text for text in ax.findobj(Text) if text.get_text() == ax.get_title(loc=side) != "")
+                for side in ("left", "right")
+            )
             assert status.get_text().strip() == "converged"
             assert law.get_window_extent().x1 + 5.0 < status.get_window_extent().x0
 

@@ -114,14 +114,14 @@ class GoalGovernor(Controller):
 
     def __getstate__(self) -> dict[str, Any]:
         """All but addresses, which are those of one process."""
-        return {**vars(self), "_governor": None}
+        return {**vars(self), "governor": None}
 
     def __repr__(self) -> str:
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
 
     def _forget(self) -> None:
         self.periods: Array = np.empty(0)
-        self._governor: Governor | None = None
+        self.governor: Governor | None = None
 
     @property
     def _settings(self) -> tuple[float, ...]:
@@ -130,7 +130,7 @@ class GoalGovernor(Controller):
     @property
     def reference(self) -> Array | None:
         """See the class."""
-        own: Any = self._governor and self._governor.own
+        own: Any = self.governor and self.governor.own
         return None if own is None or own.counts[load("goal_governor").GOAL] < 0 else own.reference.copy()
 
     @property
@@ -164,7 +164,7 @@ class GoalGovernor(Controller):
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """Where the reference stopped, and at which row."""
-        own: Any = self._governor and self._governor.own
+        own: Any = self.governor and self.governor.own
         said, known = self.law.remark(labels), own is not None and own.times[load("goal_governor").KNOWN] > 0.0
         if not (known and labels) or np.linalg.norm(own.reference) < NEAR:
             return said
@@ -199,10 +199,10 @@ class GoalGovernor(Controller):
             )
         if len(task.error) != len(task.b) or len(task.error_rate) != len(task.b):
             raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
-        made = self._governor or Governor.of(model, self.periods, (k, n))
+        made = self.governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self._governor, made.own.settings[:] = made, self._settings
+        self.governor, made.own.settings[:] = made, self._settings
         return made
 
 
