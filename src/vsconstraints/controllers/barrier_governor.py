@@ -26,7 +26,9 @@ class BarrierGovernor(GoalGovernor):
     Parameters
     ----------
     alpha, sharpness
-        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ. For others see there.
+        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ.
+    speed, margin, horizon, demand, resolver, options
+        As of :class:`.GoalGovernor`.
     """
 
     name = "barrier-governor"
