@@ -20,6 +20,7 @@ from test_evidence_report import RATES, check, tables, written
 from vsconstraints.comparisons.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replayed
+from vsconstraints.reports.evidence.across import FEWEST, beyond
 from vsconstraints.reports.evidence.best import regrets
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.factorial import Factorial
@@ -277,3 +278,18 @@ def test_only_scenes_of_the_test_set_stand_beside_its_best_motions(tmp_path: Pat
     report = (ROOT / "reports" / "evidence" / "report.md").read_text(encoding="utf-8")
     assert "| predictive" in report.partition("## Beside the best known motions")[2].partition("\n## ")[0]
     assert "best known motions" not in written(drawn_runs(RATES, ["planar-arm", "ur5"], 20), tmp_path)
+
+
+def test_a_law_is_behind_in_a_further_family_where_it_is_in_all_that_were_run() -> None:
+    """One law loses 40 points in every family; another has the same rate as the first in each."""
+    rates = {"nominal": {"sliding-mode": 0.5, "hierarchical-qp": 0.9, "predictive": 0.9}}
+    names = ["planar-arm", "ur5", "panda", "six-axis", "free-camera", "moving"]
+    (found,) = beyond(Dataset(made(drawn_runs(rates, names, 100), Path()), figures=False))
+    assert found.behind == {"sliding-mode"}
+    assert found.laws[2] == "sliding-mode"
+    assert found.ranks.shape == (6, 3)
+    assert set(found.ranks[:, 2]) == {3}
+    assert [found.cell(law)[0] for law in found.laws] == ["≈", "≈", found.shares["sliding-mode"].cell[0]]
+    assert found.shares["sliding-mode"].high < 0.6 < 0.8 < found.shares["predictive"].low
+    few = drawn_runs(rates, names[: FEWEST - 1], 100)
+    assert beyond(Dataset(made(few, Path()), figures=False)) == []

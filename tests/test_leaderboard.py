@@ -72,6 +72,9 @@ def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others
     assert [success[law] for law in order] == sorted(success, reverse=True)
     assert {*order} == {"sliding-mode", "hierarchical-qp", "mine"}
     assert "see its code" in lines[order.index("mine")]
+    disturbed = study.runs[(study.runs["condition"] == "disturbed") & (study.runs["controller"] == "sliding-mode")]
+    hardest = f"{100 * disturbed['success'].mean():.0f} (planar-arm)"
+    assert hardest in lines[order.index("sliding-mode")]
     both = leaderboard({"a": study, "b": study}, frozen)
     assert "mine (b)" in both
     assert len(both.splitlines()) == 2 + 6
@@ -136,4 +139,10 @@ def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
 def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package() -> None:
     page = (Path(__file__).parents[1] / "docs" / "benchmark.md").read_text()
     shown = page.partition("<!-- leaderboard -->")[2].partition("<!-- end -->")[0].strip()
-    assert shown == leaderboard({"vsconstraints": Study.load()}, TestSet.load())
+    study = Study.load()
+    assert shown == leaderboard({"vsconstraints": study}, TestSet.load())
+    disturbed = study.runs[study.runs["condition"] == "disturbed"]
+    for line in shown.splitlines()[2:]:
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        least = disturbed[disturbed["controller"] == cells[0]].groupby("family")["success"].mean()
+        assert cells[6] == f"{100 * least.min():.0f} ({least.idxmin()})"
