@@ -993,8 +993,10 @@ def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
     ask(f"setattr(arm, 'q', {SETUP.q0.tolist()})")
     log = on(address, setup=replace(SETUP, duration=0.1), supervision=patient)
     assert (log.ended, log.at_rest) == ("done", True)
-    carried_out = ask("arm.carried_out")
-    # setWatchdog, servoJ …, servoStop, stopScript
+    # setWatchdog, servoJ …, servoStop, stopScript, which the arm reads after the package has gone
+    until = time.monotonic() + 30.0
+    while (carried_out := ask("arm.carried_out"))[-1][0] != 255 and time.monotonic() < until:
+        time.sleep(0.05)
     assert [command for command, _ in carried_out[-2:]] == [16, 255]
     assert carried_out[0][0] == 35
     assert carried_out[0][1][0] == 0.5
