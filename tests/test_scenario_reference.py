@@ -32,7 +32,7 @@ from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.tracking import Rest, TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
-KEY = re.compile(r"^\| ((?:`\w+`(?:, )?)+) \| ([^|`,]+)(?:, ([^|]+))? \|", flags=re.M)
+KEY = re.compile(r"^- ((?:`\w+`(?:, )?)+) \(([^`,()]+)(?:, ([^()]+))?\):", flags=re.M)
 """A line of the reference: keys, type, and the default or that the key is required, if there is one."""
 
 TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
@@ -174,7 +174,7 @@ def test_types_and_defaults_are_those_of_the_arguments() -> None:
 def _meaning(key: str) -> str:
     """The lines of a key, in any table of the page."""
     text = PAGE.read_text(encoding="utf-8")
-    return " ".join(re.findall(rf"^\|.*`{key}`.*$", text, flags=re.M))
+    return " ".join(re.findall(rf"^- .*`{key}`.*$", text, flags=re.M))
 
 
 def test_shapes_and_their_defaults_are_in_the_reference() -> None:
