@@ -3,7 +3,7 @@
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room that it imports. An
 import counts wherever it stands, at the top of a file, inside a function or for type checkers only; importing a module
 imports the packages that it lies in. The exit code is 1 if a budget is exceeded, anything is imported in a circle, or
-something is defined that nothing refers to. Beside them pages and words of the README and the documentation are counted.
+something is defined that nothing refers to. Pages and words of README and docs are counted, too.
 """
 
 from __future__ import annotations
