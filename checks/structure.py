@@ -3,7 +3,7 @@
 A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room that it imports. An
 import counts wherever it stands, at the top of a file, inside a function or for type checkers only; importing a module
 imports the packages that it lies in. The exit code is 1 if a budget is exceeded, anything is imported in a circle, or
-something is defined that nothing refers to.
+something is defined that nothing refers to. Pages and words of README and docs are counted, too.
 """
 
 from __future__ import annotations
@@ -51,6 +51,9 @@ the number here too, and says why; what makes it smaller lowers it."""
 ALL = Budget(47903, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 322, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
+
+MAX_PAGES, MAX_WORDS = 24, 29_900
+"""What README and ``docs/*.md`` may have beside the package, words as of ``wc -w``."""
 
 
 class Lines(NamedTuple):
@@ -236,6 +239,11 @@ def main(arguments: list[str]) -> int:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
     exceeded += [f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)]
     exceeded += [f"nothing refers to {name}" for name in unreferenced(modules, root)]
+    pages = [page for name in ("README.md", "docs/*.md") for page in root.parent.glob(name)]
+    words = sum(len(page.read_text(encoding="utf-8").split()) for page in pages)
+    print(f"documentation: {len(pages)} pages, {MAX_PAGES} allowed; {words} words, {MAX_WORDS} allowed")
+    if len(pages) > MAX_PAGES or words > MAX_WORDS:
+        exceeded.append(f"documentation: {len(pages)} pages, {words} words")
     print(f"dependencies between rooms: {sum(map(len, between.values()))}")
     long = sorted(((sum(module.lines), module.name) for module in modules.values()), reverse=True)
     listed = "; ".join(f"{count} {name}" for count, name in long if count > LONG_FILE)

@@ -1,4 +1,4 @@
-"""A metric is two files: a function and a line. The example of docs/own-metric.md, put into a copy of the package."""
+"""A metric is two files: a function and a line. The example of docs/results.md, put into a copy of the package."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_one_small_file_and_one_line_are_a_metric(tmp_path: Path) -> None:
         tmp_path / "src" / "vsconstraints",
         ignore=shutil.ignore_patterns("__pycache__"),
     )
-    function, line = [block.code for block in blocks(DOCS / "own-metric.md") if block.language == "python"][:2]
+    function, line = [block.code for block in blocks(DOCS / "results.md") if "camera_path" in block.code]
     metrics = package / "comparisons" / "metrics"
     (metrics / "camera_path.py").write_text(function, encoding="utf-8")
     table = (metrics / "table.py").read_text(encoding="utf-8")

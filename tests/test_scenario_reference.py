@@ -32,11 +32,8 @@ from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.tracking import Rest, TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
-SHARED = ("`constraints`", "Forbidden regions", "Distances between bodies")
-"""Headings whose keys several types have."""
-
-KEY = re.compile(r"^\| ((?:`\w+`(?:, )?)+) \| ([^|`]+) \| ([^|]+) \|", flags=re.M)
-"""A line of the reference: keys, type, default."""
+KEY = re.compile(r"^- ((?:`\w+`(?:, )?)+) \(([^`,()]+)(?:, ([^()]+))?\):", flags=re.M)
+"""A line of the reference: keys, type, and the default or that the key is required, if there is one."""
 
 TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "": (build.File,),
@@ -103,22 +100,16 @@ def by_title() -> dict[str, dict[str, tuple[str, str]]]:
     for text in re.split(r"^### ", PAGE.read_text(encoding="utf-8"), flags=re.M)[1:]:
         title, _, body = text.partition("\n")
         found[title] = {
-            key: (kind, default) for keys, kind, default in KEY.findall(body) for key in re.findall(r"\w+", keys)
+            key: (kind, default or "–") for keys, kind, default in KEY.findall(body) for key in re.findall(r"\w+", keys)
         }
     return found
 
 
 def documented() -> dict[str, dict[str, tuple[str, str]]]:
-    """The same by the tables that the headings name; those that say so have another heading's keys too."""
-    text, titles = PAGE.read_text(encoding="utf-8"), by_title()
-    tables: dict[str, dict[str, tuple[str, str]]] = {"": titles["Top level"]}
-    for title, keys in titles.items():
-        body = text.partition(f"### {title}\n")[2].partition("\n#")[0]
-        others = re.findall(r"Also the keys of \[[^\]]+\]\(#([\w-]+)\)", body)
-        shared = [titles[one] for one in SHARED if one.lower().replace(" ", "-") in others]
-        for name in re.findall(r"`([^`]+)`", title):
-            tables[name] = {key: value for one in (keys, *shared) for key, value in one.items()}
-    return tables
+    """The same by the tables that the headings name."""
+    titles = by_title()
+    named = {name: keys for title, keys in titles.items() for name in re.findall(r"`([^`]+)`", title)}
+    return {"": titles["Top level"], **named}
 
 
 TABLES = documented()
@@ -138,13 +129,11 @@ def test_every_key_in_the_reference_is_known() -> None:
     read: dict[str, set[str]] = {}
     for table, key in (*KNOWN, *FURTHER):
         read.setdefault(table, set()).add(key)
-        if table in ("constraints", *CONSTRAINTS):
-            read.setdefault("any constraint", set()).add(key)
+
     read["constraints.curve"].update(key for shape in SHAPES.values() for key in parameters(shape))
     unknown = []
     for title, keys in by_title().items():
-        # what a heading says of several tables, or for several types, is known if one of them has it
-        tables = ["any constraint"] if title in SHARED else re.findall(r"`([^`]+)`", title) or [""]
+        tables = re.findall(r"`([^`]+)`", title) or [""]  # one of them has it
         unknown += [f"{title}: {key}" for key in keys if not any(key in read[table] for table in tables)]
     assert not unknown, f"docs/scenarios.md tells of {unknown}, which the loader does not know"
 
@@ -185,12 +174,16 @@ def test_types_and_defaults_are_those_of_the_arguments() -> None:
 def _meaning(key: str) -> str:
     """The lines of a key, in any table of the page."""
     text = PAGE.read_text(encoding="utf-8")
-    return " ".join(re.findall(rf"^\|.*`{key}`.*$", text, flags=re.M))
+    return " ".join(re.findall(rf"^- .*`{key}`.*$", text, flags=re.M))
 
 
 def test_shapes_and_their_defaults_are_in_the_reference() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    lines = re.findall(r"^\| `(\w+)` \| `(\w+)` \| \w+ \| `?([\w.]+)`? \|", text, flags=re.M)
+    lines = [
+        (name, key, default or "required")
+        for name, options in re.findall(r"^- `(\w+)`: (.*)$", text, flags=re.M)
+        for key, default in re.findall(r"`(\w+)`(?: = ([\d.]+))?", options)
+    ]
     code = [
         (name, key, "required" if option.default is option.empty else str(option.default))
         for name, shape in SHAPES.items()

@@ -57,6 +57,23 @@ def test_what_is_over_its_budget_is_named(tmp_path, capsys, monkeypatch):
     assert structure.main([str(tmp_path / "nowhere")]) == 2
 
 
+def test_pages_and_words_are_counted(tmp_path, capsys, monkeypatch):
+    """README and pages beside the package, pages in folders not."""
+    (tmp_path / "docs" / "api").mkdir(parents=True)
+    for name, text in (("README.md", "one two"), ("docs/a.md", "| three |\n"), ("docs/api/b.md", "not counted")):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "src").mkdir()
+    monkeypatch.setattr(structure, "MAX_PAGES", 2)
+    monkeypatch.setattr(structure, "MAX_WORDS", 5)
+    assert package(tmp_path / "src", a="x = 1\n") == 0
+    assert "documentation: 2 pages, 2 allowed; 5 words, 5 allowed" in capsys.readouterr().out
+    for limit in ("MAX_PAGES", "MAX_WORDS"):
+        with monkeypatch.context() as less:
+            less.setattr(structure, limit, getattr(structure, limit) - 1)
+            assert structure.main([str(tmp_path / "src")]) == 1
+    assert "exceeded: documentation: 2 pages, 5 words\n" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "function",
     [
