@@ -4,35 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from random import Random
 from typing import Any
 
 from ..plugins.classes import untrusted
-from ..scenarios.families import Drawn, Family
+from ..scenarios.families import Family
 from .evidence.work import Batch, scored
 from .runs.spec import BASELINE, ControllerSpec
 from .study import OUTCOME, Study
 
 TOLERANCE = 1e-9  #: Relative difference of numbers that are the same on another machine.
 NUDGE = 1e-13  #: Relative change of the start by which it is found whether rounding decides a run.
-
-
-@dataclass(frozen=True)
-class _Nudged:
-    """A family whose scenes start a little off."""
-
-    family: Family
-    by: float
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.family, name)
-
-    def set_up(self, number: int, half: str, seed: int) -> tuple[Drawn, Mapping[str, Any]]:
-        """As that of the family."""
-        scene = self.family.scene(number, half, seed)
-        moved = [(1.0 + self.by) * x for x in scene.scenario().tables["q0"]]
-        return replace(scene, tables={name: {**tables, "q0": moved} for name, tables in scene.tables.items()}), {}
 
 
 def differing(
@@ -51,15 +34,21 @@ def differing(
         family, law = families[stored["family"]], study.laws[stored["controller"]]
         made = _made(stored, family, law, study)
         if differences := _differences(stored, made):
-            decided = bool(_differences(made, _made(stored, _Nudged(family, NUDGE), law, study)))
+            decided = bool(_differences(made, _made(stored, family, law, study, NUDGE)))
             where = f"{stored['family']} {stored['scene']}, {stored['condition']}, {stored['controller']}"
             yield f"{where}: {'; '.join(differences)}", decided
 
 
-def _made(stored: Mapping[str, Any], family: Any, law: ControllerSpec, study: Study) -> dict[str, Any]:
-    seed = study.frozen[stored["family"]]["seed"]
-    laws = ControllerSpec(BASELINE), law
+def _made(
+    stored: Mapping[str, Any], family: Family, law: ControllerSpec, study: Study, nudge: float = 0.0
+) -> dict[str, Any]:
+    laws, seed = (ControllerSpec(BASELINE), law), study.frozen[stored["family"]]["seed"]
     task = Batch(family, (stored["scene"],), (stored["condition"],), laws, stored["half"], seed)
+    if nudge:
+        scene = family.scene(stored["scene"], stored["half"], seed)
+        moved = [(1.0 + nudge) * x for x in scene.scenario().tables["q0"]]
+        tables = {name: {**tables, "q0": moved} for name, tables in scene.tables.items()}
+        task = replace(task, drawn=replace(scene, tables=tables))
     return next(line for line in scored(task).runs.to_pylist() if line["controller"] == law.name)
 
 

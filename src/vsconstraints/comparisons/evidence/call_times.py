@@ -19,7 +19,7 @@ from ..runs.pool import Failure, OpenWorkers
 from ..runs.signals import deadline
 from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming
 from .campaign import Campaign
-from .work import Batch, Bench, set_up, tasks_of
+from .work import Batch, benches, tasks_of
 
 MEASURED = "measured"  #: What stands for a file of call times where they are measured.
 SCENES = 3  #: Training scenes of each family on which they are.
@@ -127,14 +127,8 @@ def time_calls(task: Batch) -> list[tuple[str, str, float]]:
     with deadline(task.limit) as step:
         for number in task.scenes:
             step()
-            scene, setups = set_up(task, number)
-            if isinstance(scene, str) or not scene.found:
-                continue
-            for condition in task.conditions:
-                bench = Bench(scene, condition, setups.get(condition))
-                for entry in task.controllers:
-                    if entry.name == BASELINE:
-                        continue
+            for bench in benches(task, number)[1].values():
+                for entry in (entry for entry in task.controllers if entry.name != BASELINE):
                     step()
                     times = [bench.run(entry).trajectory.step_time[1:] for _ in range(REPEATS)]
                     if calls := min(map(len, times)):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
-from ...scenarios.families import Drawn
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
@@ -20,7 +19,7 @@ from ..runs.signals import deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES
-from .work import Batch, Bench, set_up, task_of
+from .work import Batch, benches, task_of
 
 MARK = "runs"  # the table that is written last: a shard is there when this part of it is
 MAX_NAMED = 5  # ranges of scenes that a message names
@@ -211,10 +210,8 @@ def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     entries = {entry.name: entry for entry in task.controllers}
     with deadline(task.limit) as step:
         step()
-        scene, _ = set_up(task, task.scenes[0])
-        if isinstance(scene, Drawn):
-            benches = {condition: Bench(scene, condition) for condition in task.conditions}
-            for key in sorted(keys, key=lambda key: task.conditions.index(key.condition)):
-                step()
-                records[key] = benches[key.condition].run(entries[key.controller])
+        _, there = benches(task, task.scenes[0])
+        for key in sorted(keys if there else (), key=lambda key: task.conditions.index(key.condition)):
+            step()
+            records[key] = there[key.condition].run(entries[key.controller])
     return records

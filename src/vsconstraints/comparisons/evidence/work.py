@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
@@ -25,9 +25,8 @@ from . import parquet
 from .campaign import Campaign
 from .parquet import TABLES
 
-# Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written. At
-# 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
-# shards of some hundred kilobytes each. No result depends on it, nor on how many tasks a family is split into at least.
+# Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file that is written: some
+# 12 s and a hundred kilobytes), and how many tasks a family is split into at least. No result depends on either.
 RUNS_OF_TASK, MIN_TASKS = 600, 16
 
 Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
@@ -62,7 +61,8 @@ class Batch:
 
     Each of the ``scenes`` of a family is run in every condition with every controller, the unconstrained baseline
     first. One step, drawing a scene or one run, may take ``limit`` [s] until the worker's process is ended. ``single``
-    is the only controller whose runs are requested; None for all, and the line of each scene.
+    is the only controller whose runs are requested; None for all, and the line of each scene. ``drawn`` is the only
+    scene if it is there already.
     """
 
     family: Family
@@ -73,6 +73,7 @@ class Batch:
     seed: int
     limit: float | None = None
     single: str | None = None
+    drawn: Drawn | None = None
 
     @property
     def name(self) -> str:
@@ -153,13 +154,11 @@ def scored(task: Batch) -> Part:
     with deadline(task.limit) as step:
         for number in task.scenes:
             step()
-            scene, setups = set_up(task, number)
+            scene, there = benches(task, number)
             if task.single is None:
                 lines["scenes"].append(_scene_line(task, number, scene))
-            if isinstance(scene, str) or not scene.found:
-                continue
-            for condition in task.conditions:
-                bench, baseline = Bench(scene, condition, setups.get(condition)), None
+            for condition, bench in there.items():
+                baseline = None
                 for entry in task.controllers:
                     if task.single in (None, entry.name) or entry.name == BASELINE:
                         step()
@@ -181,13 +180,17 @@ def failed(task: Batch, reason: str) -> Part:
     return Part.of(lines, 0.0)
 
 
-def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
-    """A scene and its setups by condition; the reason if drawing it raised something, which only own parts do."""
+def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
+    """A scene, and what its runs are made on by condition: nothing if none is found.
+
+    Instead of the scene the reason if drawing it raised something, which only own parts do.
+    """
     try:
         with chdir("."), beside(task.family.folder):
-            return task.family.set_up(number, task.half, task.seed)
+            scene, setups = (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
     except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
         return described(error), {}
+    return scene, {name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found}
 
 
 def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> None:

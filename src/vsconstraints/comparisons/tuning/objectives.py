@@ -45,9 +45,6 @@ class Outcome(NamedTuple):
     point: Point
 
 
-FAILED = Outcome("failed", False, REFERENCE)
-
-
 class Judged(NamedTuple):
     """Means of a setting's objectives, share of runs with a violation, and how many runs there are and converge.
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 from ...controllers import Choices, Range, law_ranges
@@ -13,14 +14,13 @@ from ...controllers.observer import without_observer
 from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
-from ..evidence import Campaign
+from ..evidence import Batch, Campaign, scored
 from ..evidence.campaign import of_controllers, of_family
-from ..evidence.work import Bench
-from ..metrics import score
-from ..runs.machine import code_identity, module_versions, process_count, run_limit
-from ..runs.pool import Failure, Pool, run_all
+from ..evidence.runner import results
+from ..runs.machine import code_identity, module_versions, run_limit
+from ..runs.pool import Failure, processes, run_all
 from ..runs.spec import BASELINE, ControllerSpec
-from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
+from .objectives import OBJECTIVES, Judged, judged, outcome
 
 Options = dict[str, Any]
 
@@ -77,20 +77,6 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """A training scene in one condition; ConfigurationError for a scene of the other half."""
-
-    scene: Drawn
-    condition: str
-
-    def __post_init__(self) -> None:
-        if self.scene.half != TRAINING:
-            raise ConfigurationError(
-                f"{self.scene.name} is a scene of the {self.scene.half} half: laws are tuned on training scenes alone"
-            )
-
-
-@dataclass(frozen=True)
 class Problem:
     """What is tuned: the laws of a campaign in its families and conditions, with the same budget for each."""
 
@@ -130,17 +116,17 @@ class Problem:
             },
         }
 
-    def stages(
+    def tasks(
         self, workers: int | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
-    ) -> tuple[Stage, ...]:
-        """Draw the training scenes, each in all conditions; the same for any number of workers.
+    ) -> tuple[Batch, ...]:
+        """Draw the training scenes: one task for each condition of each, of the baseline alone.
 
         Raises ConfigurationError if none is found, or drawing one raises something.
         """
         campaign, each = self.campaign, range(self.budget.scenes)
         calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
         answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
-        stages: list[Stage] = []
+        tasks: list[Batch] = []
         for family in campaign.families:
             scenes = [answers[family.name, i] for i in each]
             for scene in scenes:
@@ -149,50 +135,33 @@ class Problem:
             drawn = [scene for scene in scenes if isinstance(scene, Drawn) and scene.found]
             if not drawn:
                 family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
-            stages += [Stage(scene, condition) for scene in drawn for condition in campaign.conditions_of(family)]
-        return tuple(stages)
-
-
-def outcomes(stage: Stage, baseline: ControllerSpec, settings: Sequence[ControllerSpec]) -> list[Outcome]:
-    """Run each setting on one stage, with the same disturbances and noise, and compare it with the baseline."""
-    bench = Bench(stage.scene, stage.condition)
-    tracking = bench.run(baseline)
-    reference = score(tracking, tracking).result
-    return [outcome(score(bench.run(setting), tracking).result, reference) for setting in settings]
+            for scene, name in product(drawn, campaign.conditions_of(family)):
+                what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
+                tasks.append(Batch(*what, run_limit(scene.tables[name]), drawn=scene))
+        return tuple(tasks)
 
 
 @contextmanager
-def evaluating(stages: Sequence[Stage], baseline: ControllerSpec, workers: int | None) -> Iterator[Evaluate]:
-    """Processes that judge settings over all stages; as many as there are cores and memory for, if None.
+def evaluating(tasks: Sequence[Batch], workers: int | None) -> Iterator[Evaluate]:
+    """Processes that judge settings by all tasks; as many as there are cores and memory for, if None.
 
-    Settings on a stage on which one of them ends its process, or takes too long, are run once more, each by itself; one
-    that fails again counts as a failed run.
+    A setting that ends its process, or takes too long, counts as a failed run: see :func:`.results`.
     """
-    with Pool(outcomes, process_count(workers)) as pool:
+    with processes(workers)(scored) as pool:
+        families = [task.family.name for task in tasks]
         of_family = {
-            name: [at for at, stage in enumerate(stages) if name in (ALL, stage.scene.family)]
-            for name in (ALL, *dict.fromkeys(stage.scene.family for stage in stages))
+            name: [at for at, family in enumerate(families) if name in (ALL, family)] for name in (ALL, *families)
         }
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
-            results: dict[tuple[int, int], Outcome] = {}
-            calls = [(at, tuple(range(len(settings)))) for at in range(len(stages)) if settings]
-            for last in (False, True):
-                arguments, limits = {}, {}
-                for at, numbers in calls:
-                    arguments[at, numbers] = stages[at], baseline, [settings[i] for i in numbers]
-                    tables = stages[at].scene.tables[stages[at].condition]
-                    limits[at, numbers] = (1 + len(numbers)) * run_limit(tables)
-                calls = []
-                for (at, numbers), answer in pool.run(arguments, limits):
-                    if not isinstance(answer, Failure):
-                        results |= {(at, i): result for i, result in zip(numbers, answer, strict=True)}
-                    elif last:
-                        results[at, numbers[0]] = FAILED
-                    else:
-                        calls += [(at, (i,)) for i in numbers]
+            named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
+            calls = [replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings]
+            found = {}
+            for at, part in results(calls, pool):
+                lines = part.runs.to_pandas().set_index("controller").to_dict("index")
+                found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
             return [
-                {name: judged([results[at, i] for at in own]) for name, own in of_family.items()}
+                {name: judged([found[at][i] for at in own]) for name, own in of_family.items()}
                 for i in range(len(settings))
             ]
 

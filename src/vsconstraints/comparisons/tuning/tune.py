@@ -251,10 +251,10 @@ def tune(
     with locked(folder, "a tuning"):
         prepare()
         _claim(folder, problem, command)
-        stages = problem.stages(workers, lambda done, total: on_progress("drawing training scenes", done, total))
+        tasks = problem.tasks(workers, lambda done, total: on_progress("drawing training scenes", done, total))
         journal = Journal(folder / JOURNAL)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
-        with evaluating(stages, problem.baseline, workers) as evaluate:
+        with evaluating(tasks, workers) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
                 evaluations[law.name].append(evaluation)
         tuning = Tuning(problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws))
