@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, shown, unknown_name
@@ -18,24 +18,20 @@ from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
 MAX_NAME_BYTES = 100  #: Bytes that the name of a scenario or controller may have; files are named after both.
 Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
 
-Own = TypeVar("Own", bound="Experiment")
-
 
 class Experiment:
     """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen dataclasses."""
 
     controllers: Entries
+    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys besides names of scenarios and controllers.
     whole_numbers: ClassVar[tuple[str, ...]]
-    """Attributes that ``KEY=VALUE`` sets to whole numbers."""
-
     settings: ClassVar[tuple[str, ...]]
-    """All keys that ``KEY=VALUE`` may begin with besides names of scenarios and controllers."""
 
-    def changed(self: Own, **attributes: Any) -> Own:
+    def changed(self, **attributes: Any) -> Self:
         """The same with other values of attributes."""
         return replace(self, **attributes)  # type: ignore[type-var]
 
-    def with_settings(self: Own, settings: Iterable[str]) -> Own:
+    def with_settings(self, settings: Iterable[str]) -> Self:
         """The same with what ``KEY=VALUE`` says; raises ConfigurationError for unknown keys and wrong values.
 
         KEY is an attribute, or the name of a controller, or of another part, and a key in it; VALUE as in TOML.
@@ -54,8 +50,7 @@ class Experiment:
                 raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
         return experiment
 
-    def _with(self: Own, key: str, value: Any) -> Own:
-        """The same with another value of a key that is not a whole number: here, of a controller's option."""
+    def _with(self, key: str, value: Any) -> Self:
         name, option = self._target(key)
         entries = (entry.changed(option, value) if entry.name == name else entry for entry in self.controllers)
         return self.changed(controllers=tuple(entries))
@@ -71,7 +66,7 @@ class Experiment:
             raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
         return target, rest
 
-    def with_baseline(self: Own) -> Own:
+    def with_baseline(self) -> Self:
         """The same with unconstrained tracking first; raises ConfigurationError if its name is another law's."""
         baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
         if baseline.law != BASELINE or baseline.run != AS_THE_SCENE:

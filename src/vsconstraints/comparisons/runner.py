@@ -18,8 +18,8 @@ from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
-from .runs.machine import loaded_versions, process_count, provenance, run_limit, used_versions
-from .runs.pool import Failure, Pool
+from .runs.machine import loaded_versions, provenance, run_limit, used_versions
+from .runs.pool import Failure, run_all
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
@@ -115,8 +115,14 @@ def compare(
             on_finished(runs[key], *answer)
 
         interrupted = 0
+        # baselines first, since the others are scored against them; in other processes, where those can make the run
+        baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
+        calls = {key: (run, folder, fresh, baselines[run.name, run.trial]) for key, run in runs.items()}
+        batches = ({key: calls[key] for key in runs if (key[1] == BASELINE) == first} for first in (True, False))
+        limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+        here = {key for key, run in runs.items() if workers == 0 or run.here}
         try:
-            _baselines_first(runs, (folder, fresh), workers, limit, done)
+            run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         # in the suite's order, whatever order they finished in
@@ -132,28 +138,6 @@ def compare(
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))
         return Finished(folder, scores, stored_before, wall_time, interrupted)
-
-
-def _baselines_first(
-    runs: Mapping[Key, RunSpec],
-    storage: tuple[Path, bool],
-    workers: int | None,
-    limit: float | None,
-    done: Callable[[Key, tuple[Score, bool] | Failure], None],
-) -> None:
-    """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
-    baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
-    calls = {key: (run, *storage, baselines[run.name, run.trial]) for key, run in runs.items()}
-    limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    here = {key for key, run in runs.items() if workers == 0 or run.here}
-    with Pool(run_stored, process_count(workers)) as pool:
-        for of_baseline in (True, False):
-            batch = [key for key in runs if (key[1] == BASELINE) == of_baseline]
-            for key in batch:
-                if key in here:
-                    done(key, run_stored(*calls[key]))
-            for key, answer in pool.run({key: calls[key] for key in batch if key not in here}, limits):
-                done(key, answer)
 
 
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:

@@ -7,10 +7,14 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast, get_args
+from typing import Any, ClassVar, Literal, Self, TypeVar, cast, get_args
 
 from ...errors import ConfigurationError, unknown_name
+from ...plugins.classes import code_named, untrusted
+from ...scenarios.reading import NOTHING, Table, checked, demand_table
+from .files import demand_unchanged
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -100,6 +104,73 @@ def read_manifest(path: Path) -> Any:
     manifest = json.loads(path.read_text(encoding="utf-8"))
     json.dumps(manifest, ensure_ascii=False).encode()  # what is made of it is written, in UTF-8
     return manifest
+
+
+@dataclass(frozen=True)
+class StoredResults:
+    """Results in their folder, with their manifest.
+
+    Where they are ``trusted``, code that is named in them as ``module:Class`` may run. ``remarks`` are what a reader
+    should know: that there are no checksums, or that code is not run.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    trusted: bool = False
+    remarks: tuple[str, ...] = ()
+
+    with_code: ClassVar[tuple[str, ...]]  #: Tables of the configuration that may name code.
+
+    @classmethod
+    def load(cls, folder: Path, trust: bool = False) -> Self:
+        """Read a folder; nothing that is named in it is imported unless it is trusted.
+
+        Raises ConfigurationError that says what is missing in it, was changed, or is not what was stored; and for links
+        that lead out of it.
+        """
+        files = cls._files(folder)
+        demand_inside(folder)
+        remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
+        path = folder / MANIFEST
+        try:
+            manifest = read_manifest(path)
+        except (OSError, ValueError, RecursionError) as error:
+            raise ConfigurationError(f"{path} cannot be read: {error}") from error
+        cls._demand_readable(manifest, str(path))
+        code = [] if trust else list(code_named([manifest["configuration"][name] for name in cls.with_code]))
+        remarks = remark, str(untrusted("some of what is drawn", code)) if code else ""
+        stored = cls(folder, dict(manifest), trust, tuple(filter(None, remarks)))
+        stored._demand_planned()
+        return stored
+
+    @classmethod
+    def _files(cls, folder: Path) -> Sequence[Path]:
+        """Those whose checksums are looked at; raises ConfigurationError if there are no such results."""
+        raise NotImplementedError
+
+    @classmethod
+    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+        """Raise ConfigurationError if something in a manifest is not what is written there."""
+        raise NotImplementedError
+
+    def _demand_planned(self) -> None:
+        """Raise ConfigurationError unless all lines of all tables are what the manifest asks for."""
+        raise NotImplementedError
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Names of the controllers, the unconstrained baseline first."""
+        return tuple(self.manifest["configuration"]["controllers"])
+
+
+def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:
+    """The entries of a table that readers need, by what they are; raises ConfigurationError for wrong ones."""
+    table = demand_table(value, where)
+    for name in needed:
+        if name not in table:
+            raise ConfigurationError(f"{where}: the key {name!r} is missing")
+    kinds = {**needed, **others}
+    return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}
 
 
 def _demand_nothing_else(path: Path, kind: Kind) -> None:

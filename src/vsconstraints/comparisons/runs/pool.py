@@ -10,9 +10,10 @@ import signal
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
@@ -157,20 +158,24 @@ def run_all(
     *batches: Mapping[Key, tuple[Any, ...]],
     workers: int | None = None,
     limits: Mapping[Key, float] | None = None,
+    here: Container[Key] = (),
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
     """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their keys.
 
-    Calls of a batch are started when all of the one before are answered. ``on_answer`` is called with every answer as
-    it comes, ``on_progress`` with the numbers of calls that are answered and that there are.
+    Calls of a batch are started when all of the one before are answered; those ``here`` are made by this process.
+    ``on_answer`` is called with every answer as it comes, ``on_progress`` with the numbers of calls that are answered
+    and that there are.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
     on_progress(0, total)
     with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
         for batch in batches:
-            for key, answer in pool.run(batch, limits):
+            own = ((key, function(*call)) for key, call in batch.items() if key in here)
+            others = {key: call for key, call in batch.items() if key not in here}
+            for key, answer in chain(own, pool.run(others, limits)):
                 answers[key] = answer
                 on_answer(key, answer)
                 on_progress(len(answers), total)
