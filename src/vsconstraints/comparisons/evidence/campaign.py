@@ -18,8 +18,7 @@ from ..experiment import Entries, Experiment, chosen_entries, demand_names, entr
 from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
 
-#: Nested tables of plain values, as JSON has them; the same wherever the same campaign is run.
-Identity = dict[str, Any]
+Identity = dict[str, Any]  #: Nested tables as JSON has them; the same wherever the same campaign is run.
 
 MAX_SHOWN = 3  # differences that a message shows
 MAX_SCENES = 10_000_000  # of a family in a campaign
@@ -74,9 +73,8 @@ def in_words(texts: Sequence[str], most: int = MAX_SHOWN) -> str:
 class Campaign(Experiment):
     """So many scenes of each family, drawn with a seed, each run in every condition with every controller.
 
-    ``question`` is what it is to answer, for reports. Scenes are of the ``half`` ``"held-out"`` or ``"training"``.
-    Without ``conditions`` each family is run in all that it has; ``scenes_in`` limits the number of scenes in some.
-    ``call_times`` are :class:`.CallTimes` as data if the laws' commands are late by these.
+    ``question`` is what it is to answer, for reports. Without ``conditions`` each family is run in all that it has;
+    ``scenes_in`` limits the number of scenes in some; ``call_times`` are :class:`.CallTimes` as data.
     """
 
     name: str
@@ -96,10 +94,7 @@ class Campaign(Experiment):
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Campaign:
-        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` without one.
-
-        Raises ConfigurationError or InvalidInput if the file cannot be read, or something in it cannot be used.
-        """
+        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` without one."""
         source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
         folder = source.parent if path else Path()
         file: _File = from_table(_File, read_toml(source), source.name)
@@ -123,8 +118,7 @@ class Campaign(Experiment):
     ) -> Campaign:
         """The campaign a command line asks for, with families and controllers of these names, or paths, if any.
 
-        KEY of ``settings``, ``KEY=VALUE``, is ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``,
-        or a controller's name and an option.
+        KEY of ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or a controller's name and an option.
         """
         own = {family.name: family for family in self.families}
         campaign = replace(

@@ -27,7 +27,7 @@ MAX_NAMED = 5  # ranges of scenes that a message names
 
 @dataclass(frozen=True)
 class Facts:
-    """The footer of a shard: its scenes, what they depend on, the machine, number of runs, and process time [s]."""
+    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time [s]."""
 
     family: str
     scenes: tuple[int, ...]
@@ -41,10 +41,9 @@ class Facts:
         """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
         table = parquet.facts_of(path)
         try:
-            facts: Facts = from_table(cls, table, "its footer")
+            return from_table(cls, table, "its footer")
         except ConfigurationError as error:
             raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
-        return facts
 
 
 class StoredShard(NamedTuple):
@@ -98,26 +97,6 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
 
     Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were made otherwise.
     """
-    _remove_unfinished(folder)
-    identities = campaign.identities()
-    there = [shard.facts for shard in shards(folder)]
-    problems: list[str] = []
-    for facts in there:
-        family = facts.family
-        only = [] if family in identities else [f"family {family} is only there"]
-        problems = problems or only or list(differences(facts.identity, identities[family]))
-    last = max((max(facts.scenes) for facts in there), default=-1)
-    if not problems and last >= campaign.scenes:
-        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
-    if problems:
-        raise ConfigurationError(
-            f"{folder} holds evidence of another campaign: {in_words(problems)}. Give another folder with --out, or "
-            "--fresh to replace what is there"
-        )
-    return there
-
-
-def _remove_unfinished(folder: Path) -> None:
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
@@ -130,6 +109,20 @@ def _remove_unfinished(folder: Path) -> None:
     for path in stored_files(folder):
         if path.suffix == ".parquet" and path.stem not in whole:
             path.unlink()
+    identities, problems = campaign.identities(), list[str]()
+    there = [shard.facts for shard in shards(folder)]
+    for facts in there:
+        only = [] if facts.family in identities else [f"family {facts.family} is only there"]
+        problems = problems or only or list(differences(facts.identity, identities[facts.family]))
+    last = max((max(facts.scenes) for facts in there), default=-1)
+    if not problems and last >= campaign.scenes:
+        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
+    if problems:
+        raise ConfigurationError(
+            f"{folder} holds evidence of another campaign: {in_words(problems)}. Give another folder with --out, or "
+            "--fresh to replace what is there"
+        )
+    return there
 
 
 def clear(folder: Path) -> None:
@@ -146,8 +139,7 @@ def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wan
         missing[facts.family].difference_update(facts.scenes)
     lost = []
     for name, numbers in missing.items():
-        firsts = sorted(number for number in numbers if number - 1 not in numbers)
-        lasts = sorted(number for number in numbers if number + 1 not in numbers)
+        firsts, lasts = (sorted(n for n in numbers if n + step not in numbers) for step in (-1, 1))
         lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
     return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
 
@@ -179,10 +171,7 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers) -> int:
-    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then.
-
-    Repeated runs are the same. Raises OSError.
-    """
+    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then."""
     if keep == "none":
         return 0
     wanted = {trajectory_file(folder, key): key for key in chosen(folder, keep)}

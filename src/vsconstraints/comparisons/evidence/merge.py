@@ -40,9 +40,8 @@ class Merged:
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
     """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has left.
 
-    Raises ConfigurationError if they are not of the same code, settings and package versions, scenes are missing, or a
-    scene is there twice with different results; it says what, and where, and nothing has been written then. Raises
-    StorageError if something cannot be written.
+    Raises ConfigurationError, before anything is written, if they are not of the same code, settings and packages,
+    scenes are missing, or a scene is there twice with different results; StorageError if something cannot be written.
     """
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:

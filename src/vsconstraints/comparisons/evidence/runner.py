@@ -37,9 +37,8 @@ class Kind(NamedTuple):
 class Progress:
     """How far a campaign is.
 
-    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included; ``found`` were found now.
-    ``runs`` were made now in ``seconds`` of process time; ``of_kind`` counts them, ``failed`` those that failed, and
-    ``reasons`` says why the first of each kind did.
+    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``found`` scenes and ``runs``
+    are new, in ``seconds`` of process time; ``reasons`` says why the first run of each kind ``failed``.
     """
 
     scenes: int
@@ -74,10 +73,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign: where it is, how far, how long it took [s], how many trajectories are kept.
-
-    ``interrupted`` is the number of the signal that ended it; 0 if none did.
-    """
+    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, which signal ended it, or 0."""
 
     folder: Path
     progress: Progress
@@ -95,9 +91,8 @@ class Finished:
 class Plan:
     """How a campaign is carried out; it changes none of its results.
 
-    ``shard`` is the part of the scenes, ``keep`` says whose trajectories are kept, ``limit`` how long a run may take
-    [s] (by its number of samples if None), ``fresh`` whether the content of the folder is replaced, ``workers`` who
-    makes the runs.
+    ``limit`` is how long a run may take [s] (by its number of samples if None), ``fresh`` whether the content of the
+    folder is replaced, ``workers`` who makes the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -117,9 +112,8 @@ def collect(
 ) -> Finished:
     """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
 
-    ``command`` is what the user typed, for the manifest; ``on_progress`` is called first of all and after every task.
-    Raises ConfigurationError if the folder cannot be used, or a family has no scene, and StorageError if something
-    cannot be written; what is there stays.
+    ``on_progress`` is called first of all and after every task. Raises ConfigurationError if the folder cannot be used,
+    or a family has no scene, and StorageError if something cannot be written; what is there stays.
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
@@ -186,8 +180,8 @@ def collect(
 def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
     """The result of every task, with its number, as soon as it is there.
 
-    Tasks that no worker survives are made again run by run when all others are done: what no worker survives then fails
-    with the reason. Pieces of all tasks stand in one queue, so that no process waits for the last piece of a task.
+    Tasks that no worker survives are made again run by run when all others are done, pieces of all of them in one
+    queue: what no worker survives then fails with the reason.
     """
     pieces: dict[tuple[int, int], Batch] = {}
     for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):

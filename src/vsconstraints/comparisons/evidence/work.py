@@ -16,7 +16,7 @@ from ...plugins.classes import beside
 from ...scenarios.families import Drawn, Family
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
-from ..metrics import Score, score
+from ..metrics import score
 from ..record import RunRecord
 from ..runs.machine import run_limit
 from ..runs.signals import INTERRUPTS, deadline
@@ -96,7 +96,7 @@ ALL = Shard()
 
 
 def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
-    """The task of these scenes of a family, run in the same conditions; without ``limit`` by a run's samples."""
+    """The task of scenes that are run in the same conditions; without ``limit`` by a run's samples."""
     limit = limit or run_limit(family.tables)
     conditions = campaign.conditions_of(family, scenes[0])
     return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
@@ -105,10 +105,7 @@ def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: fl
 def tasks_of(
     campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Collection[tuple[str, int]] = ()
 ) -> list[Batch]:
-    """A campaign's tasks, but for scenes that are ``there``: families and numbers.
-
-    Families come in turn, so that one of slow scenes is not left for the end.
-    """
+    """A campaign's tasks, but for scenes that are ``there``: of all families in turn, so that no slow one is left."""
     scenes = shard.scenes(campaign.scenes)
 
     def of_family(family: Family) -> list[Batch]:
@@ -123,7 +120,7 @@ def tasks_of(
 
 
 class Part(NamedTuple):
-    """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
+    """The result of a task: Arrow tables, and how long it took [s]."""
 
     runs: Any
     rows: Any
@@ -133,21 +130,19 @@ class Part(NamedTuple):
     @classmethod
     def of(cls, lines: Lines, seconds: float) -> Part:
         """From lines by table."""
-        runs, rows, scenes = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
-        return cls(runs, rows, scenes, seconds)
+        return cls._make((*(parquet.table(columns, lines[name]) for name, columns in TABLES.items()), seconds))
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
         """All of them as one, in their order."""
-        runs, rows, scenes, seconds = zip(*parts, strict=True)
-        return cls(parquet.joined(runs), parquet.joined(rows), parquet.joined(scenes), sum(seconds))
+        *tables, seconds = zip(*parts, strict=True)
+        return cls._make((*map(parquet.joined, tables), sum(seconds)))
 
 
 def scored(task: Batch) -> Part:
-    """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
+    """Draw the scenes of a task, run every controller on each in every condition with the same noise, and score that.
 
-    All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
-    with its reason; what ends the process is left to the caller.
+    A run that fails in any way becomes a line with its reason; what ends the process is left to the caller.
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
@@ -165,7 +160,7 @@ def scored(task: Batch) -> Part:
                         record = bench.run(entry)
                         baseline = record if entry.name == BASELINE else baseline
                         if task.single in (None, entry.name):
-                            _add(lines, task, (number, condition, entry.name), _scored(record, baseline))
+                            _add(lines, task, (number, condition, entry.name), record, baseline)
     return Part.of(lines, time.perf_counter() - begun)
 
 
@@ -176,7 +171,7 @@ def failed(task: Batch, reason: str) -> Part:
     if task.single is None:
         lines["scenes"].append(_scene_line(task, number, reason))
     else:
-        _add(lines, task, (number, task.conditions[0], task.single), score(RunRecord.failed(reason, ""), None))
+        _add(lines, task, (number, task.conditions[0], task.single), RunRecord.failed(reason, ""))
     return Part.of(lines, 0.0)
 
 
@@ -193,7 +188,13 @@ def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
     return scene, {name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found}
 
 
-def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> None:
+def _add(
+    lines: Lines, task: Batch, key: tuple[int, str, str], record: RunRecord, baseline: RunRecord | None = None
+) -> None:
+    try:
+        run = score(record, baseline)
+    except Exception as error:  # arrays of own parts can be anything
+        run = score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
     names = ("family", "half", "scene", "condition", "controller")
     keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
     lines["runs"].append({**keys, **run.result})
@@ -205,8 +206,7 @@ def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> No
 
 
 def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
-    if isinstance(scene, str):
-        # could not be drawn, and nothing else is known of it
+    if isinstance(scene, str):  # could not be drawn, and nothing else is known of it
         scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
     return {
         "family": task.family.name,
@@ -227,18 +227,10 @@ def _json(data: Any) -> str:
     return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
 
 
-def _scored(record: RunRecord, baseline: RunRecord | None) -> Score:
-    try:
-        return score(record, baseline)
-    except Exception as error:  # arrays of own parts can be anything
-        return score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
-
-
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    The setup, which may be there already, is used again after runs of the package's own laws, which leave nothing in
-    it. Own laws and constraints may, and so may what fails: after these it is made anew.
+    The setup is used again after runs of the package's own laws, which leave nothing in it, and made anew after others.
     """
 
     def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
@@ -249,10 +241,13 @@ class Bench:
         """A run; whatever goes wrong becomes a failed one with its reason."""
         try:
             # own parts may change the working directory, and import what lies beside them whenever they like
-            with chdir("."), beside(self._scene.folder, entry.folder):
-                own_parts = bool(self._scene.scenario(self._condition).own_parts)
-                prepared, remarks = self._ready or self._prepare(own_parts)
-                self._ready = None
+            with chdir("."), beside((scene := self._scene).folder, entry.folder):
+                own_parts = bool(scene.scenario(self._condition).own_parts)
+                if self._ready is None:
+                    setup, self._setup = self._setup, None
+                    setup = until_settled(scene.setup(self._condition) if setup is None or own_parts else setup)
+                    self._ready = Prepared(setup), setup.check_start()
+                (prepared, remarks), self._ready = self._ready, None
                 setup = entry.run.of(prepared.setup)
                 run = simulate(
                     setup, entry.make(), remarks=remarks, prepared=prepared if setup is prepared.setup else None
@@ -265,9 +260,3 @@ class Bench:
         if record.trajectory.status != "failed" and ":" not in entry.law and not own_parts:
             self._ready = prepared, remarks
         return record
-
-    def _prepare(self, own_parts: bool) -> tuple[Prepared, list[str]]:
-        setup, self._setup = self._setup, None
-        setup = until_settled(self._scene.setup(self._condition) if setup is None or own_parts else setup)
-        remarks = setup.check_start()
-        return Prepared(setup), remarks

@@ -18,8 +18,7 @@ from ..runs.spec import ROUNDING
 NEGLIGIBLE = 1e-4
 """Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict standard.
 
-A controller that keeps a row on its boundary is off by the curvature inside a sampling period: some 1e-5. No law's own
-gain enters: what T_s u⁺ (43) explains is violated all the same.
+A law that keeps a row on its boundary is off by some 1e-5. What T_s u⁺ (43) explains is violated all the same.
 """
 
 TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what cameras and arms resolve
@@ -38,16 +37,12 @@ class Measured:
     """The argument of a metric's function: a run of N samples and m rows, with the baseline of the same trial.
 
     ``run`` is what the simulation left, ``Ts`` the sampling time [s]. (m,) ``least`` clearances are of the whole run,
-    between samples too, NaN without samples; ``violated`` are the depths of the rows that are violated by the strict
-    standard, 0 of the others, and ``within_band`` those of them that were never deeper than their sampling band;
-    ``fraction`` is the greatest depth of each row, however slight, as a fraction of its characteristic length.
+    between samples too; ``violated`` are depths by the strict standard, 0 if not, ``within_band`` those that were never
+    deeper than the sampling band, ``fraction`` the greatest depths, however slight, over the characteristic lengths.
     (N, m) ``outside`` says in which periods a row is as deep outside as violated ones are, (T, m) ``outside_alone`` the
-    same of the baseline, of the T that it lasts: none without it, or if it has other rows. (N, m) ``usage`` is 1 − c/L,
-    from 0 to 1, of clearances c; 0 where there is no boundary in sight.
-
-    Of the command, from sample to sample within the scenario's duration (a run that takes longer is not calmer for it):
-    ``switches``, whether the active set changes, and ``command_changes`` ‖Δq̈_c‖. ``step_times`` and ``rows_times`` are
-    those of the controller's calls, and of rows and task, but the first [µs].
+    same of the baseline; (N, m) ``usage`` is 1 − c/L, from 0 to 1, of clearances c. From sample to sample within the
+    scenario's duration: ``switches``, whether the active set changes, and ``command_changes`` ‖Δq̈_c‖. ``step_times``
+    and ``rows_times`` are of the controller's calls, and of rows and task, but the first [µs].
     """
 
     record: RunRecord
@@ -78,11 +73,7 @@ class Measured:
 
     @cached_property
     def usage_at_speed(self) -> Array:
-        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: usage of what is left at the speed at which it is used up.
-
-        It is 1 where the arm may come no faster, as φ = σ + K σ̇ = 0 says of it, and so does not mark down the approach
-        to a boundary. Of a speed, which has no K, it is the usage.
-        """
+        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: 1 where the arm may come no faster, by φ = σ + K σ̇ = 0."""
         c = self.run.clearance
         if len(c) < 2:
             return np.zeros(c.shape)
@@ -103,10 +94,7 @@ class Measured:
         return held
 
     def utilization(self) -> float:
-        """Mean usage over all rows and samples in which the baseline is outside, while both runs last.
-
-        NaN where the goal is not reached, or the baseline is never outside.
-        """
+        """Mean usage where the baseline is outside, while both runs last; NaN if not converged, or it never is."""
         common = min(len(self.usage), len(self.outside_alone))
         when = self.outside_alone[:common]
         if self.run.status != "converged" or not when.any():
@@ -151,10 +139,7 @@ class Measured:
         return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
 
     def missed_periods(self) -> float:
-        """Samples but the first that took longer than a period; NaN where there is no other.
-
-        On an arm, periods that its loop missed: there the law's time is not all that a period has room for.
-        """
+        """Samples but the first that took longer than a period, NaN without; on an arm, what its loop missed."""
         if self.record.missed is not None:
             return self.record.missed
         both = self.step_times + self.rows_times
@@ -167,10 +152,7 @@ def _in_period(record: RunRecord) -> Array:
 
 
 def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
-    """(T, m) whether each row is as deep outside as violated ones are, in the periods of a run of sampling time Ts [s].
-
-    A period that several of the record's own begin in is so if any of them is.
-    """
+    """(T, m) whether each row is as deep outside as violated ones, in any part of periods of sampling time Ts [s]."""
     outside = _in_period(record) < -NEGLIGIBLE * record.length
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING
     return np.logical_or.reduceat(outside, begins.astype(np.int64)) if len(outside) else outside
@@ -220,19 +202,16 @@ def _band(phi: Array, bound: float) -> float:
 class Metric:
     """A column of results.csv or constraints.csv, and of the tables of reports.
 
-    ``value`` is that of a run or, in constraints.csv, of each of its rows; it is None for the ratio ``column / over``
-    of two columns. ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number that differs from run to
-    run on the same machine. A ``definition`` may be empty where the name says it.
+    ``value`` is that of a run or, in constraints.csv, of each of its rows; None for the ratio ``column / over``.
+    ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number that differs from run to run on the same
+    machine. Columns stand in the order in which they were ``added``: a new one has a greater number than all others.
 
     In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a scenario, ``overall`` in
     the tables over all scenarios, where runs are ``condensed``: to the median of those that converged, of a time of
-    all, or to the worst of all. (No mean: one run that diverges would dominate it.) ``factor`` and ``style`` make the
-    shown number: three digits; the same, but not less than a thousandth; two decimals; whole. ``finding`` is the
-    sentence that names the best law, and the unit. ``judged`` says whose values are compared, of the runs that
-    converged: ``any``, those ``inside`` that violated no row, or of these the ones ``sliding`` that never lost a
-    sliding mode.
-
-    Columns stand in the order in which they were ``added``: a new one has a greater number than all others.
+    all, or to the worst. ``factor`` and ``style`` make the shown number: three digits; not less than a thousandth; two
+    decimals; whole. ``finding`` is the sentence that names the best law, and the unit. ``judged`` says whose values are
+    compared, of the runs that converged: ``any``, those ``inside`` that violated no row, or of these the ones
+    ``sliding`` that never lost a sliding mode.
     """
 
     column: str

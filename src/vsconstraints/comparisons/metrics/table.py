@@ -187,14 +187,9 @@ class Score:
 
 
 def score(record: RunRecord, baseline: RunRecord | None) -> Score:
-    """Score a run.
+    """Score a run; where it has no sample, what is a number does not exist.
 
-    Parameters
-    ----------
-    record
-        The run. If it has no sample, what is a number does not exist.
-    baseline
-        The tracking-only run of the same scenario and trial; without one (it failed) no row counts as challenged.
+    ``baseline`` is the tracking-only run of the same scenario and trial; without one no row counts as challenged.
     """
     run, some = Measured(record, baseline), len(record.trajectory.t) > 0
     result = {

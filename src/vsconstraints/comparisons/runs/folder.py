@@ -27,10 +27,10 @@ _locked: set[Path] = set()
 
 @contextmanager
 def locked(folder: Path, kind: Kind) -> Iterator[None]:
-    """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
+    """Lock a folder, created if need be, so that no other process stores anything in it; a process may do so twice.
 
-    A process may lock it more than once. The lock ends with the process. Raises ConfigurationError if the folder cannot
-    be created, holds something else, or another process has locked it; nothing in it has been touched then.
+    Raises ConfigurationError if the folder cannot be created, holds something else, or another process has locked it;
+    nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _locked:
@@ -184,8 +184,7 @@ def _demand_nothing_else(path: Path, kind: Kind) -> None:
         )
 
 
-#: Runs whose trajectories are kept: none; those that failed or were aborted; of each kind of run the one with the
-#: deepest violation, of equal ones the first; those that come first; all.
+#: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest violation, or the first.
 Keep = Literal["none", "failed", "worst", "first", "all"]
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
@@ -207,16 +206,13 @@ def kept_lines(lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tu
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]
     if keep == "worst":
+        outside = [line for line in lines if line["violation_depth"] > 0.0]  # not where it is NaN
         worst: dict[tuple[Any, ...], Line] = {}
-        violating = [line for line in lines if line["violation_depth"] > 0.0]  # not where it is NaN
-        for line in sorted(violating, key=lambda line: line["violation_depth"], reverse=True):
+        for line in sorted(outside, key=lambda line: -line["violation_depth"]):
             worst.setdefault(tuple(line[name] for name in kind), line)
-        chosen = set(map(id, worst.values()))
-        return [line for line in lines if id(line) in chosen]
+        return list(worst.values())
     if keep == "first":
         group, number = first
-        lowest: dict[Any, Any] = {}
-        for line in lines:
-            lowest[line[group]] = min(lowest.get(line[group], line[number]), line[number])
+        lowest = {line[group]: line[number] for line in sorted(lines, key=lambda line: -line[number])}
         return [line for line in lines if line[number] == lowest[line[group]]]
     return list(lines) if keep == "all" else []

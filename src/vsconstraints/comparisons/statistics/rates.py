@@ -15,20 +15,14 @@ from ...errors import InvalidInput, shown
 from ...rows import Array
 from .judged import Better, array, checked_confidence, checked_name, flags, numbers, pair
 
-#: Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ
-#: rejects up to twice as often as it says.
-CONTINUITY = 1.0
+CONTINUITY = 1.0  #: Taken off |only a − only b|, which comes in steps (Edwards 1948).
 
 Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 
 @dataclass(frozen=True)
 class Rate:
-    """``count`` of ``of`` scenes, and the interval of the true rate.
-
-    It is that of Clopper and Pearson (1934): exact and two-sided: each end alone is exceeded with a chance of at most
-    (1 − confidence)/2. 0 of 10 000 at 95 %: from 0 to 3.7e-4.
-    """
+    """``count`` of ``of`` scenes, and the exact two-sided interval of the rate (Clopper and Pearson 1934)."""
 
     count: int
     of: int
@@ -70,9 +64,9 @@ class Median(NamedTuple):
 class Paired(NamedTuple):
     """How a differs from b on the n scenes, ``of`` all, in which both have a value.
 
-    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero, from
-    −∞ to ∞, where they differ in none; NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is
-    two-sided, of the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
+    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero where
+    they differ in none, NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is two-sided, of
+    the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
     """
 
     median: float
@@ -110,16 +104,14 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
 def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates:
     """Whether a flag is set more often in a than in b on the same scenes, (n,) booleans each.
 
-    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference δ, at
-    δ = 0 and turned round.
+    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference.
     """
     first, second = flags(a, "a"), flags(b, "b")
     pair(first, second)
     n, only_a, only_b = len(first), int((first & ~second).sum()), int((second & ~first).sum())
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
-    p = min(2.0 * float(norm.sf(score)), 1.0)
-    difference = (only_a - only_b) / n if n else math.nan
+    difference, p = (only_a - only_b) / n if n else math.nan, min(2.0 * float(norm.sf(score)), 1.0)
     return PairedRates(difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b)
 
 
@@ -133,10 +125,8 @@ def difference_interval(
 ) -> tuple[float, float]:
     """Interval of a difference of two rates on the same n scenes: Tango's score interval, corrected for continuity.
 
-    All differences δ that a score test does not reject: |only_a − only_b − n δ| − correction ≤
-    z √(n (2 p + δ (1 − δ))), where p is the most likely rate of "only b" under δ (Tango, Statistics in Medicine 17,
-    1998, eqs. 24–26, without a correction). Unlike ± standard errors it says something where the two never differ, and
-    stays within −1 and 1.
+    All differences δ with |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ))), where p is the most likely
+    rate of "only b" under δ (Tango, Statistics in Medicine 17, 1998, eqs. 24–26, without a correction).
     """
     z = _quantile(confidence)
     return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
@@ -161,10 +151,9 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
 
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """Smallest difference of two rates on the same n scenes that :func:`mcnemar` finds with so much power.
+    """Smallest difference of two rates on n scenes, which differ in a share of these, that :func:`mcnemar` finds.
 
-    ``differing`` is the share of scenes in which the two differ; where the difference itself is greater, that.
-    ``power`` is the chance to find it, in the right direction. Infinite where not even 1 would be found.
+    ``power`` is the chance to find it, in the right direction; infinite where not even 1 would be found.
     """
     z, m = _quantile(confidence), np.arange(n + 1)
     needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins of m scenes that differ
@@ -180,9 +169,9 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is NaN, or no number.
 
-    The interval is exact and assumes no distribution: from the k-th value in order to the k-th from the end, where k is
-    the greatest for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that
-    are not zero it excludes zero if and only if the two-sided sign test rejects at the level α.
+    The interval is exact, without a distribution: from the k-th value to the k-th from the end, where k is the greatest
+    for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that are not zero it
+    excludes zero if and only if the two-sided sign test rejects at the level α.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(array(values, "values"))
@@ -209,9 +198,8 @@ def paired(
 ) -> Paired:
     """Compare two columns of numbers, (n,) each, entry i of both being scene i.
 
-    NaN stands for a run that does not count (one that diverged, or violated): its scene is left out for both. Values
-    that are no more than ``least`` apart are equal. Raises InvalidInput if the lengths differ, a value is infinite, or
-    one is negative of which a ratio is asked; ConfigurationError if an option is none.
+    Scenes with NaN, of a run that does not count, are left out for both. Values no more than ``least`` apart are equal.
+    Raises InvalidInput if lengths differ, a value is infinite, or negative in a ratio; ConfigurationError for options.
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)

@@ -21,35 +21,24 @@ def with_interval(value: float, low: float, high: float, factor: float = 1.0, un
 
 
 def rate_text(rate: Rate) -> str:
-    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``.
-
-    Where it never or always happened, the other end of the interval: ``0 of 10 000: at most 3.7e-4 (95 %)``.
-    """
+    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``, or one end of it: ``0 of 10 000: at most 3.7e-4 (95 %)``."""
     level = f"{100.0 * rate.confidence:g} %"
     count, of = (f"{each:,}".replace(",", " ") if each >= 10_000 else str(each) for each in (rate.count, rate.of))
     counted = f"{count} of {of}"
     if rate.of == 0:
         return f"{counted}: nothing is known"
-    if rate.count == 0:
-        return f"{counted}: at most {_most(rate.high)} ({level})"
-    if rate.count == rate.of:
-        return f"{counted}: at least {_least(rate.low)} % ({level})"
+    if rate.count == 0:  # rounded up to two digits
+        places = _places(rate.high, rate.high)
+        up = math.ceil(rate.high * 10.0**places) / 10.0**places
+        most = _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
+        return f"{counted}: at most {most} ({level})"
+    if rate.count == rate.of:  # rounded down to two digits of what it leaves
+        places = _places(1.0 - rate.low, rate.low)
+        least = _decimals(100.0 * (math.floor(rate.low * 10.0**places) / 10.0**places), places - 2)
+        return f"{counted}: at least {least} % ({level})"
     places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
     low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
     return f"{counted}: {share} % ({level}: {low} to {high} %)"
-
-
-def _most(share: float) -> str:
-    """An upper limit in two digits, rounded up."""
-    places = _places(share, share)
-    up = math.ceil(share * 10.0**places) / 10.0**places
-    return _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
-
-
-def _least(share: float) -> str:
-    """A lower limit in percent, rounded down to two digits of what it leaves."""
-    places = _places(1.0 - share, share)
-    return _decimals(100.0 * (math.floor(share * 10.0**places) / 10.0**places), places - 2)
 
 
 def _short(text: str) -> str:

@@ -10,16 +10,12 @@ import numpy as np
 
 
 class Objective(NamedTuple):
-    """A quantity to be minimized, by its name in files and in reports.
-
-    ``worst`` bounds it from above and is that of a run that does not converge. ``unit`` weighs as much as one unit of
-    another objective.
-    """
+    """A quantity to be minimized; ``worst`` bounds it and is that of a run that does not converge."""
 
     column: str
     title: str
     worst: float
-    unit: float
+    unit: float  #: Weighs as much as one unit of another objective.
 
 
 #: A tenth of the space, a decade of variation and a tenth of the settling time weigh the same.
@@ -46,10 +42,7 @@ class Outcome(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Means of a setting's objectives, share of runs with a violation, and how many runs there are and converge.
-
-    ``successes`` converge and violate nothing: those of the report of evidence.
-    """
+    """Means of a setting's objectives, share of runs with a violation, numbers of runs; successes violate nothing."""
 
     point: Point
     violations: float
@@ -66,10 +59,9 @@ class Judged(NamedTuple):
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     """The outcome of a run, from its line of results and that of the unconstrained baseline in the same scene.
 
-    A run that does not converge has the worst value of every objective. If it is still moving when time is up and the
-    baseline is too, its goal is out of reach for every law, because of wrong images, say: it counts by its variation
-    alone. Of one that converges, the unused space is left out where nothing was challenged, and the settling time where
-    the baseline does not settle.
+    A run that does not converge has the worst value of every objective; but if it and the baseline are still moving
+    when time is up, no law can reach the goal, and it counts by its variation alone. Of one that converges, the unused
+    space is left out where nothing was challenged, and the settling time where the baseline does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])
     if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
@@ -101,10 +93,7 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
 
 
 def loss(judged: Judged) -> float:
-    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their units.
-
-    A failed run outweighs any sum, and the tuner uses the order alone.
-    """
+    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their units."""
     lengths = (value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True))
     return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
 
@@ -112,9 +101,8 @@ def loss(judged: Judged) -> float:
 def choose(settings: Sequence[Judged]) -> int:
     """Position of the setting with the most successes; of as many, the one nearest to their ideal point.
 
-    That has the least value of each objective. Distances are Euclidean, in the objectives' units, which are the same
-    for all laws ("compromise programming": Zeleny 1973). Of points as near as each other, to rounding, the one with the
-    least first objective is taken, then second, third; of equal ones the first.
+    That has the least value of each objective; distances are Euclidean, in the objectives' units ("compromise
+    programming": Zeleny 1973). Of points as near, to rounding, the one with the least first objective is taken, etc.
     """
     most = max(each.successes for each in settings)
     best = [i for i, each in enumerate(settings) if each.successes == most]

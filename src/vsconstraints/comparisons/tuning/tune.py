@@ -32,10 +32,10 @@ Progress = Callable[[str, int, int], None]
 
 
 class Search:
-    """Suggests settings of a law, one after the other, the default first.
+    """Suggests settings of a law, one after the other, the default first; they depend on the seed and what was told.
 
     The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all options together:
-    Falkner et al. 2018), which uses the order of settings alone. They depend only on the seed and on what was told.
+    Falkner et al. 2018), which uses the order of settings alone.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
@@ -76,9 +76,9 @@ class Search:
 class Journal(dict[Setting, ByFamily]):
     """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
 
-    A last line without an end, which was being written when the process ended, is cut off; nothing else is ever written
-    again. (Optuna's JournalStorage has no checksums, stops at such a line, and its samplers do not go on from it as if
-    they had never ended.) Raises ConfigurationError that names a damaged line, StorageError if it cannot be written.
+    A last line without an end is cut off, and nothing else is ever written again. (Optuna's JournalStorage has no
+    checksums, and its samplers do not go on from it as if they had never ended.) Raises ConfigurationError that names a
+    damaged line, StorageError if it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -122,7 +122,7 @@ def _checksum(entry: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A setting that a tuner with this seed suggested, by its number there (0 is the default), and how it is judged."""
+    """The setting of this number, 0 the default, that a tuner with this seed suggested, and how it is judged."""
 
     seed: int
     number: int
@@ -131,7 +131,7 @@ class Evaluation:
 
     @property
     def judged(self) -> Judged:
-        """How it is judged on all runs."""
+        """On all runs."""
         return self.by_family[ALL]
 
 
@@ -240,12 +240,10 @@ def tune(
 ) -> Tuning:
     """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if needed.
 
-    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions depend only on earlier
-    results: not on the number of processes, nor on where an earlier call was ended. Settings that are stored in the
-    folder are not run again. ``workers`` is the maximum number of processes, ``command`` is for the manifest.
-
-    Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds something else;
-    StorageError if evaluations cannot be written: what could be stays.
+    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions do not depend on the
+    number of processes, at most ``workers``, nor on where an earlier call was ended. Settings that are stored are not
+    run again. Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds
+    something else; StorageError if evaluations cannot be written: what could be stays.
     """
     demand("tune")
     with locked(folder, "a tuning"):
