@@ -49,8 +49,7 @@ class Side:
 
     ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, scene and controller, then those of
     results.csv; those of ``group`` separate results, and ``unit`` is what the manifest counts. ``drawn``
-    (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios. ``remarks`` are what a reader
-    should know of what is stored.
+    (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios.
     """
 
     folder: Path
@@ -143,9 +142,9 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Pairs of a law that are judged together: in one family and condition, its ``place``, if they are drawn.
+    """Pairs of a law in one family and condition, its ``place``, if they are drawn, and their runs (pandas.DataFrames).
 
-    ``positions`` (n,) are those among all pairs; ``a`` and ``b`` (pandas.DataFrames) their runs.
+    ``positions`` (n,) are those among all pairs.
     """
 
     law: str
@@ -171,10 +170,7 @@ def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
 
 @dataclass(frozen=True)
 class Change:
-    """A difference of two manifests: which ``part``, and which key, with dots, of which scenarios, families or laws.
-
-    ``before`` and ``after`` are None where it is missing.
-    """
+    """A difference of two manifests: which ``part`` and key, with dots, of which names; None where it is missing."""
 
     part: str
     what: str
@@ -212,10 +208,10 @@ def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`.
+    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`; ``lost``, ``gained``: only A, only B.
 
-    ``lost`` and ``gained`` are positions of the pairs in which only A does, only B. ``p`` is of the exact sign test
-    (McNemar), uncorrected; None if too few differ for a test, :data:`.judged.MIN_SCENES`.
+    ``p`` is of the exact sign test (McNemar), uncorrected; None if too few differ for a test,
+    :data:`.judged.MIN_SCENES`.
     """
 
     group: Group
@@ -259,10 +255,7 @@ class Shift:
 
 
 def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
-    """All metrics in which pairs differ by more than the tolerance, a share of the greater value.
-
-    Remaining errors that reports round to the same are the same, too.
-    """
+    """All metrics in which pairs differ by more than the tolerance, a share of the greater value, and reports show it."""
     for group, metric in ((group, metric) for group in groups for metric in metrics):
         a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
         exist = np.isfinite(a) & np.isfinite(b)
@@ -322,18 +315,10 @@ def difference(
 ) -> Difference:
     """Compare two folders of results, before and after: both of ``compare``, or both of ``evidence``.
 
-    Parameters
-    ----------
-    a, b
-        The folders; ConfigurationError if one of them holds no results, or they cannot be compared.
-    metrics
-        Columns of results.csv; all that can be judged if empty.
-    strict
-        Whether every run counts that B lost; if None, those of chosen scenarios do, those of drawn scenes do not.
-    tolerance
-        Share of a value by which it may move.
-    renamed
-        Controllers of A, and what they are called in B.
+    ``metrics`` are columns of results.csv, all that can be judged if empty; ``strict`` says whether every run counts
+    that B lost: if None, those of chosen scenarios do, those of drawn scenes do not; ``tolerance`` is the share of a
+    value by which it may move, ``renamed`` what controllers of A are called in B. Raises ConfigurationError if they are
+    not comparable.
     """
     columns = [judged_metric(name) for name in metrics or judged_metrics()]
     if not tolerance >= 0.0:

@@ -32,9 +32,9 @@ class Experiment:
         return replace(self, **attributes)  # type: ignore[type-var]
 
     def with_settings(self, settings: Iterable[str]) -> Self:
-        """The same with what ``KEY=VALUE`` says; raises ConfigurationError for unknown keys and wrong values.
+        """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for what is wrong.
 
-        KEY is an attribute, or the name of a controller, or of another part, and a key in it; VALUE as in TOML.
+        KEY is an attribute, or the name of a controller, or of another part, and a key in it.
         """
         experiment = self
         for setting in settings:

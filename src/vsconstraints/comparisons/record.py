@@ -123,10 +123,7 @@ class RunRecord:
 
     @classmethod
     def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
-        """What the file holds; None if there is none or it is not a whole record of this version.
-
-        What has more than ``samples``, or would take more memory than these, is not expanded.
-        """
+        """What the file holds, unless it is no whole record of this version, or has more samples; else None."""
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             values |= {name: tuple(map(str, values[name])) for name in TEXTS}

@@ -24,8 +24,8 @@ def differing(
     """Make a share of a study's runs again, chosen by ``seed``; what of each differs, and whether rounding decides it.
 
     Numbers differ by more than :data:`TOLERANCE`. Rounding decides a run that ends as differently when its start is
-    moved by :data:`NUDGE`. Nothing is yielded of a run that is the same. Raises ConfigurationError for laws that do not
-    come with the package, unless they are trusted.
+    moved by :data:`NUDGE`. Raises ConfigurationError for laws that do not come with the package, unless they are
+    trusted.
     """
     if own := [law.law for law in study.laws.values() if ":" in law.law and not trust]:
         raise untrusted("a table of runs", own)
@@ -53,7 +53,6 @@ def _made(
 
 
 def _differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """What is another value."""
     found = []
     for column in OUTCOME:
         a, b = (each[column.name] for each in (one, other))

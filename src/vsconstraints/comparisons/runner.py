@@ -34,7 +34,7 @@ Key = tuple[str, str, int]  # scenario, controller and trial
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a comparison: its folder, and a score per run, fewer if it was ended by the signal ``interrupted``.
+    """The result of a comparison: a score per run, fewer if it was ended by the signal ``interrupted``.
 
     ``stored_before`` runs were not made again; it took ``wall_time`` [s].
     """
@@ -64,14 +64,12 @@ def compare(
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
-    Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
-    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is always run, since it
-    defines which rows a scenario challenges. A run that fails in any way, even by ending its process or by never
-    ending, becomes a row with its reason.
+    Runs stored there before with the same scenario, controller, trial, seed, code and files are kept, unless ``fresh``,
+    which also replaces another comparison. The unconstrained baseline is always run. A run that fails in any way, even
+    by ending its process or by never ending, becomes a row with its reason.
 
-    ``workers`` is the maximum number of processes (:func:`.process_count`), 0 for this one, which also runs what no
-    other can; ``limit`` how long a run may take [s], by its number of samples if None (:func:`.run_limit`);
-    ``command`` what the user typed, for the manifest. ``on_finished`` is called with every finished run. Raises
+    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can; ``limit`` how
+    long a run may take [s], by its number of samples if None. ``on_finished`` is called with every finished run. Raises
     ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
     lost, and StorageError if the tables cannot be written; what could be stored stays.
     """
@@ -141,10 +139,7 @@ def compare(
 
 
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
-    """Make a run, or take it from the folder, and score it against its baseline, which has been made.
-
-    Whatever goes wrong, while it is simulated, scored or stored, becomes a failed run with its reason.
-    """
+    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes a failed run."""
 
     def scored(record: RunRecord) -> Score:
         # the baseline of an earlier comparison does not count
@@ -168,7 +163,6 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
 
 
 def _simulated(spec: RunSpec) -> RunRecord:
-    """Make a run; whatever goes wrong becomes a failed one with its reason."""
     files: Files = {}
     # own parts may change the working directory
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
@@ -184,7 +178,6 @@ def _simulated(spec: RunSpec) -> RunRecord:
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:
-    """Lines of the :data:`TABLES`."""
     runs = [(dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
     results = [{**own, **score.result} for own, score in runs]
     return dict(zip(TABLES, (results, [{**own, **row} for own, each in runs for row in each.constraints]), strict=True))

@@ -39,10 +39,7 @@ def stored_files(folder: Path) -> list[Path]:
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
-    """Raise ConfigurationError if finished runs in a folder are no part of a suite, or have other settings in it.
-
-    Runs that are repeated because code, machine or a file has changed are not lost.
-    """
+    """Raise ConfigurationError if finished runs are no part of a suite, or have other settings in it."""
     earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
     planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
@@ -100,10 +97,9 @@ def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
-    """Remove the trajectories of all other runs of a stored comparison; how many stay.
+    """Remove the trajectories of all other runs of a stored comparison but those on an arm; how many stay.
 
-    The same command would repeat those runs. Runs on an arm stay, since no command repeats them. Raises
-    ConfigurationError if there is no comparison in the folder, StorageError if a trajectory cannot be removed.
+    Raises ConfigurationError if there is no comparison in the folder, StorageError if one cannot be removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]

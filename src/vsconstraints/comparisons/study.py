@@ -88,8 +88,8 @@ COLUMNS = (
 class Study:
     """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs have.
 
-    ``requires`` says what each uses beside rows and task (:attr:`.Controller.uses`), None for an own one whose code was
-    not trusted; ``frozen`` says of each family of a test set the seed and the hash of its scenes, by half.
+    ``requires`` says what each uses beside rows and task, None for an own one whose code was not trusted; ``frozen``
+    says of each family of a test set the seed and the hash of its scenes, by half.
     """
 
     runs: Any

@@ -30,10 +30,7 @@ MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
 
 @dataclass(frozen=True)
 class Suite(Experiment):
-    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts.
-
-    ``name`` is that of the file without its ending, ``title`` is for reports, ``seed`` that of the random deviations.
-    """
+    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts."""
 
     name: str
     title: str
@@ -48,11 +45,11 @@ class Suite(Experiment):
     def load(cls, path: Path | str | None = None) -> Suite:
         """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
 
-        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
-        ``scenario`` (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys of the scenario and
-        their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
-        keys and lists of values: one variant for every combination, with the values added to name and title). Raises
-        ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be built or started.
+        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table: ``scenario`` (name or path),
+        ``name`` and ``title`` of the variant, ``set`` (dotted keys and values, ``{ "task.Kp0" = 5.0, duration = 4.0
+        }``; a table replaces the scenario's), and ``each`` (dotted keys and lists of values: one variant for every
+        combination). Raises ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be
+        built or started.
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
@@ -129,10 +126,7 @@ class Suite(Experiment):
         return self
 
     def remarks(self) -> list[str]:
-        """What a reader should know of the scenarios' starts; raises what keeps one from being started.
-
-        What an own constraint raises is a remark: its runs fail, and the others do not.
-        """
+        """What a reader should know of starts, and of own constraints that raise; raises why one cannot be started."""
         remarks = []
         for scenario in self.scenarios:
             with chdir("."):  # own parts may change the working directory

@@ -112,13 +112,11 @@ def _may_have_children() -> None:
 
 @contextmanager
 def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
-    """The workers of a Dask scheduler, for as long as the ``with`` block lasts.
+    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, and send answers back.
 
-    Workers store nothing: answers are sent back. A worker that dies loses only its current call, which another one
-    gets. One that comes later takes part if it would give the same results; otherwise it gets nothing, with a warning.
-
-    ``address`` is the scheduler's, such as ``tcp://10.0.0.1:8786``; ``identity``, picklable, returns what results
-    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers there, it has no
+    A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would give
+    the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results depend on
+    where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it has no
     worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go away.
     """
     demand("cluster")

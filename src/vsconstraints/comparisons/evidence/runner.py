@@ -73,7 +73,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, which signal ended it, or 0."""
+    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, and which signal ended it."""
 
     folder: Path
     progress: Progress

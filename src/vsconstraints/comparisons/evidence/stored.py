@@ -146,7 +146,7 @@ class Evidence(StoredResults):
 
 
 def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
-    """What of a footer contradicts the manifest; empty if nothing does."""
+    """What of a footer contradicts the manifest, if anything."""
     configuration, identity, scenes = manifest["configuration"], facts.identity, facts.scenes
     family = configuration["families"].get(facts.family)
     if family is None:

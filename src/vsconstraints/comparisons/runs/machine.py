@@ -162,7 +162,6 @@ def git_commit() -> str:
 
 
 def _field(path: str, name: str) -> str:
-    """A field of one of Linux' lists; empty where there is none."""
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -188,10 +187,9 @@ def available_memory() -> float:
 
 
 def most_samples(tables: Mapping[str, Any]) -> float:
-    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers, as a family's.
+    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
 
-    It may take three durations until it settles, of a law that is called four times as often; on an arm it also holds
-    the periods of its stop.
+    It may take three durations until it settles, of a law that is called four times as often; or the stop of an arm.
     """
     return 1000.0 + 16.0 * _samples(tables, math.inf)
 

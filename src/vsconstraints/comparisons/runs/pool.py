@@ -64,10 +64,9 @@ OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 class Pool(Generic[Answer]):
     """Calls one function of a module in several processes, which are started when they are needed.
 
-    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure` with the reason. If a process
-    dies, its call is made once more when all others are done and nothing else runs. A call that takes longer than its
-    limit is ended with its process. Processes end with the pool, at once if the ``with`` block is left by an exception,
-    and with the process that started them, for whatever reason that ends.
+    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a process dies, its call
+    is made once more when all others are done. A call that takes longer than its limit is ended with its process.
+    Processes end with the pool, at once if its block is left by an exception, and with the process that started them.
     """
 
     def __init__(self, function: Callable[..., Answer], processes: int) -> None:
@@ -91,8 +90,7 @@ class Pool(Generic[Answer]):
     ) -> Iterator[tuple[Key, Answer | Failure]]:
         """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be started.
 
-        ``calls`` are arguments of the function, started in this order; ``limits`` how long calls may take [s], without
-        an entry as long as they like; ``again`` whether a call whose process died is made once more.
+        ``limits`` say how long calls may take [s]; ``again`` whether a call whose process died is made once more.
         """
         limits = limits or {}
         waiting, suspects = deque(calls), deque[Key]()
@@ -165,8 +163,7 @@ def run_all(
     """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their keys.
 
     Calls of a batch are started when all of the one before are answered; those ``here`` are made by this process.
-    ``on_answer`` is called with every answer as it comes, ``on_progress`` with the numbers of calls that are answered
-    and that there are.
+    ``on_progress`` is called with the numbers of calls that are answered and that there are.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
@@ -191,8 +188,6 @@ def unpacked(packed: bytes) -> Any:
 
 
 class _Worker:
-    """A process as its pool sees it: the call that it answers, with its limit, and whether it is ready or dead."""
-
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")  # they start alike on every system and inherit no threads
         self.connection, self._theirs = context.Pipe()
@@ -239,7 +234,7 @@ class _Worker:
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile: libraries read them when they are loaded."""
+    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile."""
     missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:

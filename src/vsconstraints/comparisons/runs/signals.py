@@ -94,10 +94,9 @@ def signals_held() -> Iterator[None]:
 
 @contextmanager
 def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
-    """End this process if a step takes longer than its limit [s], also while compiled code keeps the interpreter busy.
+    """End this process if a step takes longer than its limit [s], also in compiled code; None is no limit.
 
-    The function that it yields is called where a step begins and the one before has ended. None is no limit; one
-    deadline at a time in a process.
+    The function that it yields is called where a step begins and the one before has ended.
     """
     if limit is None:
         yield lambda: None

@@ -143,10 +143,7 @@ class Problem:
 
 @contextmanager
 def evaluating(tasks: Sequence[Batch], workers: int | None) -> Iterator[Evaluate]:
-    """Processes that judge settings by all tasks; as many as there are cores and memory for, if None.
-
-    A setting that ends its process, or takes too long, counts as a failed run: see :func:`.results`.
-    """
+    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is a failed run."""
     with processes(workers)(scored) as pool:
         families = [task.family.name for task in tasks]
         of_family = {
