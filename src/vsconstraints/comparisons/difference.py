@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
 from .evidence import RUNS, SCENES, Evidence
-from .evidence.campaign import in_words
+from .evidence.campaign import different, in_words
 from .metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
 from .runs.folder import kind_of
 from .runs.spec import BASELINE
@@ -109,12 +109,11 @@ class Pairs:
     def of(cls, a: Side, b: Side) -> Pairs:
         """Pair two sides; ConfigurationError if only one has drawn scenes, seeds differ, or there is no pair."""
         seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
-        why, otherwise = "", []
-        if a.key != b.key:
-            why = "only one of them has drawn scenes"
-        elif seeds[0] != seeds[1]:
+        why = "" if a.key == b.key else "only one of them has drawn scenes"
+        if not why and seeds[0] != seeds[1]:
             why = f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs"
-        else:
+        otherwise: Any = []
+        if not why:
             runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
             common = runs_a.index.intersection(runs_b.index, sort=False)
             only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
@@ -183,7 +182,7 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
     """Differences of two manifests; the same change of several scenarios or controllers is one."""
     found: dict[tuple[str, str, str], Change] = {}
     for key, part in PARTS.items():
-        for path, before, after in _different(a.get(key), b.get(key), ()):
+        for path, before, after in different(a.get(key), b.get(key)):
             names: tuple[str, ...] = ()
             if key == "configuration" and path and path[0] in NAMED and len(path) > 1:
                 names, path = (path[1],), (path[0], *(step for step in path[2:] if step != "tables"))
@@ -192,18 +191,6 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
             names = (*found[same].names, *names) if same in found else names
             found[same] = Change(part, what, names, before, after)
     return list(found.values())
-
-
-def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Paths to what differs, as deep as both have the same tables, or lists of as many tables."""
-    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
-    if lists and all(isinstance(entry, dict) for entry in (*a, *b)):
-        a, b = (dict(enumerate(side)) for side in (a, b))
-    if isinstance(a, dict) and isinstance(b, dict):
-        for key in dict.fromkeys((*a, *b)):
-            yield from _different(a.get(key), b.get(key), (*path, str(key)))
-    elif a != b:
-        yield path, a, b
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +242,7 @@ class Shift:
 
 
 def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
-    """All metrics in which pairs differ by more than the tolerance, a share of the greater value, and reports show it."""
+    """All metrics in which pairs differ by more than the tolerance, a share of the greater value, and reports show."""
     for group, metric in ((group, metric) for group in groups for metric in metrics):
         a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
         exist = np.isfinite(a) & np.isfinite(b)

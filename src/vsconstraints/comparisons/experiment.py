@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -31,6 +32,14 @@ class Experiment:
         """The same with other values of attributes."""
         return replace(self, **attributes)  # type: ignore[type-var]
 
+    def _selected(
+        self, what: str, load: Callable[[str], Any], names: Sequence[str], controllers: Sequence[str]
+    ) -> Self:
+        """The same with scenes and controllers of these names, or paths, if any."""
+        own = {each.name: each for each in getattr(self, what)}
+        chosen = tuple(own.get(name) or load(name) for name in dict.fromkeys(names or own))
+        return self.changed(**{what: chosen, "controllers": chosen_entries(self.controllers, controllers)})
+
     def with_settings(self, settings: Iterable[str]) -> Self:
         """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for what is wrong.
 
@@ -41,7 +50,12 @@ class Experiment:
             key, equals, text = (part.strip() for part in setting.partition("="))
             if not equals:
                 raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
-            value = _value(text)
+            try:
+                value = parse_toml(f"value = {text}", "--set")["value"]
+            except ConfigurationError as error:
+                if not isinstance(error.__cause__, tomllib.TOMLDecodeError):
+                    raise
+                value = text
             if key not in self.whole_numbers:
                 experiment = experiment._with(key, value)
             elif isinstance(value, int) and not isinstance(value, bool):
@@ -80,10 +94,6 @@ class Experiment:
         for entry in self.controllers:
             entry.make()
 
-    def resolved_controllers(self) -> dict[str, Any]:
-        """Laws and options by name, as data."""
-        return {entry.name: entry.table for entry in self.controllers}
-
 
 def entries_of(tables: Table, where: str, folder: Path) -> Entries:
     """The controllers of a file's tables; raises ConfigurationError for an unknown law."""
@@ -108,35 +118,13 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     return chosen or entries
 
 
-def demand_names(what: str, names: Sequence[str]) -> None:
+def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
     """Raise ConfigurationError unless files can be named after these names, and each is there once."""
-    for name in names:
+    for name, count in Counter(names).items():
+        named = f"{where}{what} name {shown(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
-            raise ConfigurationError(
-                f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
-                "',' and single '-'"
-            )
+            raise ConfigurationError(f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'")
         if len(name.encode()) > MAX_NAME_BYTES:
-            raise ConfigurationError(
-                f"{what} name {shown(name)} is used in file names and longer than {MAX_NAME_BYTES} bytes"
-            )
-        if names.count(name) > 1:
-            raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
-
-
-def demand_stored_names(names: Mapping[str, Iterable[str]], where: str) -> None:
-    """The same of names in a folder of results, by what they name: figures are named after them."""
-    for what, stored in names.items():
-        try:
-            demand_names(what, list(stored))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{where}: {error}") from error
-
-
-def _value(text: str) -> Any:
-    try:
-        return parse_toml(f"value = {text}", "--set")["value"]
-    except ConfigurationError as error:
-        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
-            return text
-        raise
+            raise ConfigurationError(f"{named} and longer than {MAX_NAME_BYTES} bytes")
+        if count > 1:
+            raise ConfigurationError(f"{where}{what} {name!r} appears more than once; give each its own name")

@@ -14,7 +14,7 @@ from ..controllers import CONTROLLERS
 from ..errors import ConfigurationError, StorageError, VsconstraintsError, shown
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked
-from .experiment import demand_stored_names
+from .experiment import demand_names
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
@@ -180,7 +180,8 @@ class StoredComparison(StoredResults):
         for key, least in (("trials", 1), ("seed", 0)):
             if configuration.get(key, least) < least:
                 raise ConfigurationError(f"{where}: {key} must be {least} or more")
-        demand_stored_names({"scenario": configuration["scenarios"], "controller": configuration["controllers"]}, where)
+        for what in ("scenario", "controller"):  # figures are named after them
+            demand_names(what, configuration[f"{what}s"], f"{where}: ")
         for name, scenario in configuration["scenarios"].items():
             at = f"{where}.scenarios.{name}"
             own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]

@@ -14,7 +14,7 @@ from ...scenarios import Scenario
 from ...scenarios.families import HALVES, SHIPPED, Family
 from ...scenarios.reading import Table, demand_known, demand_table, from_table
 from ...scenarios.toml import read_toml
-from ..experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
+from ..experiment import Entries, Experiment, demand_names, entries_of
 from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
 
@@ -49,24 +49,33 @@ def of_family(family: Family) -> Identity:
     }
 
 
-def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
+def different(a: Any, b: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Paths to what differs, None where it is missing, as deep as both have the same tables, or lists of as many."""
+    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
+    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
+        a, b = (dict(enumerate(side)) for side in (a, b))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        for key in dict.fromkeys((*a, *b)):
+            yield from different(a.get(key), b.get(key), (*path, str(key)))
+    elif a != b:
+        yield path, a, b
+
+
+def differences(there: Any, here: Any) -> Iterator[str]:
     """Sentences that name what differs, with both values."""
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        for name in dict.fromkeys((*there, *here)):
-            if name not in there or name not in here:
-                yield f"{key}{name} is only {'there' if name in there else 'here'}"
-            else:
-                yield from differences(there[name], here[name], f"{key}{name}.")
-    elif there != here:
-        name = key.rstrip(".")
-        values = f"{name} is {shown(there)} there and {shown(here)} here"
-        yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else values
+    for path, old, new in different(there, here):
+        name = ".".join(path)
+        if old is None or new is None:
+            yield f"{name} is only {'there' if new is None else 'here'}"
+        else:
+            said = f"{name} is {shown(old)} there and {shown(new)} here"
+            yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
 
 
-def in_words(texts: Sequence[str], most: int = MAX_SHOWN) -> str:
+def in_words(texts: Sequence[str]) -> str:
     """The first of many differences, and how many there are."""
-    more = len(texts) - most
-    return "; ".join(texts[:most]) + (f"; and {more} more" if more > 0 else "")
+    more = len(texts) - MAX_SHOWN
+    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
@@ -106,7 +115,7 @@ class Campaign(Experiment):
             controllers += entries_of(tuned, f"{name}.controllers", folder)
         families = tuple(Family.load(name, folder) for name in file.families)
         name, title, conditions = source.stem, file.title or source.stem, tuple(file.conditions)
-        sizes = file.scenes, file.half, file.seed, dict(file.scenes_in)
+        sizes = file.scenes, file.half, file.seed, file.scenes_in
         return cls(name, title, file.question, families, controllers, conditions, *sizes).checked()
 
     def select(
@@ -120,14 +129,8 @@ class Campaign(Experiment):
 
         KEY of ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or a controller's name and an option.
         """
-        own = {family.name: family for family in self.families}
-        campaign = replace(
-            self,
-            families=tuple(own.get(name) or Family.load(name) for name in dict.fromkeys(families or own)),
-            controllers=chosen_entries(self.controllers, controllers),
-            scenes=self.scenes if scenes is None else scenes,
-        )
-        return campaign.with_settings(settings).checked()
+        campaign = self if scenes is None else replace(self, scenes=scenes)
+        return campaign._selected("families", Family.load, families, controllers).with_settings(settings).checked()
 
     def _with(self, key: str, value: Any) -> Campaign:
         table, _, condition = key.partition(".")
@@ -135,9 +138,8 @@ class Campaign(Experiment):
             return replace(self, half=str(value))
         if key == "conditions":
             return replace(self, conditions=tuple(map(str, value if isinstance(value, list) else [value])))
-        if table == "scenes_in" and condition:
-            return replace(self, scenes_in={**self.scenes_in, condition: value})
-        return super()._with(key, value)
+        in_some = table == "scenes_in" and condition
+        return replace(self, scenes_in={**self.scenes_in, condition: value}) if in_some else super()._with(key, value)
 
     def checked(self) -> Campaign:
         """The campaign with the unconstrained baseline in it; raises what is wrong if something cannot be used."""
@@ -166,10 +168,8 @@ class Campaign(Experiment):
                     f"{', '.join(family.conditions)}"
                 )
         for entry, family in product(self.controllers, self.families):
-            heavy = [
-                name for name in self.conditions_of(family) if entry.run.call_time and family.has_key("plant", name)
-            ]
-            if heavy:
+            heavy = [name for name in self.conditions_of(family) if family.has_key("plant", name)]
+            if entry.run.call_time and heavy:
                 raise ConfigurationError(
                     f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "
                     f"{family.name} has masses in {', '.join(heavy)}: choose other conditions"
@@ -178,10 +178,8 @@ class Campaign(Experiment):
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
         """The conditions in which a family's scene of that number is run, in the family's order."""
-        wanted = self.conditions or family.conditions
-        return tuple(
-            name for name in family.conditions if name in wanted and number < self.scenes_in.get(name, self.scenes)
-        )
+        wanted, most = self.conditions or family.conditions, self.scenes_in
+        return tuple(name for name in family.conditions if name in wanted and number < most.get(name, self.scenes))
 
     def identity(self, family: Family) -> Identity:
         """All that the results of one family's scenes depend on."""
@@ -201,21 +199,19 @@ class Campaign(Experiment):
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
-        names = ("title", "question", "scenes", "half", "seed")
-        families = {
-            family.name: {
-                "folder": _portable(family.folder),
-                "conditions": list(self.conditions_of(family)),
-                "tables": plain(family.tables),
-            }
-            for family in self.families
-        }
+        families, shipped = {}, SHIPPED.resolve()
+        for family in self.families:
+            # within that of the shipped families as seen from it, since that differs from machine to machine
+            folder = family.folder.resolve()
+            at = folder.relative_to(shipped).as_posix() if folder.is_relative_to(shipped) else str(folder)
+            conditions = list(self.conditions_of(family))
+            families[family.name] = {"folder": at, "conditions": conditions, "tables": plain(family.tables)}
         return {
             "campaign": self.name,
-            **{name: getattr(self, name) for name in names},
+            **{name: getattr(self, name) for name in ("title", "question", "scenes", "half", "seed")},
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
-            "controllers": self.resolved_controllers(),
+            "controllers": {entry.name: entry.table for entry in self.controllers},
             "families": families,
             **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
@@ -235,9 +231,3 @@ class _File:
     seed: int = 0
     scenes_in: Table = field(default_factory=dict)
     tuned: str = ""
-
-
-def _portable(folder: Path) -> str:
-    """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
-    whole, shipped = folder.resolve(), SHIPPED.resolve()
-    return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)

@@ -100,7 +100,6 @@ def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 
 
 def _may_have_children() -> None:
-    """Make this Dask worker a process that may have children: it is started as one that may not."""
     if multiprocessing.current_process().daemon:
         multiprocessing.current_process().daemon = False
     for variable in THREAD_VARIABLES:  # pools set them for a moment, and here each thread has one
@@ -112,10 +111,10 @@ def _may_have_children() -> None:
 
 @contextmanager
 def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
-    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, and send answers back.
+    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, but send answers.
 
-    A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would give
-    the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results depend on
+    A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would
+    give the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results depend on
     where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it has no
     worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go away.
     """
@@ -135,7 +134,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
 
 
 class _Cluster:
-    """The workers of a scheduler, each asked what results depend on there before it is given anything."""
+    """Each worker is asked what results depend on there before it is given anything."""
 
     def __init__(self, client: Any, address: str, session: Session) -> None:
         self._client, self._address, self._session = client, address, session
@@ -150,10 +149,8 @@ class _Cluster:
             time.sleep(SOON)
             threads = self._threads()
         if not threads:
-            raise ConfigurationError(
-                f"the scheduler at {self._address} has no worker; start one or more on each machine with "
-                f"`dask worker {self._address}`"
-            )
+            start = f"start one or more on each machine with `dask worker {self._address}`"
+            raise ConfigurationError(f"the scheduler at {self._address} has no worker; {start}")
         self._started = True
 
     def _threads(self) -> dict[str, int]:
@@ -287,7 +284,6 @@ def _connected(address: str) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what distributed logs of a scheduler that is not there: the error says it."""
     logger = logging.getLogger("distributed")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

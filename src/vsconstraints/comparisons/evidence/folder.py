@@ -47,16 +47,12 @@ class Facts:
 
 
 class StoredShard(NamedTuple):
-    """A shard of a folder, with its footer."""
+    """A shard of a folder: its name, its footer, and the path of the part that is written last."""
 
     folder: Path
     name: str
     facts: Facts
-
-    @property
-    def path(self) -> Path:
-        """Of the part that is written last."""
-        return shard_file(self.folder, MARK, self.name)
+    path: Path
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
         """The lines of one of its tables, of the named columns or all."""
@@ -75,7 +71,8 @@ def shard_names(folder: Path) -> list[str]:
 
 def shards(folder: Path) -> list[StoredShard]:
     """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be read."""
-    return [StoredShard(folder, name, Facts.of(shard_file(folder, MARK, name))) for name in shard_names(folder)]
+    paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
+    return [StoredShard(folder, path.stem, Facts.of(path), path) for path in paths]
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -118,10 +115,8 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
     if not problems and last >= campaign.scenes:
         problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
     if problems:
-        raise ConfigurationError(
-            f"{folder} holds evidence of another campaign: {in_words(problems)}. Give another folder with --out, or "
-            "--fresh to replace what is there"
-        )
+        instead = "Give another folder with --out, or --fresh to replace what is there"
+        raise ConfigurationError(f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}")
     return there
 
 

@@ -15,7 +15,7 @@ from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.families.frozen import family_of
 from ...scenarios.reading import Table
 from ...simulation.trajectory import Outcome
-from ..experiment import demand_stored_names
+from ..experiment import demand_names
 from ..record import RunRecord
 from ..runs.files import TRAJECTORIES, demand_unchanged
 from ..runs.folder import MANIFEST, Keep, StoredResults, entries, kind_of
@@ -121,12 +121,9 @@ class Evidence(StoredResults):
 
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
-        others: dict[str, Any] = {
-            **dict.fromkeys(("machine", "packages"), Table),
-            **dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number),
-            **dict.fromkeys(("runs", "scenes", "finished"), int),
-        }
-        others |= {"command": Texts, "shard": tuple[int, int], "keep": Keep}
+        others: dict[str, Any] = {"machine": Table, "packages": Table, "command": Texts, "keep": Keep}
+        others |= {"shard": tuple[int, int], **dict.fromkeys(("runs", "scenes", "finished"), int)}
+        others |= dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number)
         manifest = entries(manifest, where, {"configuration": Table}, others)
         where += ".configuration"
         needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
@@ -136,11 +133,12 @@ class Evidence(StoredResults):
             raise ConfigurationError(
                 f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
             )
-        demand_stored_names({"family": families, "controller": controllers}, where)
+        demand_names("family", families, f"{where}: ")
+        demand_names("controller", controllers, f"{where}: ")
         for name, entry in families.items():
             at = f"{where}.families.{name}"
             family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
-            demand_stored_names({"condition": family["conditions"]}, at)
+            demand_names("condition", family["conditions"], f"{at}: ")
         for name, entry in controllers.items():
             ControllerSpec.from_table(name, entry, f"{where}.controllers")
 
@@ -186,10 +184,9 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
         for scene, condition, law in product(facts.scenes, conditions, configuration["controllers"])
         if scene < most.get(condition, configuration["scenes"])
     }
-    if counts["scenes"] != len(facts.scenes):
-        yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-    if counts[MARK] != facts.runs or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
-        yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {len(planned)} runs"
+    expected = {**counts, "scenes": len(facts.scenes), MARK: facts.runs}
+    if counts != expected or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
+        yield f"it has {counts} lines, not {expected}, or more than planned: {len(planned)} runs"
     scenes = lines("scenes", "family", "half", "scene", "found")
     if Counter(line[:3] for line in scenes) != Counter((facts.family, half, scene) for scene in facts.scenes):
         yield "its scenes are not those of its footer"
@@ -197,13 +194,11 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
     runs = lines(MARK, *keys, "violated")
     there = Counter(line[:-1] for line in runs)
     drawn = {scene for *_, scene, found in scenes if found}
-    for problem, wrong in (
-        ("has no run", {key for key in planned if key[3] in drawn} - there.keys()),
-        ("has a run", there.keys() - planned),
-        ("has more than once", {key for key, count in there.items() if count > 1}),
-    ):
+    missing = {key for key in planned if key[3] in drawn} - there.keys()
+    more = there.keys() - planned, {key for key, count in there.items() if count > 1}
+    for problem, wrong in zip(("no run", "a run", "more than once"), (missing, *more), strict=True):
         if wrong:
-            yield f"it {problem} {', '.join(map(str, min(wrong, key=str)))}"
+            yield f"it has {problem} {', '.join(map(str, min(wrong, key=str)))}"
     rows = Counter(lines("rows", *keys, "constraint"))
     violated = {(*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label}
     once = max(rows.values(), default=1) == 1

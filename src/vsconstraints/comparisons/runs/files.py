@@ -33,9 +33,8 @@ def storing(what: str, folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StorageError(
-            f"{what} cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
-        ) from error
+        why = f"{error}; what is there stays, and the same command goes on"
+        raise StorageError(f"{what} cannot be stored in {folder}: {why}") from error
 
 
 @contextmanager
@@ -186,10 +185,8 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
     """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there later, or lost."""
     problems, remark = check_sums(folder, paths, finished, all_there)
     if problems:
-        raise ConfigurationError(
-            f"{folder} is not whole: {'; '.join(problems)}. Put back what was stored, or give the command again that "
-            "made it"
-        )
+        instead = "Put back what was stored, or give the command again that made it"
+        raise ConfigurationError(f"{folder} is not whole: {'; '.join(problems)}. {instead}")
     return remark
 
 

@@ -50,10 +50,8 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.seek(0)
-            raise ConfigurationError(
-                f"process {lock.read().strip() or 'unknown'} is storing results in {folder}: "
-                "wait until it ends, or give another folder"
-            ) from None
+            storing = f"process {lock.read().strip() or 'unknown'} is storing results in {folder}"
+            raise ConfigurationError(f"{storing}: wait until it ends, or give another folder") from None
         except OSError:
             pass  # a file system without locks
         with suppress(OSError):  # a full disk: others are refused without the process id
@@ -73,10 +71,8 @@ def demand_inside(folder: Path) -> None:
     for at, folders, files in os.walk(folder):
         for path in (os.path.join(at, name) for name in (*folders, *files)):
             if os.path.islink(path) and os.path.commonpath([whole, os.path.realpath(path)]) != whole:
-                raise ConfigurationError(
-                    f"{path} is a link that leads out of the folder, where results would be written to: replace it "
-                    "by what it leads to"
-                )
+                why = "where results would be written to: replace it by what it leads to"
+                raise ConfigurationError(f"{path} is a link that leads out of the folder, {why}")
 
 
 def kind_of(folder: Path) -> Kind | None:
@@ -178,10 +174,8 @@ def _demand_nothing_else(path: Path, kind: Kind) -> None:
     if there is not None and there != kind:
         raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
     if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
-        raise ConfigurationError(
-            f"{path} holds something, and no {kind.removeprefix('a ')} that could go on: give a folder that is empty "
-            "or new"
-        )
+        nothing = f"no {kind.removeprefix('a ')} that could go on"
+        raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
 
 
 #: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest violation, or the first.

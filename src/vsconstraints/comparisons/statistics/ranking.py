@@ -116,9 +116,7 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
     shift = shift or 0.0
     moved = known + shift
     if moved.min(initial=1.0) <= 0.0:
-        raise InvalidInput(
-            f"a profile needs positive costs: the least is {finite.min():g}, and {shift:g} is added to it"
-        )
+        raise InvalidInput(f"a profile needs positive costs: {shift:g} is added to the least, {finite.min():g}")
     ratios = np.full(moved.shape, np.inf)
     np.divide(moved, moved.min(axis=1, keepdims=True), out=ratios, where=np.isfinite(moved))
     return Profile(ratios, shift)
@@ -150,9 +148,7 @@ def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) 
     """
     successes, scenes = array(counts, "counts", 2), array(of, "of", 2)
     if successes.shape != scenes.shape or successes.shape[1] < 2:
-        raise InvalidInput(
-            f"counts and of must be of the same families, two at least: {successes.shape}, {scenes.shape}"
-        )
+        raise InvalidInput(f"counts and of must be of the same two families or more: {successes.shape}, {scenes.shape}")
     if not ((successes >= 0.0) & (successes <= scenes)).all():
         raise InvalidInput("counts must be from 0 to the number of scenes")
     density, shares = _grid()

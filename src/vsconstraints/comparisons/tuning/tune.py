@@ -98,10 +98,8 @@ class Journal(dict[Setting, ByFamily]):
                     for family, values in entry["judged"].items()
                 }
             except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-                raise ConfigurationError(
-                    f"{path}, line {number} is damaged ({type(error).__name__}): delete it, and its setting is "
-                    "evaluated again"
-                ) from error
+                where = f"{path}, line {number} is damaged ({type(error).__name__})"
+                raise ConfigurationError(f"{where}: delete it, and its setting is evaluated again") from error
         if rest:
             with storing("evaluations", path.parent):
                 os.truncate(path, len(data) - len(rest))
