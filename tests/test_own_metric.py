@@ -40,7 +40,7 @@ def test_one_small_file_and_one_line_are_a_metric(tmp_path: Path) -> None:
     (metrics / "camera_path.py").write_text(function, encoding="utf-8")
     table = (metrics / "table.py").read_text(encoding="utf-8")
     entry = "    " + line.partition("line = ")[2].rstrip() + ",\n"
-    table = table.replace(")  # fmt: skip\n", f"{entry})  # fmt: skip\n", 1)
+    table = table.replace("))  # fmt: skip\n", f"{entry}))  # fmt: skip\n", 1)
     table = table.replace("from .measured import", "from .camera_path import camera_path\nfrom .measured import")
     (metrics / "table.py").write_text(table, encoding="utf-8")
     paths = os.pathsep.join(map(str, (package.parent, ROOT / "tests")))

@@ -120,7 +120,7 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
 
 def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
     """Raise ConfigurationError unless files can be named after these names, and each is there once."""
-    for name, count in Counter(names).items():
+    for name, count in Counter(iter(names)).items():
         named = f"{where}{what} name {shown(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
             raise ConfigurationError(f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'")

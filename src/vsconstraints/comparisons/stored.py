@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -50,10 +51,9 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             why = "has other settings in this one"
         else:
             continue
-        raise ConfigurationError(
-            f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}, "
-            f"{why}. Give another folder with --out, or --fresh to replace what is there"
-        )
+        lost = f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}"
+        instead = "Give another folder with --out, or --fresh to replace what is there"
+        raise ConfigurationError(f"{lost}, {why}. {instead}")
 
 
 def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
@@ -65,24 +65,21 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
     for key, reason in _finished(folder).items():
         driven, run = ON_ARM.match(reason), planned.get(key)
         if driven and (fresh or run is None or stored_run(run, folder) is None):
-            raise ConfigurationError(
-                f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace: "
-                "code, settings or files have changed, or --fresh was given. Give another folder with --out"
-            )
+            why = "code, settings or files have changed, or --fresh was given. Give another folder with --out"
+            lost = f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace"
+            raise ConfigurationError(f"{lost}: {why}")
 
 
-def _settings(configuration: object) -> dict[tuple[str, str], Any]:
+def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
     """What results depend on: the seed, and scenarios and controllers by their names, of whatever a manifest holds."""
-
-    def table(data: object, key: str) -> dict[str, Any]:
-        inner = data.get(key) if isinstance(data, dict) else None
-        return inner if isinstance(inner, dict) else {}
-
-    settings = {("controller", name): entry for name, entry in table(configuration, "controllers").items()}
-    for name, entry in table(configuration, "scenarios").items():
-        own = table(entry, "tables")
-        settings["scenario", name] = {key: own[key] for key in own if key not in ("title", "description")}
-    return {**settings, ("seed", ""): configuration.get("seed")} if isinstance(configuration, dict) else {}
+    settings: dict[tuple[str, str], Any] = {}
+    with suppress(KeyError, TypeError, AttributeError):
+        settings["seed", ""] = configuration["seed"]
+        settings |= {("controller", name): entry for name, entry in configuration["controllers"].items()}
+        for name, entry in configuration["scenarios"].items():
+            own = entry["tables"].items()
+            settings["scenario", name] = {key: value for key, value in own if key not in ("title", "description")}
+    return settings
 
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:

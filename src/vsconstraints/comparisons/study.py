@@ -65,23 +65,15 @@ SCENE, CONDITION = ["family", "scene"], "condition"  #: conditions of a scene ar
 _KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
 _SITUATION = [Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text")) for each in fields(Situation)]
 #: What came of a run, the same wherever it is made again; see ``results.csv``.
+_NUMBERS = "violation_fraction", "settling_time_s", "utilization", "acceleration_variation"
 OUTCOME = (
     Column("status", "text", category=True),
     Column("violated", "text"),
-    Column("violation_fraction", "number"),
-    Column("settling_time_s", "number"),
-    Column("utilization", "number"),
-    Column("acceleration_variation", "number"),
+    *(Column(name, "number") for name in _NUMBERS),
 )
 #: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
-COLUMNS = (
-    *KEYS,
-    *_SITUATION,
-    Column("success", "flag"),
-    Column("tolerant_success", "flag"),
-    Column("call_us", "number"),
-    *OUTCOME,
-)
+_SUCCESS = Column("success", "flag"), Column("tolerant_success", "flag"), Column("call_us", "number")
+COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 
 
 @dataclass(frozen=True)
@@ -113,13 +105,10 @@ class Study:
             missing = [name for name in _FACTS if not isinstance(facts.get(name), dict)]
             if (there := facts.get("study")) != FORMAT or missing:
                 why = f"says nothing of {missing[0]}" if there == FORMAT else f"its format is {there}, not {FORMAT}"
-                raise ConfigurationError(
-                    f"{path} is no study of this version: {why}; --keep makes one of a folder of evidence"
-                )
-            laws = {
-                name: ControllerSpec(name, own.pop("type", name), own) for name, own in facts["controllers"].items()
-            }
-            study = cls(parquet.read([path], COLUMNS).to_pandas(), laws, facts["requires"], facts["frozen"])
+                why += "; --keep makes one of a folder of evidence"
+                raise ConfigurationError(f"{path} is no study of this version: {why}")
+            runs, laws = parquet.read([path], COLUMNS).to_pandas(), _laws(facts["controllers"])
+            study = cls(runs, laws, facts["requires"], facts["frozen"])
         if not own:
             laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
             study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from ..scenarios import Scenario
 from ..scenarios.reading import NOTHING, Table, from_table
 from ..scenarios.toml import read_toml
 from .experiment import Entries, Experiment, demand_names, entries_of
+from .runs.files import plain
 from .runs.spec import BASELINE, RunSpec
 
 __all__ = ["BASELINE", "DEFAULT", "Suite"]
@@ -145,10 +145,7 @@ class Suite(Experiment):
             "seed": self.seed,
             "controllers": {entry.name: entry.table for entry in self.controllers},
             "scenarios": {
-                each.name: {
-                    "folder": "" if each.shipped else str(each.folder.resolve()),
-                    "tables": copy.deepcopy(each.tables),
-                }
+                each.name: {"folder": "" if each.shipped else str(each.folder.resolve()), "tables": plain(each.tables)}
                 for each in self.scenarios
             },
         }

@@ -114,9 +114,10 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, but send answers.
 
     A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would
-    give the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results depend on
-    where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it has no
-    worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go away.
+    give the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results
+    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it
+    has no worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go
+    away.
     """
     demand("cluster")
     client = _connected(address)

@@ -45,9 +45,7 @@ class Column(NamedTuple):
 
 #: What identifies a run.
 KEYS = (
-    Column("family", "text", category=True),
-    Column("condition", "text", category=True),
-    Column("half", "text", category=True),
+    *(Column(name, "text", category=True) for name in ("family", "condition", "half")),
     Column("scene", "whole"),
     Column("controller", "text", category=True),
 )
@@ -68,14 +66,9 @@ ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 #: One line for each scene: ``rejected`` and ``values`` as JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
-    Column("found", "flag"),
-    Column("attempts", "whole"),
-    Column("rejected", "text"),
-    Column("challenged", "text"),
-    Column("share_to_hold", "number"),
-    Column("values", "text"),
-    Column("least_time_s", "number"),
-    Column("duration_s", "number"),
+    *(Column("found", "flag"), Column("attempts", "whole"), Column("rejected", "text"), Column("challenged", "text")),
+    *(Column("share_to_hold", "number"), Column("values", "text")),
+    *(Column("least_time_s", "number"), Column("duration_s", "number")),
 )
 TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: By the folders of their shards.
 TIMING = TIMING_COLUMNS  #: All other columns are the same wherever and whenever a scene is run.

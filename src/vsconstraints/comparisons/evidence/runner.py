@@ -162,15 +162,9 @@ def collect(
         finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
         if progress.runs:
             manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
-        manifest.update(
-            process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
-            runs=sum(facts.runs for facts in there) + progress.runs,
-            scenes=progress.scenes,
-            finished=progress.done,
-            stored_before=stored,
-            trajectories=kept,
-            loaded=loaded_versions(),
-        )
+        seconds, runs = sum(facts.seconds for facts in there), sum(facts.runs for facts in there)
+        manifest.update(process_time_s=seconds + progress.seconds, runs=runs + progress.runs, scenes=progress.scenes)
+        manifest.update(finished=progress.done, stored_before=stored, trajectories=kept, loaded=loaded_versions())
         with storing("evidence", folder):
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))

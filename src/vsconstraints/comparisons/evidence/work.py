@@ -83,13 +83,9 @@ class Batch:
     def pieces(self) -> list[Batch]:
         """One task for each run, and one for the lines of each scene without any."""
         own = [replace(self, scenes=(number,)) for number in self.scenes]
-        return [
-            *(replace(task, conditions=()) for task in own),
-            *(
-                replace(task, conditions=(condition,), single=entry.name)
-                for task, condition, entry in product(own, self.conditions, self.controllers)
-            ),
-        ]
+        runs = product(own, self.conditions, self.controllers)
+        pieces = [replace(task, conditions=()) for task in own]
+        return pieces + [replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs]
 
 
 ALL = Shard()
@@ -212,11 +208,9 @@ def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
         "family": task.family.name,
         "half": task.half,
         "scene": number,
-        "found": scene.found,
-        "attempts": scene.attempts,
+        **{name: getattr(scene, name) for name in ("found", "attempts", "share_to_hold")},
         "rejected": _json(scene.rejected),
         "challenged": "; ".join(scene.challenged),
-        "share_to_hold": scene.share_to_hold,
         "values": _json(scene.values),
         "least_time_s": scene.least_time,
         "duration_s": scene.duration,

@@ -27,19 +27,14 @@ OPTIONAL = ("quadprog",)  # used wherever they are installed
 
 PROCESS_MEMORY = 300e6  # of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
 
-# A run may take so long [s], and so long for each sample: shipped laws take 1e-5 to 1e-3 s a sample, and the first run
-# of a process may have to compile.
-MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
+MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1  # how long a run may take [s], which may have to compile, and each sample
 
 
 def machine() -> dict[str, str | int]:
     """Processor, cores, system and Python."""
-    return {
-        "processor": _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine(),
-        "cores": os.cpu_count() or 0,
-        "system": f"{platform.system()} {platform.machine()}",
-        "python": python_version(),
-    }
+    processor = _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine()
+    system = f"{platform.system()} {platform.machine()}"
+    return {"processor": processor, "cores": os.cpu_count() or 0, "system": system, "python": python_version()}
 
 
 def python_version() -> str:
@@ -81,12 +76,12 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
-    """Versions of modules, which are loaded for it, each after the distribution that it comes from."""
+    """Versions of modules by their names: see :func:`module_version`."""
     return {name: module_version(name) for name in modules}
 
 
 def module_version(name: str) -> str:
-    """The version of a module, after the name of the distribution whose file was loaded."""
+    """The version of a module, which is loaded for it, after the name of the distribution that it comes from."""
     try:
         module = import_module(name)
     except ImportError:

@@ -139,11 +139,11 @@ class Pool(Generic[Answer]):
         worker.end(0.0)
         self._failed_starts += not worker.ready
         if self._failed_starts >= MAX_FAILED_STARTS:
-            raise VsconstraintsError(
-                f"{self._failed_starts} processes in a row ended before they were ready, the last one with exit code "
-                f"{worker.process.exitcode}; a script that uses several needs `if __name__ == '__main__':` around "
-                "what it does"
+            ended = (
+                f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
             )
+            needs = "a script that uses several needs `if __name__ == '__main__':` around what it does"
+            raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 
 
 def processes(count: int | None = None) -> OpenWorkers:

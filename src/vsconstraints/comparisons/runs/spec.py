@@ -201,14 +201,8 @@ class RunSpec:
     @property
     def fingerprint(self) -> str:
         """Identifies what is run but for the files it is made of: the code included, and whether it runs compiled."""
-        what = (
-            self.tables or str(self),
-            self.controller.table,
-            self.trial,
-            self.seed,
-            code_identity(),
-            used_versions({**self.tables, "law": self.controller.options}),
-        )
+        run = self.tables or str(self), self.controller.table, self.trial, self.seed
+        what = *run, code_identity(), used_versions({**self.tables, "law": self.controller.options})
         return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 

@@ -70,8 +70,7 @@ class Budget:
     scenes: int = 10
 
     def __post_init__(self) -> None:
-        for name in ("evaluations", "seeds", "scenes"):
-            value = getattr(self, name)
+        for name, value in vars(self).items():
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f"{name} must be 1 or more, not {shown(value)}")
 
@@ -111,8 +110,8 @@ class Problem:
             "scenes": self.budget.scenes,
             "controllers": of_controllers(campaign.controllers),
             "families": {
-                family.name: {**of_family(family), "conditions": list(campaign.conditions_of(family))}
-                for family in campaign.families
+                each.name: {**of_family(each), "conditions": list(campaign.conditions_of(each))}
+                for each in campaign.families
             },
         }
 
@@ -128,11 +127,11 @@ class Problem:
         answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
         tasks: list[Batch] = []
         for family in campaign.families:
-            scenes = [answers[family.name, i] for i in each]
-            for scene in scenes:
+            drawn: list[Drawn] = []
+            for scene in (answers[family.name, i] for i in each):
                 if isinstance(scene, Failure):
                     raise ConfigurationError(f"family {family.name}: a training scene cannot be drawn: {scene.reason}")
-            drawn = [scene for scene in scenes if isinstance(scene, Drawn) and scene.found]
+                drawn += [scene] if scene.found else []
             if not drawn:
                 family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
             for scene, name in product(drawn, campaign.conditions_of(family)):

@@ -138,7 +138,7 @@ class Tuned:
     """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default."""
 
     law: Searched
-    evaluations: tuple[Evaluation, ...]
+    evaluations: Sequence[Evaluation]
 
     @property
     def default(self) -> Evaluation:
@@ -166,20 +166,16 @@ class Tuned:
     @classmethod
     def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
         """A law's evaluations in any order."""
-        return cls(law, tuple(sorted(evaluations, key=lambda each: (each.seed, each.number))))
+        return cls(law, sorted(evaluations, key=lambda each: (each.seed, each.number)))
 
     def toml(self, family: str) -> list[str]:
         """Lines of the setting that is best in a family as a table of controllers."""
-        name, best = self.law.name, self.best(family)
         if not self.law.ranges:
-            return [f"# {name}: nothing is searched"]
-        judged, default = (each.by_family[family] for each in (best, self.default))
-        setting = self.law.setting(best.options)
-        return [
-            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default",
-            f"[controllers.{toml_text(f'{name}-tuned')}]",
-            *toml_items(setting.table),
-        ]
+            return [f"# {self.law.name}: nothing is searched"]
+        best, default = self.best(family), self.default.by_family[family]
+        judged, setting = best.by_family[family], self.law.setting(best.options)
+        succeed = f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default"
+        return [succeed, f"[controllers.{toml_text(f'{self.law.name}-tuned')}]", *toml_items(setting.table)]
 
 
 @dataclass(frozen=True)
@@ -268,11 +264,8 @@ def _evaluations(
         on_progress("evaluating", number, budget.evaluations)
         asked = [(search, search.ask()) for search in searches if number == 0 or search.searched.ranges]
         keys = [(search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked]
-        new = {
-            key: search.searched.setting(options)
-            for key, (search, options) in zip(keys, asked, strict=True)
-            if key not in journal
-        }
+        settings = (search.searched.setting(options) for search, options in asked)
+        new = {key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal}
         for key, judged in zip(new, evaluate(list(new.values())), strict=True):
             journal.add(key, judged)
         for key, (search, options) in zip(keys, asked, strict=True):
@@ -288,9 +281,8 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     if there is None:
         raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
     if there != here:
-        raise ConfigurationError(
-            f"{folder} holds another tuning: {in_words(list(differences(there, here)))}. Give another folder with --out"
-        )
+        other = in_words(list(differences(there, here)))
+        raise ConfigurationError(f"{folder} holds another tuning: {other}. Give another folder with --out")
     manifest = {
         "tuning": here,
         "evaluations": problem.budget.evaluations,
