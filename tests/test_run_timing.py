@@ -15,8 +15,7 @@ from test_disturbances import case
 from test_evidence import HERE
 from vsconstraints.comparisons.evidence import TIMING, Campaign, Evidence, collect
 from vsconstraints.comparisons.evidence.work import Bench, tasks_of
-from vsconstraints.comparisons.metrics import score
-from vsconstraints.comparisons.metrics.measured import Measured
+from vsconstraints.comparisons.metrics import Measured, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, ControllerSpec, RunSpec, RunTiming

@@ -23,7 +23,7 @@ from vsconstraints import Camera, Robot
 from vsconstraints.arms import Envelope
 from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, Server
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.tuning.objectives import Judged
+from vsconstraints.comparisons.tuning.problem import Judged
 from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.compiled import prepare
 from vsconstraints.errors import VsconstraintsError

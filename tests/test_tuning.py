@@ -19,18 +19,20 @@ from vsconstraints.comparisons.evidence import Batch, Campaign
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tuning import Budget, Problem, Tuned, Tuning, tune
 from vsconstraints.comparisons.tuning import tune as tune_function
-from vsconstraints.comparisons.tuning.objectives import (
+from vsconstraints.comparisons.tuning.problem import (
+    ALL,
     OBJECTIVES,
     REFERENCE,
     Judged,
     Outcome,
     Point,
+    Searched,
     choose,
+    evaluating,
     judged,
     loss,
     outcome,
 )
-from vsconstraints.comparisons.tuning.problem import ALL, Searched, evaluating
 from vsconstraints.comparisons.tuning.tune import Evaluation, Journal, Search
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError

@@ -105,8 +105,7 @@ def leaderboard(
 ) -> None:
     """Check tables of runs on all held-out scenes, and print their laws in order as a table in Markdown."""
     demand("evidence", "the leaderboard")
-    from ..comparisons.rerun import differing
-    from ..comparisons.study import Study
+    from ..comparisons.study import Study, differing
     from ..reports.leaderboard import leaderboard as board
     from ..scenarios.families.frozen import TestSet
 

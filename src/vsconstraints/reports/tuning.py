@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..comparisons.runs.files import storing
-from ..comparisons.tuning.objectives import OBJECTIVES, REFERENCE
-from ..comparisons.tuning.problem import ALL
+from ..comparisons.tuning.problem import ALL, OBJECTIVES, REFERENCE
 from ..comparisons.tuning.tune import Evaluation, Tuned, Tuning
 from .markdown import Table
 from .numbers import over_trials, percent

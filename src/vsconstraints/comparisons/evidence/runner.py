@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from ...compiled import prepare
 from ..runs.files import seal, storing, write_json
@@ -25,26 +24,20 @@ OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a
 GRACE = 60.0  # a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
 
 
-class Kind(NamedTuple):
-    """What runs in different scenes have in common."""
-
-    family: str
-    condition: str
-    controller: str
+Kind = tuple[str, str, str]  #: Family, condition and controller.
 
 
 @dataclass
 class Progress:
     """How far a campaign is.
 
-    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``found`` scenes and ``runs``
-    are new, in ``seconds`` of process time; ``reasons`` says why the first run of each kind ``failed``.
+    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``runs`` are new, in
+    ``seconds`` of process time; ``reasons`` says why the first run of each kind ``failed``.
     """
 
     scenes: int
     stored_before: int
     done: int = 0
-    found: int = 0
     runs: int = 0
     of_kind: Counter[Kind] = field(default_factory=Counter)
     failed: Counter[Kind] = field(default_factory=Counter)
@@ -54,20 +47,19 @@ class Progress:
     def add(self, task: Batch, part: Part) -> None:
         """Count the result of a task."""
         self.done += len(task.scenes)
-        self.found += sum(part.scenes["found"].to_pylist())
         self.runs += part.runs.num_rows
         self.seconds += part.seconds
-        for line in part.runs.select([*Kind._fields, "status", "reason"]).to_pylist():
-            kind = Kind(*(line[name] for name in Kind._fields))
-            self.of_kind[kind] += 1
-            if line["status"] == "failed":
-                self.failed[kind] += 1
-                self.reasons.setdefault(kind, line["reason"])
+        for line in part.runs.select(["family", "condition", "controller", "status", "reason"]).to_pylist():
+            family, condition, controller, status, reason = line.values()
+            self.of_kind[family, condition, controller] += 1
+            if status == "failed":
+                self.failed[family, condition, controller] += 1
+                self.reasons.setdefault((family, condition, controller), reason)
 
     @property
     def all_failed(self) -> bool:
         """Whether runs were made, and all of the compared controllers failed."""
-        compared = [kind for kind in self.of_kind if kind.controller != BASELINE] or list(self.of_kind)
+        compared = [kind for kind in self.of_kind if kind[2] != BASELINE] or list(self.of_kind)
         return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
 
 

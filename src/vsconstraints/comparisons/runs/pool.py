@@ -27,7 +27,7 @@ from .signals import SIGNALS, signals_held
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
 
-# Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
+#: Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 DIED = "the process that ran it died"
@@ -139,9 +139,7 @@ class Pool(Generic[Answer]):
         worker.end(0.0)
         self._failed_starts += not worker.ready
         if self._failed_starts >= MAX_FAILED_STARTS:
-            ended = (
-                f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
-            )
+            ended = f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
             needs = "a script that uses several needs `if __name__ == '__main__':` around what it does"
             raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 

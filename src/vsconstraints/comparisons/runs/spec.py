@@ -185,7 +185,7 @@ class RunSpec:
 
     @property
     def has_own_parts(self) -> bool:
-        """Whether controller or constraints are somebody's own."""
+        """Whether parts of it are somebody's own."""
         return ":" in self.controller.law or bool(self.load().own_parts)
 
     @property
@@ -195,7 +195,7 @@ class RunSpec:
 
     @property
     def here(self) -> bool:
-        """Whether only the process that asks for it can run it: a part of it is defined there, and nowhere else."""
+        """Whether only the process that asks for it can run it."""
         return self.controller.here or self.load().in_session
 
     @property

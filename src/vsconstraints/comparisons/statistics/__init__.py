@@ -5,9 +5,20 @@ Pure functions of arrays, one entry per scene, and of tables of runs. What they 
 
 from .judged import OUTCOMES, SCENE, distinguishable, judged_metrics, simultaneous, verdict
 from .ranking import Profile, Ranks, across_families, left_out_ranks, profile, ranks
-from .rates import PairedRates, Rate, detectable, difference_interval, mcnemar, median, paired, rate, rate_of
+from .rates import (
+    PairedRates,
+    Rate,
+    detectable,
+    difference_interval,
+    mcnemar,
+    median,
+    paired,
+    rate,
+    rate_of,
+    rate_text,
+    with_interval,
+)
 from .tables import compare_laws, costs, medians, rates
-from .text import rate_text, with_interval
 
 __all__ = [
     "OUTCOMES",

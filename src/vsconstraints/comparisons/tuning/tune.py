@@ -20,8 +20,7 @@ from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
-from .objectives import OBJECTIVES, Judged, choose, loss
-from .problem import ALL, ByFamily, Evaluate, Options, Problem, Searched, evaluating
+from .problem import ALL, OBJECTIVES, ByFamily, Evaluate, Judged, Options, Problem, Searched, choose, evaluating, loss
 
 JOURNAL, TUNED, EVALUATIONS = "journal.jsonl", "tuned.toml", "evaluations.parquet"
 
@@ -151,7 +150,7 @@ class Tuned:
         return self.best(ALL)
 
     def best(self, family: str) -> Evaluation:
-        """The evaluation that :func:`.objectives.choose` finds by the runs of a family."""
+        """The evaluation that :func:`.choose` finds by the runs of a family."""
         return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
 
     def success(self, family: str, evaluations: int) -> list[float]:
