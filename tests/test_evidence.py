@@ -17,7 +17,6 @@ import pytest
 
 from campaigns import assert_same, campaign, tables
 from vsconstraints.comparisons.evidence import (  # fmt: skip
-    KEYS,
     TABLES,
     TIMING,
     Batch,
@@ -32,6 +31,7 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
     work,
 )
 from vsconstraints.comparisons.evidence import folder as folders
+from vsconstraints.comparisons.evidence.parquet import KEYS
 from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord

@@ -14,8 +14,9 @@ import numpy as np
 
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
-from .evidence import RUNS, SCENES, Evidence
+from .evidence import Evidence
 from .evidence.campaign import different, in_words
+from .evidence.parquet import RUNS, SCENES
 from .metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
 from .runs.folder import kind_of
 from .runs.spec import BASELINE

@@ -108,7 +108,7 @@ class Study:
             study = _of_evidence(Evidence.load(path, trust), on_scene)
         else:
             facts = parquet.facts_of(path)
-            missing = [name for name in _FACTS if not isinstance(facts.get(name), dict)]
+            missing = [name for name in ("controllers", "requires", "frozen") if not isinstance(facts.get(name), dict)]
             if (there := facts.get("study")) != FORMAT or missing:
                 why = f"says nothing of {missing[0]}" if there == FORMAT else f"its format is {there}, not {FORMAT}"
                 why += "; --keep makes one of a folder of evidence"
@@ -143,9 +143,6 @@ class Study:
         """A DataFrame with one line for each scene in each condition: its keys and its situation."""
         scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[[*SCENE, CONDITION, *vars(Situation())]]
         return scenes.assign(constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]])
-
-
-_FACTS = "controllers", "requires", "frozen"
 
 
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:

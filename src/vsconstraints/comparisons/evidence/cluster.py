@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import operator
 import os
 import pickle
 import threading
@@ -66,7 +67,7 @@ def answered(packed: bytes) -> bytes:
     if pool is None or name != session.name:
         if pool is not None:  # of an earlier session
             pool.__exit__(None, None, None)
-        pool = Pool(_call, 1)
+        pool = Pool(operator.call, 1)
         with _lock:
             _may_have_children()
             _pools[thread] = session.name, pool
@@ -91,12 +92,8 @@ def _answer(
     pool: Pool[Any], function: Callable[..., Any], arguments: Any = (), limit: float | None = None, again: bool = True
 ) -> Any:
     limits = {} if limit is None else {0: limit}
-    ((_, answer),) = pool.run({0: (function, arguments)}, limits, again=again)
+    ((_, answer),) = pool.run({0: (function, *arguments)}, limits, again=again)
     return answer
-
-
-def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    return function(*arguments)
 
 
 def _may_have_children() -> None:
