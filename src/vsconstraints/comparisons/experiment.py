@@ -109,10 +109,8 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     by_name = {entry.name: entry for entry in entries}
     for name in names:
         if name not in by_name and name not in CONTROLLERS and ":" not in name:
-            known = unknown_name("controller", name, {*by_name, *CONTROLLERS})
-            raise ConfigurationError(
-                f"{known}; a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
-            )
+            others = "a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
+            raise ConfigurationError(f"{unknown_name('controller', name, {*by_name, *CONTROLLERS})}; {others}")
     chosen = tuple(by_name.get(name) or ControllerSpec.called(name, folder=Path()) for name in dict.fromkeys(names))
     demand_names("controller", [entry.name for entry in chosen])
     return chosen or entries

@@ -193,8 +193,7 @@ def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
         first, second = scenario.setup(0, seed), scenario.setup(1, seed)
     drawn = first.disturbances.random or (first.images is not None and first.images.random)
     if not drawn and (first.q0 == second.q0).all():
-        raise ConfigurationError(
-            f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
-            "or pixel_noise, lost_frames or acceleration_noise in disturbances, for example with "
-            f"--set {scenario.name}.start_deviation=0.01; or trials = 1"
-        )
+        same = f"{trials} trials of {scenario.name} would be the same run: nothing in it is random"
+        keys = "start_deviation, or pixel_noise, lost_frames or acceleration_noise in disturbances"
+        example = f"--set {scenario.name}.start_deviation=0.01"
+        raise ConfigurationError(f"{same}. Set {keys}, for example with {example}; or trials = 1")

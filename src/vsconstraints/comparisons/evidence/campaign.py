@@ -163,17 +163,14 @@ class Campaign(Experiment):
                 raise ConfigurationError(f"scenes_in.{name} must be an integer, 0 or more, not {shown(most)}")
         for family in self.families:
             if not self.conditions_of(family):
-                raise ConfigurationError(
-                    f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
-                    f"{', '.join(family.conditions)}"
-                )
+                none, its = ", ".join(self.conditions), ", ".join(family.conditions)
+                raise ConfigurationError(f"family {family.name} has none of the conditions {none}; it has {its}")
         for entry, family in product(self.controllers, self.families):
             heavy = [name for name in self.conditions_of(family) if family.has_key("plant", name)]
             if entry.run.call_time and heavy:
-                raise ConfigurationError(
-                    f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "
-                    f"{family.name} has masses in {', '.join(heavy)}: choose other conditions"
-                )
+                masses = f"family {family.name} has masses in {', '.join(heavy)}: choose other conditions"
+                why = f"call_time delays commands of arms without mass, and {masses}"
+                raise ConfigurationError(f"controllers.{entry.name}.run: {why}")
         return self.with_baseline()
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:

@@ -139,10 +139,9 @@ def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]
     for name in TABLES:
         if differ(name, scenes):
             at = next(number for number in scenes if differ(name, [number]))
-            raise ConfigurationError(
-                f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}: "
-                "one of them was changed, or the law is not the same from run to run"
-            )
+            twice = f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}"
+            why = "one of them was changed, or the law is not the same from run to run"
+            raise ConfigurationError(f"{twice}: {why}")
 
 
 def _copy_trajectories(folders: Manifests, out: Path) -> int:

@@ -130,9 +130,8 @@ class Evidence(StoredResults):
         configuration = entries(manifest["configuration"], where, needed, {"scenes_in": dict[str, int]})
         scenes, families, controllers = (configuration[name] for name in ("scenes", "families", "controllers"))
         if not (0 < scenes <= MAX_SCENES and configuration["seed"] >= 0 and configuration["half"] in HALVES):
-            raise ConfigurationError(
-                f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
-            )
+            must = f"scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
+            raise ConfigurationError(f"{where}: {must}")
         demand_names("family", families, f"{where}: ")
         demand_names("controller", controllers, f"{where}: ")
         for name, entry in families.items():

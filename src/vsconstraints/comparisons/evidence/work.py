@@ -243,10 +243,8 @@ class Bench:
                     self._ready = Prepared(setup), setup.check_start()
                 (prepared, remarks), self._ready = self._ready, None
                 setup = entry.run.of(prepared.setup)
-                run = simulate(
-                    setup, entry.make(), remarks=remarks, prepared=prepared if setup is prepared.setup else None
-                )
-                record = RunRecord.of(setup, run, "")
+                same = prepared if setup is prepared.setup else None
+                record = RunRecord.of(setup, simulate(setup, entry.make(), remarks=remarks, prepared=same), "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin

@@ -36,7 +36,12 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
     if path in _locked:
         yield
         return
-    _demand_nothing_else(path, kind)
+    there = kind_of(path)
+    if there is not None and there != kind:
+        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
+    if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
+        nothing = f"no {kind.removeprefix('a ')} that could go on"
+        raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
     try:
         path.mkdir(parents=True, exist_ok=True)
         demand_inside(path)
@@ -167,15 +172,6 @@ def entries(value: object, where: str, needed: Mapping[str, Any], others: Mappin
             raise ConfigurationError(f"{where}: the key {name!r} is missing")
     kinds = {**needed, **others}
     return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}
-
-
-def _demand_nothing_else(path: Path, kind: Kind) -> None:
-    there = kind_of(path)
-    if there is not None and there != kind:
-        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
-    if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
-        nothing = f"no {kind.removeprefix('a ')} that could go on"
-        raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
 
 
 #: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest violation, or the first.

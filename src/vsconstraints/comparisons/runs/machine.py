@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
@@ -117,10 +118,9 @@ def _required(name: str, extra: str = "") -> tuple[str, ...]:
 
 
 def _version(name: str) -> str:
-    try:
+    with suppress(PackageNotFoundError):
         return version(name)
-    except PackageNotFoundError:
-        return "not installed"
+    return "not installed"
 
 
 def code_identity() -> dict[str, Any]:
@@ -157,11 +157,10 @@ def git_commit() -> str:
 
 
 def _field(path: str, name: str) -> str:
-    try:
+    with suppress(OSError):
         lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+        return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+    return ""
 
 
 def cores() -> int:
