@@ -39,7 +39,7 @@ BUDGETS = {
     "simulation": Budget(2560, 2000),
     "scenarios": Budget(2422, 1800),
     "learning": Budget(260, 260),
-    "comparisons": Budget(6708, 4000),
+    "comparisons": Budget(6684, 4000),
     "reports": Budget(7854, 4000),
     "paper": Budget(3659, 2400),
     "arms": Budget(2162, 1300),
