@@ -56,7 +56,10 @@ def different(a: Any, b: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tupl
         a, b = (dict(enumerate(side)) for side in (a, b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys((*a, *b)):
-            yield from different(a.get(key), b.get(key), (*path, str(key)))
+            if key in a and key in b:
+                yield from different(a[key], b[key], (*path, str(key)))
+            else:
+                yield (*path, str(key)), a.get(key), b.get(key)
     elif a != b:
         yield path, a, b
 

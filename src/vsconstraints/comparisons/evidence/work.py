@@ -233,9 +233,10 @@ class Bench:
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """A run; whatever goes wrong becomes a failed one with its reason."""
+        scene = self._scene
         try:
             # own parts may change the working directory, and import what lies beside them whenever they like
-            with chdir("."), beside((scene := self._scene).folder, entry.folder):
+            with chdir("."), beside(scene.folder, entry.folder):
                 own_parts = bool(scene.scenario(self._condition).own_parts)
                 if self._ready is None:
                     setup, self._setup = self._setup, None
