@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found
-from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper.claims import experiments
 from vsconstraints.paper.claims.experiments import (
     CASES,
@@ -24,7 +23,7 @@ from vsconstraints.paper.studies.unselected_experiments import compared
 from vsconstraints.paper.verdicts import NotMeasured
 
 OTHER = "fov[marker 3]"
-MADE_UP = experiments.Experiment("made up", RunSpec("s"), "fov")
+MADE_UP = "experiment-1-pbvs"
 
 
 class Long(Told):
@@ -148,7 +147,7 @@ def test_what_is_simulated_of_the_experiments() -> None:
     for spec in (experiments.PBVS, experiments.IBVS):
         assert spec.tables["task"]["Kp0"] == 0.6
         assert not spec.may_end_early
-    for spec in (experiments.FIRST.alone, experiments.SECOND.alone):
+    for spec in (experiments.PBVS_ALONE, experiments.IBVS_ALONE):
         assert spec.tables["disturbances"]["gradient_error_in_phi"] is False
 
 
@@ -240,7 +239,7 @@ def test_difference() -> None:
 def test_very_similar(far: tuple[float, float], expected: str) -> None:
     """30 px are less than 5 % of the image's width, 32 px, but more than of its height, 24 px."""
     alone = imaged((0.6, 0.8), sigma=0.75, status="timeout")
-    finding = very_similar(imaged(), imaged(far), alone, study("s", "similar"), of=MADE_UP)  # type: ignore[arg-type]
+    finding = very_similar(imaged(), imaged(far), alone, study(MADE_UP, "similar"), MADE_UP)  # type: ignore[arg-type]
     track = np.hypot(*far)
     assert finding.verdict == expected
     assert finding.values == {"track_difference_px": pytest.approx(track), "sigma_max": -0.25}
@@ -263,7 +262,7 @@ def test_scenes_must_be_enough_in_every_case(case: str) -> None:
 @pytest.mark.parametrize(("slower", "expected"), [(0.4, YES), (0.401, PARTLY)])
 def test_little_speed(slower: float, expected: str) -> None:
     erroneous: Any = imaged((3.0, 4.0), slower)
-    finding = little_speed_difference(imaged(), erroneous, study("s", "little_speed"), of=MADE_UP)  # type: ignore[arg-type]
+    finding = little_speed_difference(imaged(), erroneous, study(MADE_UP, "little_speed"), MADE_UP)  # type: ignore[arg-type]
     assert finding.verdict == expected
     assert finding.values == {"share": pytest.approx(slower / 4.0)}
     assert finding.text.endswith("Here by up to 4e+02 mrad/s, 10 % of the fastest joint's 4e+03 mrad/s")

@@ -156,7 +156,7 @@ def test_scenes_differ_as_the_claims_say() -> None:
 
     Ts, gain = period_and_gain(planar.FOV)
     assert period_and_gain(planar.HALVED) == (0.5 * Ts, gain)
-    assert period_and_gain(planar.HIGH_GAIN_FASTER_SAMPLING) == (pytest.approx(Ts / 5.0), 5.0 * gain)
+    assert period_and_gain(planar.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
     assert [spec.load().setup().constraints.constraints[0].K for spec in general.APPROACHES] == [0.1, 0.2, 0.4]
 
 

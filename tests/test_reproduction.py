@@ -26,7 +26,7 @@ from vsconstraints.paper.claims.experiments import Difference
 from vsconstraints.paper.figures import FIGURES, planar
 from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult
-from vsconstraints.paper.studies.points import Numbers, keyed
+from vsconstraints.paper.studies.tables import Numbers
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew
@@ -36,6 +36,12 @@ from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal
 from vsconstraints.vision.scene import State
+
+
+def keyed(values: dict[str, float], *key: str | float) -> Numbers:
+    """Numbers by name as numbers about something."""
+    return {(*key, name): float(value) for name, value in values.items()}
+
 
 WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 

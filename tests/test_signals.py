@@ -9,6 +9,7 @@ import subprocess
 import termios
 import time
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +19,7 @@ from processes import MAIN, left_over, marked, needs_proc
 from vsconstraints.cli.terminal import note_processes
 from vsconstraints.comparisons.runs import machine as resources
 from vsconstraints.comparisons.tables import read_table
-from vsconstraints.paper.studies import RunSummary, run_studies
-from vsconstraints.paper.studies.potential_fields import ShrinkingRegion
+from vsconstraints.paper.studies import STUDIES, RunSummary, run_studies
 
 pytestmark = needs_proc
 
@@ -136,7 +136,7 @@ def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(com
 
 
 def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    few = ShrinkingRegion()
+    few = copy(STUDIES["shrinking-region"])
     runs = dict(list(few.runs(small=True).items())[:3])
     few.runs = lambda small=False: runs  # type: ignore[method-assign]
 

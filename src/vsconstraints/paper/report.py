@@ -6,6 +6,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -13,11 +14,11 @@ from typing import Any
 
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
-from ..errors import VsconstraintsError
-from ..reports.markdown import Table, code, plain
+from ..reports.markdown import Table, code
 from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
 from ..scenarios import Scenario
+from ..scenarios.toml import toml_text
 from .figures import FIGURES
 from .studies import STUDIES, data_file, figure_file
 from .verdicts import VERDICTS, Finding, all_claims
@@ -63,8 +64,7 @@ def write_report(
 ) -> None:
     """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
-    ``missing`` has by figure the reason why it could not be drawn, an empty text if it was; ``studies`` their results
-    by name, or the reason why there are none; ``command`` is what the user typed.
+    ``missing`` has by figure why it could not be drawn; ``studies`` results by name, or why there are none.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
@@ -88,8 +88,8 @@ def write_report(
         command=" ".join(command),
     )
     write_pages(result.report, text)
-    cells = [(one.key, one.where, one.sentence, one.rule, found.verdict, found.text) for one, found in findings]
-    write_table(result.folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in cells])
+    lines = [{**vars(one), "claim": one.key, **vars(found), "measured": found.text} for one, found in findings]
+    write_table(result.folder / "claims.csv", COLUMNS, [{name: line[name] for name in COLUMNS} for line in lines])
 
 
 def differences() -> str:
@@ -101,23 +101,8 @@ def reconstructed() -> str:
     """A table of the values that the paper does not print, taken from the scenarios that use them."""
     lines = []
     for name, keys in DATA["not-printed"].items():
-        try:
-            tables = Scenario.load(name).tables
-        except VsconstraintsError as error:
-            lines.append([name, "", plain(str(error).split(". ")[0])])
-            continue
+        tables = Scenario.load(name).tables
         for key in keys:
-            value: Any = tables
-            for part in key.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            lines += [[name, key, code(toml_value(value))]] if value is not None else []
+            value: Any = reduce(dict.__getitem__, key.split("."), tables)
+            lines.append([name, key, code(toml_text(value))])
     return Table(["scenario", "key", "value"], lines, text_columns=3)
-
-
-def toml_value(value: Any) -> str:
-    """A value as a TOML file spells it, on one line, with six significant digits."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(part)}" for key, part in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return f"{value:.6g}" if isinstance(value, float) else f'"{value}"' if isinstance(value, str) else str(value)

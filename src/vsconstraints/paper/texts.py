@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
@@ -31,8 +31,14 @@ ENVIRONMENT.filters |= {
 }
 ENVIRONMENT.tests["finite"] = math.isfinite
 template = cache(ENVIRONMENT.from_string)
+expression = cache(partial(ENVIRONMENT.compile_expression, undefined_to_none=False))
 
 
 def filled(text: str, **values: Any) -> str:
     """A template with values filled in."""
     return template(text).render(values)
+
+
+def calculated(formula: str, known: Mapping[str, Any]) -> Any:
+    """The value of an expression of a template, from values by name."""
+    return expression(formula)(known)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
-from .texts import filled
+from .texts import calculated, filled
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
@@ -18,7 +19,7 @@ VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not 
 
 #: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
 #: several rules contain; ``measures``, the wording of measures that several claims share.
-TEXTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -109,14 +110,7 @@ def finding(
 ) -> Finding:
     """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS` has for it.
 
-    Parameters
-    ----------
-    key
-        Of the claim or the measure.
-    good, part
-        See :func:`judged`.
-    shown, values
-        What the text contains; ``values`` are also those of the finding.
+    ``good`` and ``part`` are those of :func:`judged`; the text contains what is ``shown`` and the finding's values.
     """
     return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
 
@@ -127,15 +121,31 @@ def worded(key: str, /, **values: Any) -> str:
     return " ".join(filled(template, **values).split())
 
 
-def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
-    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
-    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
+def register_formulas(names: Mapping[str, Any]) -> None:
+    """Register the claims that :data:`TEXTS` measures by formulas, as far as ``names`` has the runs that they need."""
+    for key, text in TEXTS.items():
+        needs = text.get("runs", "").split()
+        if needs and names.keys() >= {*needs}:
+            claim(key, *(names[need] for need in needs))(partial(by_formulas, key, names))
 
 
-def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
-    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
-    return len(intervals) == len(printed) and all(
-        abs(a - b) <= 0.5
-        for one, other in zip(intervals, printed, strict=True)
-        for a, b in zip(one, other, strict=True)
-    )
+def by_formulas(key: str, names: Mapping[str, Any], *results: Any) -> Finding:
+    """The finding of a claim by the formulas that :data:`TEXTS` has for it, on what these need."""
+    text = TEXTS[key]
+    known = {**names, **dict(zip(text["runs"].lower().split(), results, strict=True))}
+    if "measure" in text:
+        measured: Finding = calculated(text["measure"], known)
+        return measured
+    values: dict[str, Any] = {}
+    for name, formula in text.get("shown", {}).items():
+        known[name] = calculated(formula, known)
+        if isinstance(known[name], Finding):
+            values |= known[name].values
+            known |= known[name].values
+    given = text.get("values", {})
+    for name, formula in given.items() if isinstance(given, dict) else ():
+        known[name] = values[name] = calculated(formula, known)
+    values |= calculated(given, known) if isinstance(given, str) else {}
+    known["partly"] = bool(calculated(text.get("partly", "false"), known))
+    verdict = judged(bool(calculated(text["holds"], known)), known["partly"])
+    return Finding(verdict, worded(key, **known), values)

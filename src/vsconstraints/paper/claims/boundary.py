@@ -10,7 +10,7 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ..studies import StudyResult
-from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, finding
 
 VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
@@ -72,6 +72,17 @@ def fully_used(run: Run, *labels: str) -> Finding:
     used = [0.0 <= share <= FULLY for share in shares.values()]
     rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
     return finding("fully_used", all(used), any(used), {"rows": rows}, **shares)
+
+
+def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
+    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
+    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
+
+
+def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
+    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
+    ends = zip(ends_of(intervals).values(), ends_of(printed).values(), strict=False)
+    return len(intervals) == len(printed) and all(abs(a - b) <= 0.5 for a, b in ends)
 
 
 class Approach(NamedTuple):

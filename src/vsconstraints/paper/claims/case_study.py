@@ -9,8 +9,9 @@ from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...rows import Array, BoolArray
 from ...simulation import intervals
 from ..texts import shown_intervals
-from ..verdicts import Finding, claim, ends_of, finding, rounds_to, worded
-from .boundary import VANISHED, clear, fully_used, phi_never_positive, smoothly
+from ..verdicts import Finding, claim, finding, register_formulas, worded
+from . import boundary
+from .boundary import VANISHED, phi_never_positive
 
 CASE = RunSpec("case-study-6r")
 #: From a start at which the camera turns about another axis than the one that leads to the goal.
@@ -55,10 +56,6 @@ def at_once(run: Run) -> np.ndarray:
     return count
 
 
-claim("5b", CASE)(lambda case: fully_used(case, BORDERS[1], BORDERS[2]))
-claim("5c", CASE)(lambda case: smoothly(case, BORDERS[1], BORDERS[2]))
-
-
 @claim("5a", CASE)
 def _errors_vanish_in_both_phases(case: Run) -> Finding:
     """Distances and angles at the beginning and the end of each phase."""
@@ -95,13 +92,6 @@ def _range_and_speed_act_first(case: Run) -> Finding:
     return finding("5e", first and near, first, shown, q6=place, qd2=speed)
 
 
-@claim("5f", CASE)
-def _sphere_acts(case: Run) -> Finding:
-    first, second = phases(case, SPHERE)
-    good = not first and rounds_to(second, [(6.0, 8.0)])
-    return finding("5f", good, bool(second), {"acts": first + second}, **ends_of(second))
-
-
 @claim("5g", CASE)
 def _borders_act(case: Run) -> Finding:
     acts = {label: phases(case, label) for label in BORDERS}
@@ -122,12 +112,6 @@ def _three_at_a_time(case: Run) -> Finding:
     most = int(count.max())
     same = int(np.sum([active_of(case, event) for event in EVENTS], axis=0)[count == most].max())
     return finding("5h", most == 3, most > 1, {"when": case.t[count == most]}, most=most, same_sample=same)
-
-
-@claim("5i", CASE)
-def _sphere_fulfilled(case: Run) -> Finding:
-    least = clear(case, SPHERE)
-    return finding("5i", least >= 0.0, clearance_min=least, phi_max=case.phi(SPHERE).max())
 
 
 @claim("5j", TRACKING)
@@ -158,3 +142,6 @@ def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
         x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + h * c))
         found.append(x[0])
     return np.array(found)
+
+
+register_formulas(vars(boundary) | globals())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,43 +12,25 @@ from ...comparisons.runs.spec import RunSpec
 from ...robots.order_filter import OrderFilter
 from ...rows import BoolArray
 from ..studies import StudyResult
-from ..studies.unselected_experiments import APPLIED, LITTLE, VERY_SIMILAR
-from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, worded
+from ..studies.unselected_experiments import APPLIED, KINDS, LITTLE, VERY_SIMILAR
+from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, register_formulas, worded
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
-PBVS, IBVS = RunSpec("experiment-1-pbvs"), RunSpec("experiment-2-ibvs")
-
-
-class Experiment(NamedTuple):
-    """One of the two: its run without errors, and the kind of its visibility rows."""
-
-    name: str
-    exact: RunSpec
-    kind: str
-
-    @property
-    def erroneous(self) -> RunSpec:
-        """With the error (49) of the gradient."""
-        return RunSpec(f"{self.exact.name}-gradient-error")
-
-    @property
-    def alone(self) -> RunSpec:
-        """With ∇σ_e in L_gφ alone."""
-        return RunSpec(self.erroneous.name, overrides={"disturbances.gradient_error_in_phi": False})
-
-
-FIRST, SECOND = Experiment("experiment 1", PBVS, "fov"), Experiment("experiment 2", IBVS, "occlusion")
-
-TEN_TIMES = {"task.Kp0": 6.0, "duration": 60.0}
-FASTER_OF = tuple((experiment, Ts) for experiment in (FIRST, SECOND) for Ts in (0.1, 0.01))
-FASTER = tuple(
-    RunSpec(experiment.exact.name, overrides={**TEN_TIMES, "sampling_time": Ts}, may_end_early=True)
-    for experiment, Ts in FASTER_OF
+PBVS, IBVS = map(RunSpec, KINDS)
+#: With the error (49) of the gradient, and with ∇σ_e in L_gφ alone.
+PBVS_ERROR, IBVS_ERROR = (RunSpec(f"{scenario}-gradient-error") for scenario in KINDS)
+PBVS_ALONE, IBVS_ALONE = (
+    replace(spec, overrides={"disturbances.gradient_error_in_phi": False}) for spec in (PBVS_ERROR, IBVS_ERROR)
 )
+#: With ten times the gain at zero error, sampled as in the experiments and ten times as fast.
+FASTER = tuple(
+    RunSpec(scenario, overrides={"task.Kp0": 6.0, "duration": 60.0, "sampling_time": Ts}, may_end_early=True)
+    for scenario in KINDS
+    for Ts in (0.1, 0.01)
+)
+NAMES = ("experiment 1", "experiment 2")
 
 EXPONENTIAL = 1.1  #: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
-
-PBVS_ERROR, IBVS_ERROR = FIRST.erroneous, SECOND.erroneous
 
 #: Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone.
 CASES = ("plus", "minus", "plus-action")
@@ -108,20 +90,13 @@ def reached(run: Run) -> Finding:
     return finding("reached", end.status == "converged", False, {"end": end, "posed": posed}, **values)
 
 
-for experiment, slides, smooth, ends in ((FIRST, "6a", "6b", "6c"), (SECOND, "6e", "6f", "6g")):
-    claim(slides, experiment.exact)(partial(one_marker_slides, kind=experiment.kind))
-    claim(smooth, experiment.exact)(partial(exponentially, kind=experiment.kind))
-    claim(ends, experiment.exact)(reached)
-
-
 @claim("6l", *FASTER)
 def _motion_must_be_slow(*runs: Run) -> Finding:
-    """Ten times the gain at zero error, sampled as in the experiments and ten times as fast."""
-    experiments = [experiment for experiment, _ in FASTER_OF]
-    least = [clear(run, *run.labels(one.kind)) for run, one in zip(runs, experiments, strict=True)]
+    names, kinds = (np.repeat(each, 2).tolist() for each in (NAMES, [*KINDS.values()]))
+    least = [clear(run, *run.labels(kind)) for run, kind in zip(runs, kinds, strict=True)]
     good = [run.trajectory.status == "converged" and near >= 0.0 for run, near in zip(runs, least, strict=True)]
     slow = not good[0] and not good[2]
-    shown = {"runs": list(zip(experiments, runs, least, strict=True))}
+    shown = {"runs": list(zip(names, runs, least, strict=True))}
     return finding("6l", slow and good[1] and good[3], slow, shown)
 
 
@@ -195,38 +170,36 @@ class Difference(NamedTuple):
         return self.speed <= LITTLE * self.fastest
 
 
-def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, of: Experiment) -> Finding:
+def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, scenario: str) -> Finding:
     """Differences between the runs without and with errors in the gradient, here and in unselected scenes."""
     width = float(exact.setup.scene.camera.size[0])
-    here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
-    verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
+    here, other = (Difference.between(exact, run, KINDS[scenario]) for run in (erroneous, alone))
+    verdict, scenes = in_unselected(study, scenario, "similar", here.similar(width))
     statuses = [run.trajectory.status for run in (erroneous, alone)]
     text = worded("similar", scenes=scenes, here=here, alone=other, statuses=statuses)
     return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
 
 
-def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, of: Experiment) -> Finding:
+def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, scenario: str) -> Finding:
     """Differences of joint speeds, here and in unselected scenes."""
-    here = Difference.between(exact, erroneous, of.kind)
-    verdict, scenes = in_unselected(study, of.exact.name, "little_speed", here.little_speed)
+    here = Difference.between(exact, erroneous, KINDS[scenario])
+    verdict, scenes = in_unselected(study, scenario, "little_speed", here.little_speed)
     values = {"share": here.speed / here.fastest}
     return Finding(verdict, worded("little_speed", scenes=scenes, here=here, **values), values)
 
 
-for experiment, similar, little in ((FIRST, "6d", "6j"), (SECOND, "6h", "6k")):
-    pair = (experiment.exact, experiment.erroneous)
-    claim(similar, *pair, experiment.alone, UNSELECTED)(partial(very_similar, of=experiment))
-    claim(little, *pair, UNSELECTED)(partial(little_speed_difference, of=experiment))
-
-
-@claim("6i", *(spec for one in (FIRST, SECOND) for spec in (one.exact, one.erroneous)), UNSELECTED)
+@claim("6i", PBVS, PBVS_ERROR, IBVS, IBVS_ERROR, UNSELECTED)
 def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study: StudyResult) -> Finding:
     verdicts, experiments = set(), []
-    for experiment, exact, run in ((FIRST, pbvs, pbvs_error), (SECOND, ibvs, ibvs_error)):
-        sigma = Difference.between(exact, run, experiment.kind).sigma
+    pairs = ((pbvs, pbvs_error), (ibvs, ibvs_error))
+    for name, (scenario, kind), (exact, run) in zip(NAMES, KINDS.items(), pairs, strict=True):
+        sigma = Difference.between(exact, run, kind).sigma
         seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
         good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
-        verdict, scenes = in_unselected(study, experiment.exact.name, "satisfactory", good)
+        verdict, scenes = in_unselected(study, scenario, "satisfactory", good)
         verdicts.add(verdict)
-        experiments.append((experiment.name, scenes, run, sigma))
+        experiments.append((name, scenes, run, sigma))
     return finding("6i", verdicts == {"holds"}, verdicts != {"does not hold"}, {"experiments": experiments})
+
+
+register_formulas(globals())

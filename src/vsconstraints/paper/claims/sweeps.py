@@ -12,7 +12,7 @@ import numpy as np
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ..studies import StudyResult
-from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged
 from .boundary import clear, ending, excess, number, with_sigma
 from .experiments import FASTER
