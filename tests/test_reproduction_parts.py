@@ -13,7 +13,7 @@ from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.paper import check, chosen_claims, chosen_figures, redraw, runner
 from vsconstraints.paper.figures import FIGURES
-from vsconstraints.paper.figures.case_study import details, tip_path
+from vsconstraints.paper.figures.space import details, tip_path
 from vsconstraints.paper.verdicts import Claim
 from vsconstraints.reports.plots import Sheet
 
