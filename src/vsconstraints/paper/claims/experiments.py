@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NamedTuple
-
 import numpy as np
 
 from ...comparisons.run import Run
@@ -12,16 +9,13 @@ from ...comparisons.runs.spec import RunSpec
 from ...robots.order_filter import OrderFilter
 from ...rows import BoolArray
 from ..studies import StudyResult
-from ..studies.unselected_experiments import APPLIED, KINDS, LITTLE, VERY_SIMILAR
-from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, register_formulas, worded
+from ..studies.unselected_experiments import KINDS
+from ..verdicts import Finding, NotMeasured, claim, finding, judged, register_formulas, worded
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
 PBVS, IBVS = map(RunSpec, KINDS)
-#: With the error (49) of the gradient, and with ∇σ_e in L_gφ alone.
+#: With the error (49) of the gradient.
 PBVS_ERROR, IBVS_ERROR = (RunSpec(f"{scenario}-gradient-error") for scenario in KINDS)
-PBVS_ALONE, IBVS_ALONE = (
-    replace(spec, overrides={"disturbances.gradient_error_in_phi": False}) for spec in (PBVS_ERROR, IBVS_ERROR)
-)
 #: With ten times the gain at zero error, sampled as in the experiments and ten times as fast.
 FASTER = tuple(
     RunSpec(scenario, overrides={"task.Kp0": 6.0, "duration": 60.0, "sampling_time": Ts}, may_end_early=True)
@@ -114,92 +108,24 @@ def _integrated_twice(*runs: Run) -> Finding:
     return finding("6m", most <= 1e-9, False, {"places": max(places), "speeds": max(speeds)}, left=most)
 
 
-def in_unselected(study: StudyResult, scenario: str, what: str, here: bool) -> tuple[Verdict, str]:
-    """A verdict on this scene and the unselected ones, and the counts in words."""
+def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
+    """Whether an error in the gradient leaves things as they are, in the shipped scene and in unselected ones."""
     counts, scenes = ([number(study, scenario, case, name) for case in CASES] for name in (what, "scenes"))
     if min(scenes) < SCENES:
         raise NotMeasured(f"the study {UNSELECTED} has {min(scenes):.0f} scenes of {scenario}, fewer than {SCENES}")
     for case, N in zip(CASES, scenes, strict=True):
-        if number(study, scenario, case, "applied") < NEARLY_ALL * N:
+        in_shipped = number(study, scenario, case, "shipped", "applied")
+        if number(study, scenario, case, "applied") < NEARLY_ALL * N or not in_shipped:
             raise NotMeasured(f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?")
     plus, minus, alone = (x / N for x, N in zip(counts, scenes, strict=True))
-    text = worded("unselected", here=here, of=[f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)])
-    both = min(plus, minus)
-    return judged(here and both >= NEARLY_ALL, max(both, alone) >= MOST), text
-
-
-class Difference(NamedTuple):
-    """How a run with an error in the gradient differs from the one without.
-
-    ``track`` is the greatest distance of a marker at the same time [px], ``speed`` the greatest difference of a joint's
-    speed, ``fastest`` the greatest speed without the error [rad/s], ``sigma`` the greatest σ of a visibility row with
-    it; ``fine`` says that both reach the goal and the boundary is kept, ``same`` that the same marker slides.
-    """
-
-    track: float
-    speed: float
-    fastest: float
-    sigma: float
-    fine: bool
-    same: bool
-
-    @classmethod
-    def between(cls, exact: Run, erroneous: Run, kind: str) -> Difference:
-        """That of two runs; raises NotMeasured if the error shows nowhere."""
-        N = min(len(exact.t), len(erroneous.t))
-        apart = np.linalg.norm(exact.trajectory.features_px[:N] - erroneous.trajectory.features_px[:N], axis=2)
-        if not apart.max() > APPLIED:
-            raise NotMeasured(f"tracks differ by {apart.max():.2g} px: was the error of the gradient applied?")
-        sigma = greatest_sigma(erroneous, *erroneous.labels(kind))
-        return cls(
-            float(apart.max()),
-            float(np.abs(exact.trajectory.qd[:N] - erroneous.trajectory.qd[:N]).max()),
-            float(np.abs(exact.trajectory.qd).max()),
-            sigma,
-            all(run.trajectory.status == "converged" for run in (exact, erroneous)) and sigma <= 0.0,
-            sliding_row(exact, kind) == sliding_row(erroneous, kind),
-        )
-
-    def similar(self, width: float) -> bool:
-        """Whether the runs are very similar in an image of this width [px]."""
-        return self.fine and self.same and self.track <= VERY_SIMILAR * width
-
-    @property
-    def little_speed(self) -> bool:
-        """Whether joint speeds differ only a little."""
-        return self.speed <= LITTLE * self.fastest
-
-
-def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, scenario: str) -> Finding:
-    """Differences between the runs without and with errors in the gradient, here and in unselected scenes."""
-    width = float(exact.setup.scene.camera.size[0])
-    here, other = (Difference.between(exact, run, KINDS[scenario]) for run in (erroneous, alone))
-    verdict, scenes = in_unselected(study, scenario, "similar", here.similar(width))
-    statuses = [run.trajectory.status for run in (erroneous, alone)]
-    text = worded("similar", scenes=scenes, here=here, alone=other, statuses=statuses)
-    return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
-
-
-def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, scenario: str) -> Finding:
-    """Differences of joint speeds, here and in unselected scenes."""
-    here = Difference.between(exact, erroneous, KINDS[scenario])
-    verdict, scenes = in_unselected(study, scenario, "little_speed", here.little_speed)
-    values = {"share": here.speed / here.fastest}
-    return Finding(verdict, worded("little_speed", scenes=scenes, here=here, **values), values)
-
-
-@claim("6i", PBVS, PBVS_ERROR, IBVS, IBVS_ERROR, UNSELECTED)
-def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study: StudyResult) -> Finding:
-    verdicts, experiments = set(), []
-    pairs = ((pbvs, pbvs_error), (ibvs, ibvs_error))
-    for name, (scenario, kind), (exact, run) in zip(NAMES, KINDS.items(), pairs, strict=True):
-        sigma = Difference.between(exact, run, kind).sigma
-        seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
-        good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
-        verdict, scenes = in_unselected(study, scenario, "satisfactory", good)
-        verdicts.add(verdict)
-        experiments.append((name, scenes, run, sigma))
-    return finding("6i", verdicts == {"holds"}, verdicts != {"does not hold"}, {"experiments": experiments})
+    both, here = min(plus, minus), number(study, scenario, CASES[0], "shipped", what) == 1.0
+    shown = {"here": here, "of": [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]}
+    names = ("track_px", "speed_share", "clearance_share")
+    values = {name: number(study, scenario, CASES[0], "shipped", name) for name in names}
+    shown["alone"] = {name: number(study, scenario, CASES[2], "shipped", name) for name in names}
+    good, part = here and both >= NEARLY_ALL, max(both, alone) >= MOST
+    text = f"{worded('unselected', **shown)}. {worded(what, **shown, **values)}"
+    return Finding(judged(good, part), text, values)
 
 
 register_formulas(globals())

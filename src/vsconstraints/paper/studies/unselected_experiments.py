@@ -71,18 +71,24 @@ def _lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]
     return [{"rejected": reason, **compared(kind, run, exact or NOT_RUN)}]
 
 
+HOLDS = ("similar", "satisfactory", "little_speed", "applied")  #: What can be said of a scene with an error.
+
+
 def _numbers(points: Points) -> Found:
-    """In how many scenes every error changes little."""
+    """In how many scenes every error changes little, and whether it does in the shipped one."""
     accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
-    return {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
+    numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
+    names = (*HOLDS, "track_px", "speed_share", "clearance_share")
+    for point in where(accepted, scene=SHIPPED):
+        numbers[point["scenario"], point["case"], SHIPPED] = {name: point[name] for name in names}
+    return numbers
 
 
 def counted(points: Points) -> dict[str, float]:
     """In how many unselected scenes what holds, and in how many there is an effect at all."""
     own = [point for point in points if point["scene"] != SHIPPED]
-    names = ("similar", "satisfactory", "little_speed", "applied")
     medians = {f"median_{name}": median([point[name] for point in own]) for name in ("track_px", "speed_share")}
-    return {"scenes": len(own), **{name: sum(bool(point[name]) for point in own) for name in names}, **medians}
+    return {"scenes": len(own), **{name: sum(bool(point[name]) for point in own) for name in HOLDS}, **medians}
 
 
 def why_not(kind: str, exact: RunSummary) -> str:
