@@ -40,6 +40,16 @@ def with_sigma(labels: Iterable[str]) -> list[str]:
     return [label for label in labels if not label.startswith("speed")]
 
 
+def greatest_phi(run: Run, labels: Sequence[str]) -> float:
+    """Greatest φ of rows."""
+    return max(float(run.phi(label).max()) for label in labels)
+
+
+def longest_series(run: Run, labels: Sequence[str]) -> int:
+    """Of samples with φ ≥ 0, of any row."""
+    return max(map(run.positive_samples, labels))
+
+
 def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
     sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
@@ -51,7 +61,7 @@ def fulfilled(run: Run, label: str) -> Finding:
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
     own = with_sigma(labels)
-    phi, sigma = max(run.phi(label).max() for label in labels), greatest_sigma(run, *own)
+    phi, sigma = greatest_phi(run, labels), greatest_sigma(run, *own)
     worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
     most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
     part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MAX_EXCESS and samples <= MAX_POSITIVE_SAMPLES
