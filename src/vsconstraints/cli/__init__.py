@@ -19,12 +19,8 @@ from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 _HELP = "Compare controllers that keep visual servoing inside its limits."
 app = typer.Typer(help=_HELP, no_args_is_help=True, pretty_exceptions_enable=False)
 
-_WHAT = "A kind, such as laws, constraints or metrics, or a name; the names of all kinds if not given."
-_KINDS = options.completed("cli.listing:KINDS")
-_What = Annotated[list[str] | None, typer.Argument(metavar="[KIND|NAME]...", help=_WHAT, autocompletion=_KINDS)]
 
-
-def list_(what: _What = None) -> None:
+def list_(what: options.Names = None) -> None:
     """Show what comes with the package: the names of each kind; of a kind or a name, what it is."""
     from .listing import print_listing
 
@@ -71,7 +67,8 @@ for _panel, _commands in GROUPS.items():
         _help = f"Example: vsconstraints {_name} {_arguments}\n\n{_text}"
         _group, _, _word = _name.rpartition(" ")
         _to, _panel_of = (_testset, None) if _group else (app, _panel)
-        _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)(_command)
+        _declare = _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)
+        _declare(options.described(_name, _command))
 app.add_typer(_testset, name="testset", short_help=_TESTSET, rich_help_panel=_panel)
 
 

@@ -6,13 +6,11 @@ import json
 from dataclasses import asdict
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from typer import Argument, Option
+from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError, unknown_name
 from ..plugins.extras import demand
-from . import options
+from .options import Names
 from .terminal import console, progress
 
 if TYPE_CHECKING:
@@ -21,26 +19,19 @@ if TYPE_CHECKING:
 MAX_LAWS = 8  # that are printed
 ROWS = "rows"  # what every law uses
 
-_SCENARIO = "A name, or the path of a file; or answer the questions below."
-_STUDY = "Runs that were kept, or a folder of `vsconstraints evidence`; those of the package if not given."
-_MAY_USE = f"Only laws that require nothing else: {ROWS}, T_s, L_fφ, model, … Can be repeated."
-_MOTION = "Whether target or obstacles move unknown to the law."
-_Scenario = Annotated[str | None, Argument(help=_SCENARIO, autocompletion=options.scenario_names)]
-_Motion = Annotated[bool | None, Option("--unknown-motion/--known-motion", help=_MOTION)]
-
 
 def advise(
-    scenario: _Scenario = None,
-    joints: Annotated[int | None, Option(min=1, help="How many there are.")] = None,
-    latency_ms: Annotated[float | None, Option(min=0.0, help="How old images are [ms].")] = None,
-    noise_px: Annotated[float | None, Option(min=0.0, help="Standard deviation of a pixel coordinate.")] = None,
-    rows: Annotated[options.Names, Option(help="A type of constraints. Can be repeated.")] = None,
-    unknown_motion: _Motion = None,
-    may_use: Annotated[options.Names, Option(help=_MAY_USE)] = None,
-    study: Annotated[Path | None, Option(help=_STUDY)] = None,
-    keep: Annotated[Path | None, Option(help="Write the study's runs to this file, for --study.")] = None,
-    as_json: Annotated[bool, Option("--json", help="Print all of it as JSON.")] = False,
-    trust: options.Trust = False,
+    scenario: str | None = None,
+    joints: int | None = None,
+    latency_ms: float | None = None,
+    noise_px: float | None = None,
+    rows: Names = None,
+    unknown_motion: bool | None = None,
+    may_use: Names = None,
+    study: Path | None = None,
+    keep: Path | None = None,
+    as_json: bool = False,
+    trust: bool = False,
 ) -> None:
     """Say which law to take for a scene, with settings, how sure that is, and what another choice loses."""
     demand("evidence", "advice")

@@ -7,14 +7,13 @@ from dataclasses import replace
 from itertools import count
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
-from typer import Argument, Option
 
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
-from . import options
+from .options import Names
 from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
 
@@ -23,23 +22,8 @@ if TYPE_CHECKING:
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
 
-_FAMILIES = "Names or paths of families to draw from; if not given, all are listed."
-_CAMPAIGN = "A campaign file, or real-world; all families with the default comparison's controllers if not given."
-_TUNED = "A campaign file; all shipped families with the default laws if not given."
-_CLUSTER = "Of a Dask scheduler, whose workers make the runs: tls://10.0.0.1:8786."
-_SHARD = "Only this part of the scenes, for machines that share no folder."
-_Families = Annotated[options.Names, Argument(help=_FAMILIES, autocompletion=options.family_names)]
-_Drawn = Annotated[int, Option(min=1, max=10_000_000, help="How many scenes are drawn of each.")]
-_Scenes = Annotated[int | None, Option(help="How many of each family, instead of the campaign's.")]
-_Evaluations = Annotated[int, Option(help="Settings of each law and tuner seed, the default included.")]
 
-
-def families(
-    names: _Families = None,
-    scenes: _Drawn = 100,
-    half: options.Half = "held-out",
-    seed: options.Seed = 0,
-) -> None:
+def families(names: Names = None, scenes: int = 100, half: str = "held-out", seed: int = 0) -> None:
     """List the families of scenes; draw scenes of those that are named, and describe them."""
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped
@@ -84,24 +68,24 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
 
 
 def evidence(
-    campaign: Annotated[Path | None, Argument(help=_CAMPAIGN)] = None,
-    out: options.Out = Path("vsconstraints-evidence"),
-    scenes: _Scenes = None,
-    family: options.Families = None,
-    controller: options.Controllers = None,
-    jobs: options.Jobs = None,
-    cluster: Annotated[str | None, Option(metavar="ADDRESS", help=_CLUSTER)] = None,
-    keep: options.Keep = "none",
-    shard: Annotated[str, Option(metavar="I/N", help=_SHARD)] = "1/1",
-    settings: options.Settings = None,
-    fresh: options.Fresh = False,
-    figures: options.Figures = True,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    run_limit: options.RunLimit = None,
-    time_passes: options.TimePasses = None,
-    slower: options.Slower = None,
-    budget_us: options.Budget = None,
+    campaign: Path | None = None,
+    out: Path = Path("vsconstraints-evidence"),
+    scenes: int | None = None,
+    families: Names = None,
+    controllers: Names = None,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    keep: str = "none",
+    shard: str = "1/1",
+    settings: Names = None,
+    fresh: bool = False,
+    figures: bool = True,
+    formats: Names = None,
+    latex: bool = False,
+    run_limit: float | None = None,
+    time_passes: str | None = None,
+    slower: float | None = None,
+    budget_us: float | None = None,
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
     from ..comparisons.evidence import MEASURED, Campaign, Plan, Shard, processes
@@ -109,7 +93,7 @@ def evidence(
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
-    chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
+    chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes, settings or ())
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError("call times are measured on this machine: with --cluster, give a file of them")
@@ -178,12 +162,12 @@ def run_campaign(
 
 
 def merge(
-    out: Annotated[Path, Argument(help="Folder for all of it.")],
-    shards: Annotated[list[Path], Argument(help="Folders that `evidence --shard` has written.")],
-    figures: options.Figures = True,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    trust: options.Trust = False,
+    out: Path,
+    shards: list[Path],
+    figures: bool = True,
+    formats: Names = None,
+    latex: bool = False,
+    trust: bool = False,
 ) -> None:
     """Merge the parts of a campaign that were run apart, and write its report."""
     from ..comparisons.evidence import merge as merge_shards
@@ -196,15 +180,15 @@ def merge(
 
 
 def tune(
-    campaign: Annotated[Path | None, Argument(help=_TUNED)] = None,
-    out: options.Out = Path("vsconstraints-tuning"),
-    evaluations: _Evaluations = 40,
-    seeds: Annotated[int, Option(help="How often tuning is repeated with another seed.")] = 3,
-    scenes: Annotated[int, Option(help="Training scenes of each family.")] = 10,
-    family: options.Families = None,
-    controller: options.Controllers = None,
-    settings: options.Settings = None,
-    jobs: options.Jobs = None,
+    campaign: Path | None = None,
+    out: Path = Path("vsconstraints-tuning"),
+    evaluations: int = 40,
+    seeds: int = 3,
+    scenes: int = 10,
+    families: Names = None,
+    controllers: Names = None,
+    settings: Names = None,
+    jobs: int | None = None,
 ) -> None:
     """Tune every law with the same budget on training scenes, and write settings that a campaign can take over."""
     demand("tune")
@@ -220,7 +204,7 @@ def tune(
         if key in ("half", "scenes"):
             why = "laws are tuned on training scenes alone, and --scenes says on how many"
             raise ConfigurationError(f"--set {key}: {why}")
-    chosen = Campaign.load(campaign).select(family or (), controller or (), settings=settings or ())
+    chosen = Campaign.load(campaign).select(families or (), controllers or (), settings=settings or ())
     problem = Problem(chosen, Budget(evaluations, seeds, scenes))
     note_processes(jobs)
     with progress(out) as show:
