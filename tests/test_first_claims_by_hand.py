@@ -13,7 +13,7 @@ from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper import verdicts
-from vsconstraints.paper.claims import general, planar
+from vsconstraints.paper.claims import general, simulations
 from vsconstraints.paper.texts import shown_intervals
 from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged
 from vsconstraints.rows import Array
@@ -154,9 +154,9 @@ def test_scenes_differ_as_the_claims_say() -> None:
         setup = spec.load().setup()
         return setup.Ts, setup.constraints.constraints[0].switching_gain
 
-    Ts, gain = period_and_gain(planar.FOV)
-    assert period_and_gain(planar.HALVED) == (0.5 * Ts, gain)
-    assert period_and_gain(planar.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
+    Ts, gain = period_and_gain(simulations.FOV)
+    assert period_and_gain(simulations.HALVED) == (0.5 * Ts, gain)
+    assert period_and_gain(simulations.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
     assert [spec.load().setup().constraints.constraints[0].K for spec in general.APPROACHES] == [0.1, 0.2, 0.4]
 
 

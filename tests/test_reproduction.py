@@ -22,8 +22,8 @@ from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.formulas.rotation import rotation_vector_rate
 from vsconstraints.paper import CLAIMS, all_claims, report, reproduce, runner
-from vsconstraints.paper.figures import FIGURES, planar
-from vsconstraints.paper.report import TOPICS, differences, reconstructed
+from vsconstraints.paper.figures import FIGURES, simulations
+from vsconstraints.paper.report import TOPICS, differences
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.tables import Numbers
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
@@ -31,7 +31,6 @@ from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew
 from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
-from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal
 from vsconstraints.vision.scene import State
@@ -568,7 +567,7 @@ def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
 
 def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
     spec = RunSpec("no-such-scenario")
-    figure = Figure("fig-00", "", "", planar.draw_fov, (spec,))
+    figure = Figure("fig-00", "", "", simulations.draw_fov, (spec,))
     found = runner.run_specs(runner.Work(tmp_path, tmp_path, 1), [figure])[spec]
     assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
@@ -587,7 +586,7 @@ def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[in
 
 
 def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = Figure("fig-19", "Fig. 19", "not there", planar.draw_fov, (RunSpec("no-such-scenario"),))
+    missing = Figure("fig-19", "Fig. 19", "not there", simulations.draw_fov, (RunSpec("no-such-scenario"),))
     broken = Figure("fig-06", "Fig. 6", "cannot be drawn", FIGURES[6].draw, (RunSpec("example-2d-fast"),))
     few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
     told: list[tuple[str, int, int]] = []
@@ -644,13 +643,6 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def test_the_differences_are_the_ones_of_the_documentation() -> None:
     assert differences().startswith("# Differences from the paper")
-
-
-def test_reconstructed_values_are_the_scenarios_own() -> None:
-    text = reconstructed()
-    assert "-1.5414" in text
-    assert "543.7" in text
-    assert {"example-2d-fov", "case-study-6r"} <= set(shipped_scenarios())
 
 
 @pytest.mark.parametrize("number", FIGURES)

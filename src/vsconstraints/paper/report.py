@@ -6,7 +6,6 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -14,11 +13,9 @@ from typing import Any
 
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
-from ..reports.markdown import Table, code
+from ..reports.markdown import Table
 from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
-from ..scenarios import Scenario
-from ..scenarios.toml import toml_text
 from .figures import FIGURES
 from .studies import STUDIES, data_file, figure_file
 from .verdicts import VERDICTS, Finding, all_claims
@@ -82,7 +79,7 @@ def write_report(
         shipped=STUDIES,
         figure_file=figure_file,
         data_file=data_file,
-        reconstructed=reconstructed(),
+        not_printed=DATA["not-printed"],
         differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
         facts={name: str(value) for name, value in facts.items() if value},
         command=" ".join(command),
@@ -95,14 +92,3 @@ def write_report(
 def differences() -> str:
     """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
     return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
-
-
-def reconstructed() -> str:
-    """A table of the values that the paper does not print, taken from the scenarios that use them."""
-    lines = []
-    for name, keys in DATA["not-printed"].items():
-        tables = Scenario.load(name).tables
-        for key in keys:
-            value: Any = reduce(dict.__getitem__, key.split("."), tables)
-            lines.append([name, key, code(toml_text(value))])
-    return Table(["scenario", "key", "value"], lines, text_columns=3)

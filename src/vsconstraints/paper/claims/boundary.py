@@ -117,11 +117,11 @@ class Approach(NamedTuple):
         return self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
 
 
-def approaches(run: Run, label: str, gap: float) -> list[Approach]:
+def approaches(run: Run, label: str) -> list[Approach]:
     """Every time the row acts for 3 K or longer."""
     K, speed = run.constraint(label).K, run.approach_speed(label)
     every = []
-    for first, last in run.active_intervals(label, gap=gap):
+    for first, last in run.active_intervals(label, gap=0.3):
         if last - first < 3.0 * K:
             continue
         a, b = (int(np.searchsorted(run.t, time - 0.5 * run.sampling_time)) for time in (first, first + 3.0 * K))
@@ -129,9 +129,9 @@ def approaches(run: Run, label: str, gap: float) -> list[Approach]:
     return every
 
 
-def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
+def smoothly(run: Run, *labels: str) -> Finding:
     """Of ``the boundary is reached smoothly``: every approach of these rows is."""
-    by_row = {label: approaches(run, label, gap) for label in labels}
+    by_row = {label: approaches(run, label) for label in labels}
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
         return finding("never_approached", False, bool(every), {"rows": missing})

@@ -12,8 +12,7 @@ from ...controllers import Controller, SlidingMode
 from ...rows import Command, Rows, Task
 from ..verdicts import Finding, NotMeasured, claim, finding
 from .boundary import greatest_sigma, with_sigma
-from .case_study import CASE
-from .planar import FOV, SECOND
+from .simulations import CASE, FOV, SECOND
 
 PARAMETERS = (0.1, 0.2, 0.4)
 APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)

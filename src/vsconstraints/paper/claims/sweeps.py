@@ -16,7 +16,7 @@ from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged
 from .boundary import clear, ending, excess, number, with_sigma
 from .experiments import FASTER
-from .planar import SECOND
+from .simulations import SECOND
 
 SCENARIOS = ("example-2d-fov", "case-study-6r")
 SLIDING, FIELDS = "sliding-mode", ("potential-field", "potential-field-priority")

@@ -12,9 +12,9 @@ from ...reports.scene3d import Scene3D, Viewpoint, ball, bars, tube
 from ...reports.setup_scene import OBSTACLE, add_robot, add_surroundings, setup_frames
 from ...robots.geometry import Pose
 from ...rows import Array
-from ..claims.case_study import SPHERE, phases
+from ..claims.simulations import SPHERE, phases
 from . import lines as paper
-from .case_study import SHORT, frame_times
+from .simulations import SHORT, frame_times
 
 #: What Fig. 3, and what Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg].
 PLANE = Viewpoint(np.array([0.1, -0.5, -0.5]), 1.0, 75.0, -90.0)

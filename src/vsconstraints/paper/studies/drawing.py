@@ -79,9 +79,10 @@ def _scale(ax: Any, layout: Mapping[str, Any], measure: Mapping[str, Any]) -> No
 class Series(NamedTuple):
     """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the layer.
 
-    Its points are those ``where`` columns have values, or the ``numbers`` about so many of the first varied fields,
-    all together or ``by`` a column. They are joined by a line if their ``kind`` is not ``level`` (a line across the
-    panel), ``below`` (what lies below it is shaded) or ``crosses`` (near the upper edge, of runs that failed); ``y`` is
+    Its points are those ``where`` columns have values, ``without`` those that have others, or the ``numbers`` about so
+    many of the first varied fields, all together or ``by`` a column. They are joined by a line if their ``kind`` is not
+    ``level`` (a line across the panel), ``below`` (what lies below it is shaded), ``crosses`` (near the upper edge, of
+    runs that failed), ``edge`` (at the left edge) or ``distribution`` (against the share of points with less); ``y`` is
     the measure if not another column. They look as a law does, as the table's ``looks`` or the layer's ``palette`` and
     ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
     """
@@ -93,7 +94,7 @@ class Series(NamedTuple):
 
     def draw(self, ax: Any, layout: Mapping[str, Any], measure: str, scenario: str | None) -> None:
         """Draw it into the panel of a measure and of a scenario, or of all of them."""
-        x, y, kind = layout["x"], self.layer.get("y", measure), self.layer.get("kind")
+        x, y, kind = layout.get("x", ""), self.layer.get("y", measure), self.layer.get("kind")
         points = where(self.points, scenario=scenario) if scenario else self.points
         if kind == "crosses":
             shift = self.layer.get("shift", {}).get(self.name, 0.0)
@@ -107,6 +108,13 @@ class Series(NamedTuple):
         if kind in ("level", "below"):
             for point in finite:
                 ax.axhline(point[y], **self.look) if kind == "level" else ax.axvspan(point[y], 1e-9, **self.look)
+            return
+        if kind in ("distribution", "edge"):
+            values = [p[y] for p in finite]
+            if kind == "edge":
+                ax.plot([0.02] * len(values), values, transform=ax.get_yaxis_transform(), **self.look)
+            elif values:
+                ax.ecdf(values + [math.inf] * (len(points) - len(finite)), orientation="horizontal", **self.look)
             return
         least = layout.get("least", -math.inf)
         pairs = sorted((max(p[x], least), p[y]) for p in finite if math.isfinite(p[x]))
@@ -122,6 +130,7 @@ def all_series(table: Mapping[str, Any], points: Points, numbers: Numbers) -> It
             keys = dict.fromkeys(key[:-1] for key in numbers if len(key) == count + 1)
             of = [dict(zip(table["varied"], key, strict=False)) | about(numbers, *key) | {"status": ""} for key in keys]
         own = where(of, **layer.get("where", {}))
+        own = [point for point in own if point not in where(own, **layer["without"])] if "without" in layer else own
         groups = grouped(own, layer["by"]) if "by" in layer else {"": own}
         names = [name for name in looks if name in groups] or [name for name in groups if name or "by" not in layer]
         thinner = widths(names, *layer["widths"]) if "widths" in layer else dict.fromkeys(names, 1.4)

@@ -1,7 +1,8 @@
-"""How large the switching gain must be, and how the chattering band shrinks with the sampling time."""
+"""How large the switching gain must be, beside moving obstacles too, and how the band shrinks with the period."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -9,15 +10,19 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
+from ...scenarios import Scenario
 from .study import Found, Results, Sweep
 from .summary import RunSummary
-from .tables import Points, greatest, grouped, smallest_gain, where
+from .tables import TABLES, Points, greatest, grouped, smallest_gain, where
 
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
 #: What can be required of a switching gain, and the outcomes that are enough for it.
 ENOUGH = {"allowed": OUTCOMES[2:], "in_band": OUTCOMES[3:], "sliding": OUTCOMES[4:]}
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
+OBSTACLES: dict[str, dict[str, Any]] = TABLES["non-static"]["obstacles"]
+#: Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept.
+KEPT: float = TABLES["non-static"]["limits"]["depth"]
 
 
 def _gain_spec(case: Any) -> RunSpec:
@@ -123,3 +128,62 @@ SAMPLING_TIME = Sweep(
     _time_lines,
     _time_numbers,
 )
+
+
+def _constraint(case: Any) -> dict[str, Any]:
+    """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the meeting time."""
+    obstacle = OBSTACLES[case.scenario]
+    table: dict[str, Any] = copy.deepcopy(Scenario.load(case.scenario).tables["constraints"][0])
+    velocity = np.array(table["motion"]["velocity"])
+    shape = table.get("curve", table)
+    start = np.array(shape[obstacle["place"]]) + (1.0 - case.speed) * obstacle["meeting"] * velocity
+    shape[obstacle["place"]] = start.round(6).tolist()
+    table["motion"] = {"velocity": (case.speed * velocity).round(6).tolist(), "known": case.known}
+    table["switching_gain"] = case.switching_gain
+    return table
+
+
+def _obstacle_spec(case: Any) -> RunSpec:
+    duration = OBSTACLES[case.scenario]["duration"]
+    return RunSpec(case.scenario, overrides={"constraints": [_constraint(case)], "duration": duration})
+
+
+def _obstacle_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    """Its outcome, how deep the obstacle is entered, and K times its speed."""
+    table, factor = _constraint(case), OBSTACLES[case.scenario]["factor"]
+    depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
+    outcome = "kept" if run.value("violation_depth") <= KEPT else "violated"
+    return [
+        {
+            "outcome": "failed" if run.ended_early else outcome,
+            "depth": factor * depth,
+            "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
+        }
+    ]
+
+
+def _obstacle_numbers(points: Points) -> Found:
+    """For every speed the bound, the smallest gain that is enough, the cost of not knowing."""
+    numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
+    above: Points = []
+    for key, own in grouped(points, "scenario", "speed").items():
+        known = where(own, known=True)
+        unknown = next(iter(where(own, known=False)), {"switching_gain": math.nan, "depth": math.nan})
+        same = where(known, switching_gain=unknown["switching_gain"])
+        largest = max(known, key=lambda point: float(point["switching_gain"]))  # whose bound is the speed's
+        numbers[key] = {
+            "bound_12": largest["bound_12"],
+            "smallest_kept": smallest_gain(known, ["kept"]),
+            "depth_known": same[0]["depth"] if same else math.nan,
+            "depth_unknown": unknown["depth"],
+            "depth_expected": largest["depth_expected"],
+        }
+        above += [p for p in known if p["switching_gain"] > largest["bound_12"] and p["outcome"] != "failed"]
+    return {**numbers, (): {"above_bound": len(above), "above_bound_kept": len(where(above, outcome="kept"))}}
+
+
+#: The sliding-mode law with obstacles that move at different speeds, known and unknown. The obstacle is the only
+#: constraint. It is displaced so that it is at the same place at one time whatever its speed, and stands there if the
+#: speed is zero. Claim: ∂φ/∂t only changes the bound (12) on u⁺ (section 5.4). A controller that takes the obstacle for
+#: static keeps σ + K (σ̇ − ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its speed.
+NON_STATIC = Sweep("non-static", _obstacle_spec, _obstacle_lines, _obstacle_numbers)

@@ -18,9 +18,8 @@ from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
-from .gains import SAMPLING_TIME, SWITCHING_GAIN
+from .gains import NON_STATIC, SAMPLING_TIME, SWITCHING_GAIN
 from .laws import GRADIENT_ERROR, PARETO, SHRINKING_REGION
-from .moving_obstacles import NON_STATIC
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
 from .unselected_experiments import UNSELECTED_EXPERIMENTS

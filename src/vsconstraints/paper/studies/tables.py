@@ -22,7 +22,7 @@ KEYS = {
     "": "title question varied claims columns drift caption sentences runs small limits obstacles panels looks layout "
     "layers measures",
     "layout": "x below ticks names least limits margin columns left height gap above legend",
-    "layers": "by kind on y where look numbers reference palette widths shift",
+    "layers": "by kind on y where without look numbers reference palette widths shift",
     "measures": "label title ticks below linear linear_below level low top headroom margin same",
 }
 

@@ -13,7 +13,6 @@ import json
 import math
 from collections import Counter
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +20,10 @@ import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
-from ...reports.plots import REFERENCE, Sheet, line, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
-from .study import Found, Results, StudyResult, Sweep
+from .study import Found, Results, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
-from .tables import Points, grouped, scenario_title, where
+from .tables import TABLES, Points, grouped, where
 
 EXACT, SHIPPED = "exact", "shipped"
 #: ``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone.
@@ -128,56 +126,24 @@ def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
     }
 
 
-class UnselectedExperiments(Sweep):
-    """Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
-
-    A scene counts if, without an error, the goal is reached and exactly one row acts, which is a visibility row that is
-    not violated: as in the experiments. No run with an error takes part in that.
-    """
-
-    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
-        """The shipped scene and every kept one, in every case."""
-        cases = []
-        for scenario in KINDS:
-            count = 2 if small else len(kept_scenes()[scenario]["scenes"])
-            scenes = (SHIPPED, *map(str, range(count)))
-            cases += [self.Case(scenario, *each) for each in product(scenes, list(CASES)[: 3 if small else 4])]
-        return {case: self.spec(case) for case in cases}
-
-    def figure(self, result: StudyResult) -> Sheet:
-        """One row per experiment; one panel per measure, a line per case."""
-        looks, panels = self.table["looks"], self.table["panels"]
-        present = [case for case in looks if where(result.points, case=case)]
-        sheet = Sheet(left=0.95)
-        sheet.legend([line(looks[case][2], looks[case][0], looks[case][1]) for case in present])
-        places = list(product(KINDS, panels.items()))
-        axes = sheet.panels(len(places), len(panels), height=1.7, gap=0.4, same_y=True)
-        sheet.at += 0.15
-        for ax, (scenario, (column, (label, ticks, wanted))) in zip(axes, places, strict=True):
-            for case in present:
-                points = where(result.points, scenario=scenario, rejected="", case=case)
-                _distribution(ax, points, column, *looks[case][:2])
-            ax.axvline(wanted, **REFERENCE, zorder=2)
-            logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
-            ax.set_xlim(ticks[0], ticks[-1])
-            ax.set_ylim(-0.03, 1.03)
-            ax.yaxis.set_major_formatter(lambda share, _: f"{100.0 * share:.0f}")
-            if column == next(iter(panels)):
-                ax.set_ylabel(f"{scenario_title(scenario)}\nscenes with less [%]")
-            ax.set_xlabel(label if scenario == [*KINDS][-1] else "")
-        return sheet
+def _runs(most: int | None, cases: int) -> list[dict[str, Any]]:
+    """The shipped scene and every kept one, or so many, in so many cases."""
+    return [
+        {
+            "scenario": scenario,
+            "scene": [SHIPPED, *map(str, range(len(kept["scenes"])))][:most],
+            "case": [*CASES][:cases],
+        }
+        for scenario, kept in kept_scenes().items()
+    ]
 
 
-def _distribution(ax: Any, points: Points, column: str, colour: str, line: str) -> None:
-    """The share of the unselected scenes with less than a value, and a triangle for the shipped scene."""
-    drawn = [point[column] if math.isfinite(point[column]) else math.inf for point in points]
-    if values := [value for point, value in zip(points, drawn, strict=True) if point["scene"] != SHIPPED]:
-        ax.ecdf(values, color=colour, linestyle=line)
-    for value in (value for point, value in zip(points, drawn, strict=True) if point["scene"] == SHIPPED):
-        ax.plot(value, 0.02, "^", color=colour, mfc=colour if line == "-" else "white", markersize=6.0, zorder=4)
+TABLES["unselected-experiments"] |= {"runs": _runs(None, 4), "small": _runs(3, 3)}
 
-
-UNSELECTED_EXPERIMENTS = UnselectedExperiments(
+#: Both experiments, without and with the gradient error (49), in scenes selected by geometry alone. A scene counts if,
+#: without an error, the goal is reached and exactly one row acts, which is a visibility row that is not violated: as in
+#: the experiments. No run with an error takes part in that.
+UNSELECTED_EXPERIMENTS = Sweep(
     "unselected-experiments",
     _spec,
     _lines,

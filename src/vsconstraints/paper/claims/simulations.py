@@ -1,8 +1,9 @@
-"""Claims 5 and 12: section 9, the 6R arm, and computation time."""
+"""Claims 1 to 5 and 12: sections 8 and 9, the planar arm and the case study, and computation time."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from ...comparisons.run import MERGE, Run
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
@@ -11,7 +12,21 @@ from ...simulation import intervals
 from ..texts import shown_intervals
 from ..verdicts import Finding, claim, finding, register_formulas
 from . import boundary
-from .boundary import VANISHED
+from .boundary import VANISHED, clear, excess, phi_never_positive
+
+FOV = RunSpec("example-2d-fov")
+FAST = RunSpec("example-2d-fast")
+HIGH_GAIN = RunSpec("example-2d-fast-high-gain")
+SAMPLED_FASTER = RunSpec("example-2d-fast-high-gain", overrides={"sampling_time": 0.001})
+HALVED = RunSpec("example-2d-fov", overrides={"sampling_time": 0.0025})
+BOWL = RunSpec("example-2d-bowl")
+CONVEX = RunSpec("example-2d-heart-convex")
+CONCAVE = RunSpec("example-2d-heart-concave")
+
+FIRST, SECOND = "fov[marker 1]", "fov[marker 2]"
+HEART, BOWL_ROW, OTHER_ROW = "occlusion[heart, marker 1]", "occlusion[bowl, marker 1]", "occlusion[bowl, marker 2]"
+#: The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned [px].
+NOTCH, TIP = (-102.0, 35.0), (-137.0, 0.0)
 
 CASE = RunSpec("case-study-6r")
 #: From a start at which the camera turns about another axis than the one that leads to the goal.
@@ -31,6 +46,55 @@ Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
 PRINTED_TIME = 20e-6  #: Time of one iteration that the paper gives [s].
 
 Phases = tuple[list[tuple[float, float]], list[tuple[float, float]]]
+
+
+def position(run: Run) -> Array:
+    """(N,) distance between camera and goal [m]."""
+    return run.trajectory.camera_error[:, 0]
+
+
+def angle(run: Run) -> Array:
+    """(N,) angle between camera and goal [rad]."""
+    return run.trajectory.camera_error[:, 1]
+
+
+def first_marker(run: Run) -> Array:
+    """(N, 2) where it is in the image [px]."""
+    return run.trajectory.features_px[:, 0]
+
+
+def greatest_step(values: Array) -> float:
+    """Of signals (N, k), from one sample to the next."""
+    return float(np.abs(np.diff(values, axis=0)).max())
+
+
+def band(run: Run) -> float:
+    """Peak-to-peak φ while the second feature's row acts."""
+    return float(np.ptp(run.while_sliding(SECOND)))
+
+
+@claim("1e", FOV)
+def _position_error_arises_and_vanishes(fov: Run) -> Finding:
+    error, acts = position(fov), fov.active_intervals(SECOND)
+    if not acts:
+        return Finding("does not hold", "the constraint never becomes active")
+    start, end = acts[0][0], acts[-1][1]
+    peak, when = error.max(), float(fov.t[error.argmax()])
+    before, last = error[fov.t < start].max(initial=0.0), error[-1]
+    arises, vanishes = before < VANISHED * peak and start <= when <= end, last < VANISHED * peak
+    values = {"before": before, "peak": peak, "peak_at": when, "last": last}
+    return finding("1e", arises and vanishes, arises or vanishes, {"start": start}, **values)
+
+
+@claim("3e", BOWL)
+def _both_features_stay_out(bowl: Run) -> Finding:
+    labels = BOWL_ROW, OTHER_ROW
+    both, needed = phi_never_positive(bowl, labels), bowl.drift[:, bowl.index(OTHER_ROW)].max()
+    rows = [
+        (row, bowl.phi(row).max(), excess(bowl, row), bowl.positive_samples(row), clear(bowl, row)) for row in labels
+    ]
+    shown = {"rows": rows, "needed": needed}
+    return finding("3e", both.verdict == "holds", both.verdict == "holds partly", shown, **both.values)
 
 
 def switch_sample(run: Run) -> int:
@@ -119,19 +183,14 @@ def _error_follows_its_polynomial(tracking: Run) -> Finding:
 def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
     """(N, k) error at times (N,) from e and ė (k,), with K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1."""
 
-    def rate(x: Array) -> Array:
-        e, e_dot = x
-        Kp = 20.0 * np.exp(-60.0 / 20.0 * np.sqrt((e**2).sum()))
-        return np.array([e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot])
+    def rate(_: float, x: Array) -> Array:
+        e, e_dot = x.reshape(2, -1)
+        Kp = 20.0 * np.exp(-60.0 / 20.0 * np.linalg.norm(e))
+        return np.concatenate((e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot))
 
-    x, found = np.array([start, start_rate]), [start]
-    for h in np.diff(t):  # Runge and Kutta
-        a = rate(x)
-        b = rate(x + 0.5 * h * a)
-        c = rate(x + 0.5 * h * b)
-        x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + h * c))
-        found.append(x[0])
-    return np.array(found)
+    ends = (float(t[0]), float(t[-1]))
+    found = solve_ivp(rate, ends, np.concatenate((start, start_rate)), t_eval=t, rtol=1e-9, atol=1e-12)
+    return np.asarray(found.y[: len(start)].T)
 
 
 register_formulas(vars(boundary) | globals())
