@@ -86,7 +86,7 @@ def test_smoothly() -> None:
     ]
     # the sample 3 K later counts among the greatest
     run = Told({ROW: during((0.2, 0.6))}, speed=at({20: 2.0, 50: 5.0, 51: 6.0}, 1.0))
-    (one,) = boundary.approaches(run, ROW, 0.3)
+    (one,) = boundary.approaches(run, ROW)
     assert (one.later, one.greatest) == (5.0, 5.0)
     run = Told({ROW: during((0.2, 0.3))}, speed=at({}, 0.5))
     gives(boundary.smoothly(run, ROW), NO)

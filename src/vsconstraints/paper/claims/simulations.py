@@ -12,7 +12,7 @@ from ...simulation import intervals
 from ..texts import shown_intervals
 from ..verdicts import Finding, claim, finding, register_formulas
 from . import boundary
-from .boundary import VANISHED, clear, excess, phi_never_positive
+from .boundary import VANISHED
 
 FOV = RunSpec("example-2d-fov")
 FAST = RunSpec("example-2d-fast")
@@ -86,17 +86,6 @@ def _position_error_arises_and_vanishes(fov: Run) -> Finding:
     return finding("1e", arises and vanishes, arises or vanishes, {"start": start}, **values)
 
 
-@claim("3e", BOWL)
-def _both_features_stay_out(bowl: Run) -> Finding:
-    labels = BOWL_ROW, OTHER_ROW
-    both, needed = phi_never_positive(bowl, labels), bowl.drift[:, bowl.index(OTHER_ROW)].max()
-    rows = [
-        (row, bowl.phi(row).max(), excess(bowl, row), bowl.positive_samples(row), clear(bowl, row)) for row in labels
-    ]
-    shown = {"rows": rows, "needed": needed}
-    return finding("3e", both.verdict == "holds", both.verdict == "holds partly", shown, **both.values)
-
-
 def switch_sample(run: Run) -> int:
     """The first sample of the second phase, in which the second goal holds."""
     return int(np.searchsorted(run.t, run.setup.task.goals[1].from_time - 1e-9))
@@ -122,37 +111,9 @@ def at_once(run: Run) -> np.ndarray:
     return count
 
 
-@claim("5a", CASE)
-def _errors_vanish_in_both_phases(case: Run) -> Finding:
-    """Distances and angles at the beginning and the end of each phase."""
-    k, error = switch_sample(case), case.trajectory.camera_error
-    ends = error[[0, k - 1]], error[[k, -1]]
-    values = {
-        f"{part}_left_{phase}": last / first
-        for phase, (begin, end) in enumerate(ends, start=1)
-        for part, first, last in zip(("position", "orientation"), begin, end, strict=True)
-    }
-    vanished = [left < VANISHED for left in values.values()]
-    return finding("5a", all(vanished), any(vanished), {"phases": ends}, **values)
-
-
-@claim("5e", CASE)
-def _range_and_speed_act_first(case: Run) -> Finding:
-    acts = {event: phases(case, event) for event in (RANGE, SPEED)}
-    first = all(one for one, _ in acts.values()) and not any(two for _, two in acts.values())
-    place, speed = case.trajectory.q[:, 5].max(), np.abs(case.trajectory.qd[:, 1]).max()
-    near = 0.0 <= Q6_LIMIT - place <= 0.01 * Q6_RANGE and abs(speed - QD2_LIMIT) <= 0.01 * QD2_LIMIT
-    shown = {"events": events_text(acts), "q6_limit": Q6_LIMIT, "qd2_limit": QD2_LIMIT}
-    return finding("5e", first and near, first, shown, q6=place, qd2=speed)
-
-
-@claim("5g", CASE)
-def _borders_act(case: Run) -> Finding:
-    acts = {label: phases(case, label) for label in BORDERS}
-    first, second = ({label for label in BORDERS if acts[label][phase]} for phase in (0, 1))
-    both, later = {BORDERS[1], BORDERS[2]}, {BORDERS[1]}
-    good, part = (first, second) == (both, later), both <= first and later <= second
-    return finding("5g", good, part, {"events": events_text(acts) or "no border ever acts"})
+def acting_borders(run: Run, phase: int) -> list[str]:
+    """Which of the image's borders act in the first (0) or the second phase."""
+    return [label for label in BORDERS if phases(run, label)[phase]]
 
 
 def events_text(acts: dict[str, Phases]) -> str:
@@ -166,18 +127,6 @@ def _three_at_a_time(case: Run) -> Finding:
     most = int(count.max())
     same = int(np.sum([active_of(case, event) for event in EVENTS], axis=0)[count == most].max())
     return finding("5h", most == 3, most > 1, {"when": case.t[count == most]}, most=most, same_sample=same)
-
-
-@claim("5j", TRACKING)
-def _error_follows_its_polynomial(tracking: Run) -> Finding:
-    """The six numbers of the error, and what (42) with the printed gains makes of them."""
-    k = switch_sample(tracking)
-    error = tracking.trajectory.error[:k]
-    # to second order in T_s, and from nothing but the error itself
-    rate = (4.0 * error[1] - 3.0 * error[0] - error[2]) / (2.0 * tracking.sampling_time)
-    wanted = ideal_error(error[0], rate, tracking.t[:k])
-    share = np.linalg.norm(error - wanted, axis=1).max() / np.linalg.norm(wanted[0])
-    return finding("5j", share <= VANISHED, False, {"samples": k}, share=share)
 
 
 def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
