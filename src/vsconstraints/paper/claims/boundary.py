@@ -148,6 +148,6 @@ def number(study: StudyResult, *key: str | float) -> float:
     return value
 
 
-def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str | float, float]]:
+def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str, float]]:
     """The first part and the value of each number of a study whose key ends with this."""
-    return ((first, value) for (first, *others), value in study.numbers.items() if tuple(others) == last)
+    return ((str(first), value) for (first, *others), value in study.numbers.items() if tuple(others) == last)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import partial
 from itertools import pairwise
 from math import inf, isfinite, nan
 from typing import Any
@@ -13,6 +13,7 @@ from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ..studies import StudyResult
 from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..studies.tables import about
 from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged
 from .boundary import clear, ending, excess, number, with_sigma
 from .experiments import FASTER
@@ -44,71 +45,59 @@ IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sa
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 
 
-def beside_fields(key: str, pareto: StudyResult, left: Mapping[str, float], **shown: Any) -> Finding:
+def beside_fields(key: str, law: str, name: str, pareto: StudyResult) -> Finding:
     """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field less.
 
-    ``left`` is what it leaves unused [%], NaN where it is not compared; a field's number is the least of its runs.
+    ``name`` is the number of ``law`` that says what it leaves unused [%]; with the printed gains it is compared only
+    where they keep the boundaries. A field's number is the least of its runs.
     """
     scenes: dict[str, dict[str, float]] = {}
     verdicts: dict[str, Verdict] = {}
-    for scenario, own in left.items():
-        fields = {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in FIELDS}
+    broken = {scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS}
+    kept = {scenario: number(pareto, scenario, law, "kept") for scenario in SCENARIOS}
+    for scenario in SCENARIOS:
+        lost = law == "printed" and kept[scenario] != 1.0
+        own = nan if lost else pareto.numbers.get((scenario, law, name), nan)
+        fields = {field: pareto.numbers.get((scenario, field, "least_unused"), nan) for field in FIELDS}
         part = own <= FULLY_USED
-        verdicts[scenario] = judged(part and not any(field < own for field in fields.values()), part)
+        verdicts[scenario] = judged(part and not any(left < own for left in fields.values()), part)
         scenes[scenario] = {SLIDING: own} | fields
     values = {f"{scenario}/{law}": value for scenario, laws in scenes.items() for law, value in laws.items()}
     good, part = set(verdicts.values()) == {"holds"}, set(verdicts.values()) != {"does not hold"}
-    return finding(key, good, part, {"scenes": scenes, "verdicts": verdicts, **shown}, **values)
+    return finding(key, good, part, {"scenes": scenes, "verdicts": verdicts, "broken": broken}, **values)
 
 
-@claim("7a", "pareto")
-def _space_fully_used(pareto: StudyResult) -> Finding:
-    """With the printed gains, beside the least of the fields."""
-    kept = {scenario: number(pareto, scenario, "printed", "kept") == 1.0 for scenario in SCENARIOS}
-    left = {name: number(pareto, name, "printed", "unused") if kept[name] else nan for name in SCENARIOS}
-    return beside_fields("7a", pareto, left)
-
-
-@claim("7c", "pareto")
-def _nothing_left_unused(pareto: StudyResult) -> Finding:
-    """Over each law's own parameters."""
-    broken = {scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS}
-    for scenario in SCENARIOS:
-        number(pareto, scenario, SLIDING, "kept")
-    left = {scenario: pareto.numbers.get((scenario, SLIDING, "least_unused"), nan) for scenario in SCENARIOS}
-    return beside_fields("7c", pareto, left, broken=broken)
+claim("7a", "pareto")(partial(beside_fields, "7a", "printed", "unused"))
+claim("7c", "pareto")(partial(beside_fields, "7c", SLIDING, "least_unused"))
 
 
 @claim("8a", "shrinking-region")
 def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
     """RMS distance of the joints' paths from the sliding mode's at the largest and the smallest region."""
-    scenes, good, part = [], [], []
+    scenes, good, part = {}, [], []
     values: dict[str, float] = {}
     for scenario in SCENARIOS:
-        names = ("distance_largest_region", "distance_smallest_region", "region_largest", "region_smallest")
-        far, near, large, small = (number(study, scenario, "priority", name) for name in names)
+        scenes[scenario] = about(study.numbers, scenario, "priority")
+        far, near = (
+            number(study, scenario, "priority", f"distance_{which}_region") for which in ("largest", "smallest")
+        )
         floor = number(study, scenario, "sampling_distance")
-        falls = number(study, scenario, "priority", "distance_falls") == 1.0
-        good.append(falls and near <= 2.0 * floor)
+        good.append(scenes[scenario]["distance_falls"] == 1.0 and near <= 2.0 * floor)
         part.append(near < far)
-        scenes.append((scenario, far, large, near, small, falls, floor))
         values |= {f"{scenario}/far": far, f"{scenario}/near": near, f"{scenario}/floor": floor}
-    return finding("8a", all(good), all(part), {"scenes": scenes}, **values)
+    return finding("8a", all(good), all(part), {"scenes": scenes, "values": values}, **values)
 
 
 @claim("9b", "gradient-error")
 def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
-    at = (SLIDING, 0.3)
-    scenes = [str(scenario) for scenario, _ in ending(study, *at, "converged")]
-    if not scenes:
+    names = ("converged", "violation", "deviation_px")
+    converged, depth, deviation = (dict(ending(study, SLIDING, 0.3, name)) for name in names)
+    if not depth or not all(map(isfinite, depth.values())):
         raise NotMeasured("the study gradient-error has no run of the sliding mode with c_e = 0.3")
-    depth = {scenario: number(study, scenario, *at, "violation") for scenario in scenes}
-    converged = [number(study, scenario, *at, "converged") == 1.0 for scenario in scenes]
-    deviation = [study.numbers.get((scenario, *at, "deviation_px"), nan) for scenario in scenes]
-    most = max(depth.values())
-    good, part = all(converged) and most <= 0.0, all(converged) and most <= SLIGHT
-    shown = {"scenes": list(zip(scenes, converged, depth.values(), deviation, strict=True))}
-    return finding("9b", good, part, shown, **depth)
+    converged = {name: value == 1.0 for name, value in converged.items()}
+    arrived, most = all(converged.values()), max(depth.values())
+    shown = {"converged": converged, "depth": depth, "deviation": dict.fromkeys(depth, nan) | deviation}
+    return finding("9b", arrived and most <= 0.0, arrived and most <= SLIGHT, shown, **depth)
 
 
 @claim("10a", "switching-gain")
@@ -167,7 +156,7 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
 @claim("10c", "sampling-time", *SCENES)
 def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     """Peak-to-peak φ while a row acts in units of T_s u⁺."""
-    bands = {str(name): value for name, value in ending(study, "greatest_excess")}
+    bands = dict(ending(study, "greatest_excess"))
     if not bands:
         raise NotMeasured("the study sampling-time has no band")
     power = {name: number(study, name, "exponent") for name in bands}
