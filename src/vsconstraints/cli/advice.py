@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 from ..errors import ConfigurationError, unknown_name
 from ..plugins.extras import demand
 from .options import Names
-from .terminal import console, progress
+from .terminal import console, progress, say
 
 if TYPE_CHECKING:
     from ..comparisons.advice import Advice
 
-MAX_LAWS = 8  # that are printed
 ROWS = "rows"  # what every law uses
 
 
@@ -36,8 +35,10 @@ def advise(
     """Say which law to take for a scene, with settings, how sure that is, and what another choice loses."""
     demand("evidence", "advice")
     from ..comparisons.advice import advise as advice_for
+    from ..comparisons.statistics import rate_text, with_interval
     from ..comparisons.study import SHIPPED, Situation, Study
     from ..scenarios import CONSTRAINTS, Scenario
+    from ..scenarios.toml import toml_items, toml_text
 
     for kind in {*(rows or ())} - {*CONSTRAINTS}:
         raise unknown_name("type of constraints", kind, CONSTRAINTS)
@@ -60,28 +61,11 @@ def advise(
         console.print(f"{len(runs.runs)} runs: {keep}")
     if asked.said:
         found = advice_for(runs, asked, may_use or None)
-        console.print(_json(found) if as_json else _text(found))
-
-
-def _text(advice: Advice) -> str:
-    """One screen."""
-    from ..comparisons.statistics import rate_text, with_interval
-    from ..scenarios.toml import toml_items, toml_text
-
-    law = advice.laws[0]
-    lines = [
-        f"{law.law.name}: success in {rate_text(law.success)}; within 1 % of L in {law.tolerant.count}",
-        f"  scenes of {', '.join(advice.families)}" + "".join(f"; {what}" for what in advice.widened),
-        *(f"  unlike anything in the study: {reason}" for reason in advice.unlike),
-        *("", f"[controllers.{toml_text(law.law.name)}]", *toml_items(law.law.table), ""),
-        f"{'':35} success  loses [points]     a call  requires",
-    ]
-    for law in advice.laws[:MAX_LAWS]:
-        lost = with_interval(law.loss.difference, law.loss.low, law.loss.high, 100.0)
-        name, lost = f"{'≈' if law.best else ' '} {law.law.name}", "" if law is advice.laws[0] else lost
-        required = ", ".join(law.requires) or ROWS
-        lines.append(f"{name:35} {law.success.share:>7.1%}  {lost:16} {law.call_us:>5.3g} µs  {required}")
-    return "\n".join([*lines, "≈ not distinguishable from the law that succeeds most often"])
+        if as_json:
+            console.print(_json(found))
+        else:
+            texts = {"rate_text": rate_text, "with_interval": with_interval, "toml_items": toml_items}
+            say("advice", advice=found, best=found.laws[0], toml_text=toml_text, **texts)
 
 
 def _json(advice: Advice) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from itertools import count
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,7 +14,7 @@ from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from .options import Names
 from .results import ReportOptions, write_report
-from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
+from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, say, stop, typed_command
 
 if TYPE_CHECKING:
     from ..comparisons.evidence import Campaign, Plan
@@ -44,26 +43,7 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
     with progress() as show:
         summary = summarised(family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes))
     accepted, attempts = len(summary.found), sum(scene.attempts for scene in summary.scenes)
-    console.print(f"{family.name}: {family.title}\n  conditions: {', '.join(family.conditions)}")
-    console.print(
-        f"  {accepted} of {scenes} scenes found in {attempts} attempts ({summary.acceptance:.0%} accepted), "
-        f"{summary.seconds / scenes * 1e3:.0f} ms a scene"
-    )
-    for what, counts, of, unit in (
-        ("rejected", summary.rejected, attempts, "attempts"),
-        ("violated by tracking alone", summary.challenged, accepted, "scenes"),
-    ):
-        console.print(f"  {what}{'' if counts else ': nothing'}")
-        for name, number in counts.most_common():
-            console.print(f"    {number:6d}  {number / of:4.0%} of {unit}  {name}")
-    if not isnan(summary.beyond_limits):
-        console.print(
-            f"  under its limits, no law could satisfy a row from where tracking alone first meets it in "
-            f"{summary.beyond_limits:.0%} of the scenes"
-        )
-    if summary.timed:
-        late = sum(scene.too_far for scene in summary.timed)
-        console.print(f"  under its limits, no law can arrive in time in {late} of {len(summary.timed)} scenes")
+    say("family", family=family, scenes=scenes, summary=summary, accepted=accepted, attempts=attempts)
     return accepted
 
 

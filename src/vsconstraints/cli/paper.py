@@ -11,7 +11,7 @@ from ..errors import ConfigurationError, unknown_name
 from ..reports.plots import formats_of
 from .campaigns import evidence
 from .options import Names
-from .terminal import NOTHING_DONE, console, errors, note_processes, progress, typed_command
+from .terminal import NOTHING_DONE, console, errors, note_processes, progress, say, typed_command
 
 
 def claim_names() -> list[str]:
@@ -57,11 +57,8 @@ def reproduce(
         console.print(result.summary())
         if latex:
             console.print(f"Tables for LaTeX: {write_tables(result.report)}")
-    for checked, finding in findings.items():
-        console.print(f"{checked.key} ({checked.where}): {finding.verdict}")
-        console.print(f"  the paper says  {checked.sentence}")
-        console.print(f"  measured        {finding.text}")
-        console.print(f"  it holds if     {checked.rule}")
+    if findings:
+        say("claims", findings=findings)
     for path, why in drawn.items():
         if why:
             errors.print(f"{path} could not be drawn: {why}")
