@@ -13,7 +13,7 @@ import typer
 from .. import __version__
 from ..comparisons.runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 from ..errors import StorageError, VsconstraintsError, WorkersLost
-from . import advice, arm, campaigns, options, paper, results, scenes, testset
+from . import arm, campaigns, options, paper, results, scenes, testset
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
 _HELP = "Compare controllers that keep visual servoing inside its limits."
@@ -50,7 +50,7 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "families": (campaigns.families, "six-axis --scenes 20"),
         "evidence": (campaigns.evidence, "--family six-axis --scenes 50"),
         "merge": (campaigns.merge, "whole part-1 part-2"),
-        "advise": (advice.advise, "ur5-fov"),
+        "advise": (campaigns.advise, "ur5-fov"),
         "tune": (campaigns.tune, "--family six-axis --controller cbf-filter"),
         "testset run": (testset.run, "--family planar-arm --entry my_law:MyLaw"),
         "testset verify": (testset.verify, "--redraw 0.01"),

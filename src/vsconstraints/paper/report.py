@@ -6,7 +6,6 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,10 @@ DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report
 
 #: What the claims of each number are about.
 TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
+
+#: What the template knows of every reproduction.
+TOLD = {"table": Table, "topics": TOPICS, "verdicts": VERDICTS, "shipped": STUDIES}
+TOLD |= {"figure_file": figure_file, "data_file": data_file, "not_printed": DATA["not-printed"]}
 
 
 @dataclass(frozen=True)
@@ -65,25 +68,11 @@ def write_report(
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
-    text = render(
-        "reproduction.md",
-        table=Table,
-        topics=TOPICS,
-        verdicts=VERDICTS,
-        findings=findings,
-        numbered={number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)},
-        figures=FIGURES,
-        missing=missing,
-        result=result,
-        studies=studies,
-        shipped=STUDIES,
-        figure_file=figure_file,
-        data_file=data_file,
-        not_printed=DATA["not-printed"],
-        differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
-        facts={name: str(value) for name, value in facts.items() if value},
-        command=" ".join(command),
-    )
+    numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
+    told = differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1)
+    shown = {"result": result, "missing": missing, "studies": studies, "command": " ".join(command), "figures": FIGURES}
+    shown |= {"facts": {name: str(value) for name, value in facts.items() if value}, "differences": told}
+    text = render("reproduction.md", **TOLD, **shown, findings=findings, numbered=numbered)
     write_pages(result.report, text)
     lines = [{**vars(one), "claim": one.key, **vars(found), "measured": found.text} for one, found in findings]
     write_table(result.folder / "claims.csv", COLUMNS, [{name: line[name] for name in COLUMNS} for line in lines])
@@ -91,4 +80,4 @@ def write_report(
 
 def differences() -> str:
     """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
-    return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
+    return Path(__file__).with_name("differences.md").read_text(encoding="utf-8")

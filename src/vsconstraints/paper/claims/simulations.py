@@ -9,7 +9,6 @@ from ...comparisons.run import MERGE, Run
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...rows import Array, BoolArray
 from ...simulation import intervals
-from ..texts import shown_intervals
 from ..verdicts import Finding, claim, finding, register_formulas
 from . import boundary
 from .boundary import VANISHED
@@ -114,11 +113,6 @@ def at_once(run: Run) -> np.ndarray:
 def acting_borders(run: Run, phase: int) -> list[str]:
     """Which of the image's borders act in the first (0) or the second phase."""
     return [label for label in BORDERS if phases(run, label)[phase]]
-
-
-def events_text(acts: dict[str, Phases]) -> str:
-    """When events act, in either phase; those that never do are left out."""
-    return "; ".join(f"{event} at {shown_intervals(a + b)}" for event, (a, b) in acts.items() if a or b)
 
 
 @claim("5h", CASE)

@@ -12,7 +12,8 @@ from . import experiments, simulations, space
 
 CAPTIONS: dict[str, str] = tomllib.loads(Path(__file__).with_name("captions.toml").read_text(encoding="utf-8"))
 
-#: By the paper's number the function that draws the figure, and the runs that it shows.
+#: By the paper's number the function that draws our counterpart, and the runs that it shows. Figs. 1 and 13 show frames
+#: and a laboratory, and have none.
 DRAWN: dict[int, tuple[Any, ...]] = {
     2: (simulations.draw_hyperellipses,),
     3: (partial(space.draw_system, view=space.PLANE), FOV),
@@ -32,7 +33,6 @@ DRAWN: dict[int, tuple[Any, ...]] = {
     18: (experiments.draw_tracks, IBVS),
     19: (experiments.draw_comparison, IBVS, IBVS_ERROR),
 }
-#: Our counterparts by the paper's number. Figs. 1 and 13 show frames and a laboratory, and have none.
 FIGURES: dict[int, Figure] = {
     number: Figure(f"fig-{number:02d}", f"Fig. {number}", CAPTIONS[str(number)], draw, tuple(needs), formulas=True)
     for number, (draw, *needs) in DRAWN.items()

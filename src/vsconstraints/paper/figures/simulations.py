@@ -8,20 +8,8 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ...constraints import FieldOfView
-from ...reports.plots import (
-    FAINT,
-    INK,
-    REFERENCE,
-    Sheet,
-    above_legend,
-    band,
-    inside_legend,
-    line,
-    logarithmic,
-    note,
-    signal,
-    symbol,
-)
+from ...reports import plots
+from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
 from ...reports.plots.image import Plane, square
 from ...vision.camera import Camera
 from ..claims import simulations as claims
@@ -172,13 +160,13 @@ def draw_signals(case: Run) -> Sheet:
     ):
         paper.signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
         paper.limits_around(ax, values)
-        above_legend(ax, 6)
+        plots.above_legend(ax, 6)
         # the limit that acts: the value that the row's joint had, and its clearance
         constraint: Any = case.constraint(limited)
         joint = int(constraint.joints[0])
         limit = float(np.median(values[:, joint - 1] + case.trajectory.clearance[:, case.index(limited)]))
-        ax.axhline(limit, **REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
-        note(ax, f"limit of joint {joint}", limit, across=0.26)
+        ax.axhline(limit, **plots.REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
+        plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
     signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
     paper.phi_axis(panels[2], case, (-0.2, 0.04), r"greatest $\phi_i$")
     _lanes(panels[3], case)
@@ -186,7 +174,7 @@ def draw_signals(case: Run) -> Sheet:
         for ax in panels:
             ax.axvline(time, color="#666666", linestyle="--", linewidth=0.9, zorder=1.4)
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "ha": "center"}
-        panels[3].annotate(f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=FAINT)
+        panels[3].annotate(f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=plots.FAINT)
     return sheet
 
 
@@ -197,7 +185,7 @@ def _lanes(ax: Any, run: Run) -> None:
         for first, last in (span for phase in phases(run, event) for span in phase):
             ax.plot([first, last], [lane, lane], color=INK, linewidth=2.6, solid_capstyle="butt", zorder=3)
             inside = [time for time in frame_times(run) if first <= time <= last]
-            ax.plot(inside, [lane] * len(inside), **symbol("o", "white", size=7.0), zorder=4)
+            ax.plot(inside, [lane] * len(inside), **plots.symbol("o", "white", size=7.0), zorder=4)
     paper.over_time(ax, run)
     ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import WIDTH, Sheet, band, zero_line
-from ...reports.scene3d import Scene3D, Viewpoint, ball, bars, tube
-from ...reports.setup_scene import OBSTACLE, add_robot, add_surroundings, setup_frames
+from ...reports.plots import WIDTH, Sheet
+from ...reports.scene3d import Scene3D, Viewpoint, bars, tube
+from ...reports.setup_scene import add_robot, add_surroundings, setup_frames
 from ...robots.geometry import Pose
-from ...rows import Array
-from ..claims.simulations import SPHERE, phases
+from ..claims.simulations import phases
 from . import lines as paper
 from .simulations import SHORT, frame_times
 
@@ -53,22 +52,17 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
     return sheet
 
 
-def add_path(scene: Scene3D, points: Array, radius: float, most: int = 160) -> None:
-    """A curve through points (p, 3)."""
-    if len(points) > 1:
-        chosen = np.unique(np.linspace(0, len(points) - 1, most).astype(int))
-        scene.add(tube(points[chosen], radius, 6, caps=False), paper.RED)
-
-
 def draw_frames(case: Run) -> Sheet:
-    """Fig. 12: the arm at four instants, and the end-effector's path around the sphere."""
-    sheet, trail = Sheet(), tip_path(case)
+    """Fig. 12: the arm at four instants, and the end-effector's path."""
+    (tip,) = [i for i, point in enumerate(case.setup.scene.points) if point.label == "tip"]
+    sheet, trail = Sheet(), case.trajectory.points[:, tip]
     for number, time in enumerate(frame_times(case), start=1):
         row, column = divmod(number - 1, 2)
         left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
         k = int(np.argmin(np.abs(case.t - time)))
         scene = scene_of(case, CUBE)
-        add_path(scene, trail[: k + 1], 0.0045)
+        path = trail[: k + 1][np.unique(np.linspace(0, k, 160).astype(int))]
+        scene.add(tube(path, 0.0045, 6, caps=False), paper.RED)
         frames = setup_frames(case.setup, case.trajectory.q[k], time)
         scene.draw(space(sheet, left, top - 0.35, 3.95), CUBE, frames, whole=False)
         sheet.text(left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top")
@@ -76,38 +70,4 @@ def draw_frames(case: Run) -> Sheet:
         active = [SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)]
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
-    details(sheet, case, trail, 6.95)
     return sheet
-
-
-def tip_path(run: Run) -> Array:
-    """(N, 3) positions of the end-effector."""
-    (index,) = [i for i, point in enumerate(run.setup.scene.points) if point.label == "tip"]
-    path: Array = run.trajectory.points[:, index]
-    return path
-
-
-def details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
-    """The sphere from nearby, and the distance of the end-effector from it over time."""
-    sphere: Any = case.constraint(SPHERE)
-    scene, thickness = Scene3D(), 0.0014
-    scene.add(ball(sphere.centre, sphere.radius, 40), OBSTACLE)
-    away = trail - sphere.centre
-    distance = np.linalg.norm(away, axis=1)
-    # the line lies on the sphere with its side, as it has a thickness and the path has none
-    add_path(scene, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, 300)
-    acts = case.phi(SPHERE) >= 0.0
-    # a law that keeps away from the sphere is looked at where it is nearest
-    touch = away[acts].mean(axis=0) if acts.any() else away[distance.argmin()]
-    azimuth = float(np.rad2deg(np.arctan2(touch[1], touch[0]))) + 20.0
-    scene.draw(space(sheet, 0.3, top - 0.15, 2.9), Viewpoint(sphere.centre, 0.068, 18.0, azimuth), whole=False)
-    sheet.text(0.14, top + 0.05, "detail: the path and the sphere", fontsize=10, fontweight="bold", va="top")
-    plot = sheet.axes(4.35, top + 0.35, WIDTH - 4.35 - 0.2, 1.8)
-    band(plot, -100.0, 0.0, "#F9E3B4")
-    plot.plot(case.t, 1e3 * (distance - sphere.radius - sphere.margin), color=paper.RED, linewidth=1.8)
-    zero_line(plot)
-    plot.set_xlim(4.0, float(case.t[-1]))
-    plot.set_ylim(-6.0, 40.0)
-    plot.set_xlabel("time [s]", labelpad=2)
-    plot.set_ylabel("distance of the end-effector\nfrom the sphere [mm]", labelpad=3)
-    plot.text(4.15, -3.0, "inside", va="center", fontsize=8, color="#7A5500")

@@ -47,33 +47,28 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
         for one in series:
             if name in one.layer.get("on", measures):
                 one.draw(ax, layout, name, scenario)
-        _scale(ax, layout, own)
+        ticks = own.get("below", layout.get("ticks"))
+        if ticks is not None:
+            logarithmic(ax.xaxis, ticks)
+        if not own.get("linear"):
+            logarithmic(ax.yaxis, own.get("ticks"), own.get("linear_below"))
+        if "limits" in layout:
+            *first, last = layout["limits"]
+            ax.set_xlim(*(first or ax.get_xlim()[1:]), last)
+        if "names" in layout:
+            ax.set_xticks(ticks, layout["names"])
+        ax.margins(layout.get("margin"), own.get("margin"))
+        if "level" in own:
+            ax.axhline(own["level"], **REFERENCE)
+        if "low" in own:
+            reached = own.get("headroom", 1.0) * ax.get_ylim()[1]
+            ax.set_ylim(own["low"], max(reached, own.get("top", 0.0)))
     for name in [name for name, measure in measures.items() if measure.get("same")]:
         row = [ax for place, ax in axes.items() if place[0] == name]
         top = max(ax.get_ylim()[1] for ax in row)
         for ax in row:
             ax.set_ylim(top=top)
     return sheet
-
-
-def _scale(ax: Any, layout: Mapping[str, Any], measure: Mapping[str, Any]) -> None:
-    """Scales, ticks and limits of a panel, once everything is drawn."""
-    ticks = measure.get("below", layout.get("ticks"))
-    if ticks is not None:
-        logarithmic(ax.xaxis, ticks)
-    if not measure.get("linear"):
-        logarithmic(ax.yaxis, measure.get("ticks"), measure.get("linear_below"))
-    if "limits" in layout:
-        *first, last = layout["limits"]
-        ax.set_xlim(*(first or ax.get_xlim()[1:]), last)
-    if "names" in layout:
-        ax.set_xticks(ticks, layout["names"])
-    ax.margins(layout.get("margin"), measure.get("margin"))
-    if "level" in measure:
-        ax.axhline(measure["level"], **REFERENCE)
-    if "low" in measure:
-        reached = measure.get("headroom", 1.0) * ax.get_ylim()[1]
-        ax.set_ylim(measure["low"], max(reached, measure.get("top", 0.0)))
 
 
 class Series(NamedTuple):

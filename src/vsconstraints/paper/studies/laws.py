@@ -135,11 +135,6 @@ def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
     return {f"constraints.{i}.switching_gain": factor * table["switching_gain"] for i, table in enumerate(constraints)}
 
 
-def _with_front(points: Points) -> Points:
-    best = [point for own in grouped(points, "scenario").values() for point in front(own)]
-    return [point | {"front": point in best} for point in points]
-
-
 def front(points: Sequence[dict[str, Any]]) -> Points:
     """The runs without violation that no other such run beats in both unused space and acceleration variation."""
     chosen: Points = []
@@ -183,6 +178,6 @@ PARETO = Sweep(
     _pareto_spec,
     lambda case, run, results: [{"unused": unused(run), "not_kept": not_kept(run)}],
     _pareto_numbers,
-    _with_front,
+    lambda points: [p | {"front": p in front(where(points, scenario=p["scenario"]))} for p in points],
     helpers={"kept": kept},
 )

@@ -117,9 +117,7 @@ def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | No
     try:
         result, doing = study.evaluate(summaries), "figure"
         if folder is not None:
-            columns = list(dict.fromkeys(column for point in result.points for column in point))
-            lines = [{column: point.get(column, "") for column in columns} for point in result.points]
-            write_table(data_file(folder, study.name), columns, lines)
+            write_table(data_file(folder, study.name), list(next(iter(result.points), {})), result.points)
             for suffix in formats:
                 study.draw(result, figure_file(folder, study.name, (suffix,)))
     except Exception as error:
