@@ -14,8 +14,7 @@ from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper import verdicts
 from vsconstraints.paper.claims import general, simulations
-from vsconstraints.paper.texts import shown_intervals
-from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged
+from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 
 # --- verdicts ---
@@ -157,7 +156,7 @@ def test_scenes_differ_as_the_claims_say() -> None:
     Ts, gain = period_and_gain(simulations.FOV)
     assert period_and_gain(simulations.HALVED) == (0.5 * Ts, gain)
     assert period_and_gain(simulations.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
-    assert [spec.load().setup().constraints.constraints[0].K for spec in general.APPROACHES] == [0.1, 0.2, 0.4]
+    assert [spec.load().setup().constraints.constraints[0].K for spec in simulations.APPROACHES] == [0.1, 0.2, 0.4]
 
 
 def test_2a() -> None:
@@ -214,7 +213,7 @@ def test_7b_needs_a_row_that_acts() -> None:
     [((0.125, 0.25, 0.5), YES), ((0.125, 0.25, 0.51), PARTLY), ((0.2, 0.2, 0.4), NO), ((0.2, 0.21, 0.21), NO)],
 )
 def test_7b_of_time_constants(constants: tuple[float, ...], expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(general, "time_constant", lambda run: run)
+    monkeypatch.setattr(simulations, "time_constant", lambda run: run)
     assert found("7b", *constants).verdict == expected
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
-from vsconstraints.paper.claims import simulations, sweeps
+from vsconstraints.paper.claims import general, simulations
 from vsconstraints.paper.claims.experiments import CASES, in_unselected
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.verdicts import CLAIMS, NotMeasured
@@ -394,8 +394,8 @@ def test_12a(step: float, rows: float, expected: str) -> None:
 
 # --- claim 10 ---
 
-SCENES = sweeps.SCENES
-CORNER = [spec.name for spec in SCENES].index(sweeps.NOT_DIFFERENTIABLE)
+SCENES = general.SCENES
+CORNER = [spec.name for spec in SCENES].index(general.NOT_DIFFERENTIABLE)
 
 
 def scenes(changed: Told, good: Told, place: int = 0) -> list[Told]:

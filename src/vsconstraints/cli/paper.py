@@ -79,9 +79,8 @@ def study(
 
     written = formats_of(formats or ())
     chosen = dict.fromkeys(names or STUDIES)
-    for name in chosen:
-        if name not in STUDIES and name not in CAMPAIGNS:
-            raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
+    for name in [name for name in chosen if name not in (*STUDIES, *CAMPAIGNS)]:
+        raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
     for name in chosen:
         if name in CAMPAIGNS:
             evidence(Path(name), out / name, jobs=jobs, formats=formats)

@@ -41,13 +41,9 @@ def run(
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
     campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
-    run_campaign(
-        with_call_times(campaign, out, jobs, time_passes, slower, budget_us),
-        out,
-        Plan(),
-        nullcontext(processes(jobs)),
-        ReportOptions(figures, trust=True),
-    )
+    campaign = with_call_times(campaign, out, jobs, time_passes, slower, budget_us)
+    run_campaign(campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True))
+
 
 
 def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> None:

@@ -1,17 +1,21 @@
-"""What a claim is, and the verdicts on it."""
+"""What a claim is, the verdicts on it, and sentences as data: Jinja templates with numbers filled in."""
 
 from __future__ import annotations
 
+import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
+from jinja2 import Environment, StrictUndefined
+
 from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
-from .texts import calculated, filled
+from ..reports.numbers import number, percent
+from ..rows.readable import amount, counted
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
@@ -20,6 +24,37 @@ VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not 
 #: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
 #: several rules contain; ``measures``, the wording of measures that several claims share.
 TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+
+
+def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
+    """``2.96–4.90 s and 8.02–9.14 s``; ``never``."""
+    return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
+
+
+ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports print them, shares
+#: as per cent, intervals, samples.
+ENVIRONMENT.filters |= {
+    "fmt": lambda value, spec, factor=1: format(factor * value, spec),
+    "amount": amount,
+    "number": number,
+    "percent": percent,
+    "intervals": shown_intervals,
+    "samples": lambda samples: counted(samples, "sample"),
+}
+ENVIRONMENT.tests["finite"] = math.isfinite
+template = cache(ENVIRONMENT.from_string)
+expression = cache(partial(ENVIRONMENT.compile_expression, undefined_to_none=False))
+
+
+def filled(text: str, **values: Any) -> str:
+    """A template with values filled in."""
+    return template(text).render(values)
+
+
+def calculated(formula: str, known: Mapping[str, Any]) -> Any:
+    """The value of an expression of a template, from values by name."""
+    return expression(formula)(known)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ...rows import BoolArray
 from ..studies import StudyResult
 from ..studies.unselected_experiments import KINDS
 from ..verdicts import Finding, NotMeasured, claim, finding, judged, register_formulas, worded
+from . import boundary
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
 PBVS, IBVS = map(RunSpec, KINDS)
@@ -22,7 +23,7 @@ FASTER = tuple(
     for scenario in KINDS
     for Ts in (0.1, 0.01)
 )
-NAMES = ("experiment 1", "experiment 2")
+PBVS_TEN, PBVS_TEN_FASTER, IBVS_TEN, IBVS_TEN_FASTER = FASTER
 
 EXPONENTIAL = 1.1  #: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
 
@@ -51,6 +52,11 @@ def sliding_row(run: Run, kind: str) -> str:
     if not acting:
         raise NotMeasured(f"no {kind} row ever acts")
     return max(acting, key=lambda label: int(acts(run, label).sum()))
+
+
+def passes(run: Run, kind: str) -> bool:
+    """Whether it reaches the goal, and every row of a kind keeps its boundary."""
+    return run.trajectory.status == "converged" and clear(run, *run.labels(kind)) >= 0.0
 
 
 def exponentially(run: Run, kind: str) -> Finding:
@@ -82,16 +88,6 @@ def reached(run: Run) -> Finding:
     end, values = run.trajectory, {"settling": run.settling_time}
     posed = np.isfinite(end.camera_error[-1, 0])
     return finding("reached", end.status == "converged", False, {"end": end, "posed": posed}, **values)
-
-
-@claim("6l", *FASTER)
-def _motion_must_be_slow(*runs: Run) -> Finding:
-    names, kinds = (np.repeat(each, 2).tolist() for each in (NAMES, [*KINDS.values()]))
-    least = [clear(run, *run.labels(kind)) for run, kind in zip(runs, kinds, strict=True)]
-    good = [run.trajectory.status == "converged" and near >= 0.0 for run, near in zip(runs, least, strict=True)]
-    slow = not good[0] and not good[2]
-    shown = {"runs": list(zip(names, runs, least, strict=True))}
-    return finding("6l", slow and good[1] and good[3], slow, shown)
 
 
 @claim("6m", PBVS, IBVS)
@@ -128,4 +124,4 @@ def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
     return Finding(judged(good, part), text, values)
 
 
-register_formulas(globals())
+register_formulas(vars(boundary) | globals())

@@ -9,7 +9,7 @@ from ...comparisons.run import MERGE, Run
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...rows import Array, BoolArray
 from ...simulation import intervals
-from ..verdicts import Finding, claim, finding, register_formulas
+from ..verdicts import Finding, NotMeasured, claim, finding, register_formulas
 from . import boundary
 from .boundary import VANISHED
 
@@ -42,9 +42,9 @@ Q6_RANGE, QD2_LIMIT = 1.2, 0.4
 #: What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s].
 Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
 
+PARAMETERS = (0.1, 0.2, 0.4)
+APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)
 PRINTED_TIME = 20e-6  #: Time of one iteration that the paper gives [s].
-
-Phases = tuple[list[tuple[float, float]], list[tuple[float, float]]]
 
 
 def position(run: Run) -> Array:
@@ -96,7 +96,7 @@ def active_of(run: Run, event: str) -> BoolArray:
     return np.asarray((run.trajectory.phi[:, rows] >= 0.0).any(axis=1))
 
 
-def phases(run: Run, event: str) -> Phases:
+def phases(run: Run, event: str) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     """When the rows of an event act in the first and in the second phase."""
     k, active = switch_sample(run), active_of(run, event)
     return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
@@ -134,6 +134,25 @@ def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
     ends = (float(t[0]), float(t[-1]))
     found = solve_ivp(rate, ends, np.concatenate((start, start_rate)), t_eval=t, rtol=1e-9, atol=1e-12)
     return np.asarray(found.y[: len(start)].T)
+
+
+@claim("7b", *APPROACHES)
+def _approach_follows_the_parameter(*runs: Run) -> Finding:
+    constants = dict(zip(PARAMETERS, map(time_constant, runs), strict=True))
+    good = all(abs(tau / K - 1.0) <= 0.25 for K, tau in constants.items())
+    rising = bool((np.diff(list(constants.values())) > 0.0).all())
+    return finding("7b", good, rising, {"constants": constants}, **{str(K): tau for K, tau in constants.items()})
+
+
+def time_constant(run: Run) -> float:
+    """Of the normal speed of the second marker over two K from when its row first acts."""
+    acts = run.phi(SECOND) >= 0.0
+    if not acts.any():
+        raise NotMeasured("the row never acts")
+    first, K = run.t[acts.argmax()], run.constraint(SECOND).K
+    during = (run.t >= first) & (run.t <= first + 2.0 * K)
+    speed = np.maximum(run.approach_speed(SECOND)[during], 1e-6)
+    return -1.0 / float(np.polyfit(run.t[during], np.log(speed), 1)[0])
 
 
 register_formulas(vars(boundary) | globals())

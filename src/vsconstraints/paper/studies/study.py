@@ -15,7 +15,7 @@ from typing import Any
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import Figure, Sheet
-from ..texts import filled
+from ..verdicts import filled
 from .drawing import sweep_figure
 from .summary import RunSummary
 from .tables import TABLES, Numbers, Points, about

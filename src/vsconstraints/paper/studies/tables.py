@@ -11,7 +11,7 @@ from typing import Any
 
 from ...reports.numbers import largest
 from ...scenarios.reading import demand_known
-from ..texts import ENVIRONMENT
+from ..verdicts import ENVIRONMENT
 
 Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
 #: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured.
