@@ -13,7 +13,7 @@ from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper import verdicts
-from vsconstraints.paper.claims import general, simulations
+from vsconstraints.paper.claims import simulations
 from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 

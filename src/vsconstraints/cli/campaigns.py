@@ -147,12 +147,7 @@ def run_campaign(
 
 
 def merge(
-    out: Path,
-    shards: list[Path],
-    figures: bool = True,
-    formats: Names = None,
-    latex: bool = False,
-    trust: bool = False,
+    out: Path, shards: list[Path], figures: bool = True, formats: Names = None, latex: bool = False, trust: bool = False
 ) -> None:
     """Merge the parts of a campaign that were run apart, and write its report."""
     from ..comparisons.evidence import merge as merge_shards

@@ -69,10 +69,7 @@ def reproduce(
 
 
 def study(
-    names: Names = None,
-    out: Path = Path("vsconstraints-studies"),
-    jobs: int | None = None,
-    formats: Names = None,
+    names: Names = None, out: Path = Path("vsconstraints-studies"), jobs: int | None = None, formats: Names = None
 ) -> None:
     """Answer a general question about the controllers with many runs and one figure; real-world is a whole campaign."""
     from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from ..comparisons import RunSpec
     from ..comparisons.metrics import Score
 
-GOT_WORSE = 1
-
 
 @dataclass(frozen=True)
 class ReportOptions:
@@ -184,7 +182,7 @@ def diff(
             raise ConfigurationError(f"{out} cannot be written: {error}") from error
         console.print(f"{verdict(changes)}\nPage: {out}")
     if changes.worse:
-        raise typer.Exit(GOT_WORSE)
+        raise typer.Exit(1)  # something got worse
 
 
 def verify(folder: Path) -> None:

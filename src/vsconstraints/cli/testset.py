@@ -45,7 +45,6 @@ def run(
     run_campaign(campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True))
 
 
-
 def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> None:
     """Check every scene of a test set against its hash, and name what was changed, added or is missing."""
     from ..scenarios.families.frozen import V1, TestSet

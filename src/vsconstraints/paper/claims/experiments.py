@@ -78,8 +78,8 @@ def one_marker_slides(run: Run, kind: str) -> Finding:
     least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
     kept = sigma <= 0.0 and least >= 0.0
     good = kept and len(acting) == 1 and share <= FULLY
-    shown = {"acting": acting, "times": times, "apart": np.diff(times).max(initial=0.0), "clear": least}
-    shown["excess"] = excess(run, row)
+    apart = np.diff(times).max(initial=0.0)
+    shown = {"acting": acting, "times": times, "apart": apart, "clear": least, "excess": excess(run, row)}
     return finding("one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting))
 
 

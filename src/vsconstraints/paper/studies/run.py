@@ -12,6 +12,7 @@ import numpy as np
 
 from ...comparisons.record import RunRecord
 from ...comparisons.run import kept_file, perform, unfinished
+from ...comparisons.runs.files import write_arrays
 from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
@@ -107,7 +108,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
                 performed.record.save(kept_file(kept, run))
         summary = summarise(performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
     with suppress(OSError):
-        summary.save(file)
+        write_arrays(file, vars(summary), compressed=False)
     return summary
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
 from ...comparisons.run import Run
-from ...comparisons.runs.files import read_arrays, write_arrays
+from ...comparisons.runs.files import read_arrays
 from ...control import ControlStep
 from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
@@ -55,10 +55,6 @@ class RunSummary:
     def ended_early(self) -> bool:
         """Whether the run failed or was aborted."""
         return self.status in ("failed", "aborted")
-
-    def save(self, path: Path) -> None:
-        """Write the file whole or not at all."""
-        write_arrays(path, {f.name: getattr(self, f.name) for f in fields(self)}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> RunSummary | None:

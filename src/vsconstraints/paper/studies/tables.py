@@ -23,6 +23,7 @@ KEYS = {
     "layers measures",
     "layout": "x below ticks names least limits margin columns left height gap above legend",
     "layers": "by kind on y where without look numbers reference palette widths shift",
+    "limits": "samples excess depth",
     "measures": "label title ticks below linear linear_below level low top headroom margin same",
 }
 
@@ -33,7 +34,7 @@ def read_tables(text: str) -> dict[str, dict[str, Any]]:
     for study, table in tables.items():
         if study in ("titles", "laws"):
             continue
-        parts = [("", table), ("layout", table.get("layout", {}))]
+        parts = [("", table), *((part, table.get(part, {})) for part in ("layout", "limits"))]
         parts += [("layers", layer) for layer in table.get("layers", ())]
         parts += [("measures", measure) for measure in table.get("measures", {}).values()]
         for part, keys in parts:
