@@ -12,6 +12,7 @@ import pytest
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.paper import verdicts
 from vsconstraints.paper.claims import simulations
 from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
@@ -67,6 +68,9 @@ def test_a_claim_is_what_is_said_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
         "123b": Claim(123, "b", "where", "sentence", rule, "figure.png", ("a study",), measure),
         "4c": Claim(4, "c", "there", "other", "rule", "", (), measure),
     } == verdicts.CLAIMS
+    texts["5a"] = texts["4c"] | {"partyl": "true"}
+    with pytest.raises(ConfigurationError, match=r"unknown key in claims\.toml, 5a 'partyl'\. Did you mean 'partly'"):
+        claim("5a")(measure)
     with pytest.raises(ValueError, match="there are two claims 123b"):
         register(measure)
 

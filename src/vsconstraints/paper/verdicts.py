@@ -16,9 +16,11 @@ from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
 from ..reports.numbers import number, percent
 from ..rows.readable import amount, counted
+from ..scenarios.reading import demand_known
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
+KEYS = ("where", "sentence", "rule", "figure", "measured", "runs", "shown", "values", "holds", "partly", "measure")
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
 #: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
@@ -128,6 +130,7 @@ def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]],
         for name, part in TEXTS["shared"].items():  # one may contain those before it
             shared[name] = part.format(**shared)
         text = TEXTS[key]
+        demand_known(text, KEYS, f"claims.toml, {key}")
         rule, figure = text["rule"].format(**shared), text.get("figure", "")
         CLAIMS[key] = Claim(int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure)
         return measure

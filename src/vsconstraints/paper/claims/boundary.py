@@ -45,11 +45,6 @@ def greatest_phi(run: Run, labels: Sequence[str]) -> float:
     return max(float(run.phi(label).max()) for label in labels)
 
 
-def longest_series(run: Run, labels: Sequence[str]) -> int:
-    """Of samples with φ ≥ 0, of any row."""
-    return max(map(run.positive_samples, labels))
-
-
 def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
     sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
