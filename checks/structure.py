@@ -41,14 +41,14 @@ BUDGETS = {
     "learning": Budget(260, 260),
     "comparisons": Budget(7332, 4000),
     "reports": Budget(7854, 4000),
-    "paper": Budget(2929, 2400),
+    "paper": Budget(2927, 2400),
     "arms": Budget(2162, 1300),
     "cli": Budget(1271, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(46963, 31_000)
+ALL = Budget(46961, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 316, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

@@ -76,8 +76,8 @@ class Sweep(Study):
     ``varied`` names the fields of a case, None where one does not apply. Each table of ``runs`` (``small`` for the
     small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and may
     set keys of the scenario (``overrides``). ``columns`` are those of the data, behind the case; ``sentences`` is a
-    template, a sentence a line, of the points, the table, the numbers :func:`.tables.about` something, and the helpers. The
-    figure is that of :func:`.drawing.sweep_figure`.
+    template, a sentence a line, of the points, the table, the numbers :func:`.tables.about` something, and the helpers.
+    The figure is that of :func:`.drawing.sweep_figure`.
 
     Parameters
     ----------
