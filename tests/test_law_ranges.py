@@ -127,6 +127,16 @@ def test_what_is_not_searched_of_the_rows_changes_nothing(name: str, options: di
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_what_changes_nothing_is_said(name: str, options: dict[str, Any]) -> None:
+    """Factors that no range is declared of are those that the law says it ignores."""
+    law, ranges = make_controller(name, options), law_ranges(name, options)
+    assert {factor for factor in FACTORS if factor not in ranges} == {*FACTORS} & {*law.ignores}
+    assert law.unused() == ""
+    told = make_controller(name, {**options, **dict.fromkeys(FACTORS, 1.5)}).unused()
+    assert all((factor in told) == (factor in law.ignores) for factor in FACTORS)
+
+
 @pytest.mark.parametrize("factor", FACTORS)
 def test_each_factor_that_is_searched_acts(factor: str) -> None:
     setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()

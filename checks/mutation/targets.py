@@ -46,7 +46,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/compiled/plan_program.py",
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/goal_governor.py",
-        "src/vsconstraints/controllers/barrier_governor.py",
         "src/vsconstraints/compiled/goal_governor.py",
     ),
     "formulas": (

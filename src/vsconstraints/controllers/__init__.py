@@ -11,12 +11,11 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
-from .barrier_governor import BarrierGovernor
 from .barriers import Barrier
 from .base import Controller
 from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
-from .goal_governor import GoalGovernor
+from .goal_governor import BarrierGovernor, GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import OBSERVER, Observed, without_observer

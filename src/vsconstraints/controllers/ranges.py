@@ -58,7 +58,6 @@ class Fixed(dict[str, float]):
     """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        """Raise TypeError."""
         raise TypeError("the options of a controller cannot be changed in parts: make one with others")
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
@@ -89,7 +88,6 @@ class Range:
             raise ConfigurationError(f"a range of integers ends with integers, not {shown(ends)}")
 
     def __iter__(self) -> Iterator[float]:
-        """Its ends."""
         yield from (self.least, self.greatest)
 
     def __contains__(self, value: object) -> bool:
@@ -111,7 +109,6 @@ class Choices:
             raise ConfigurationError(f"choices are a tuple of two values or more, not {shown(self.values)}")
 
     def __iter__(self) -> Iterator[Any]:
-        """All values."""
         yield from self.values
 
     def __contains__(self, value: object) -> bool:
@@ -142,10 +139,12 @@ def option(
 
 
 class Part:
-    """A demand or resolver: a frozen dataclass whose fields are options, with :attr:`ranges` of search by option."""
+    """A law, demand or resolver: where it is a dataclass, its fields are options (:func:`option`)."""
 
+    #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
-    ignores: ClassVar[tuple[str, ...]] = ()  #: See :attr:`.Controller.ignores`; of these no range is searched.
+    #: Which options of every law, factors on rows and those of the observer, change no command; none is searched.
+    ignores: tuple[str, ...] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
