@@ -565,8 +565,8 @@ def test_limits_that_are_not_given_are_the_robots() -> None:
     arm = viper()
     every = JointRange(arm, **GAINS)
     assert every.joints == (1, 2, 3, 4, 5, 6)
-    np.testing.assert_allclose(every.mid + every.half, arm.q_max)
-    np.testing.assert_allclose(every.mid - every.half, arm.q_min)
+    np.testing.assert_allclose(every.upper, arm.q_max)
+    np.testing.assert_allclose(every.lower, arm.q_min)
     speed = JointSpeed(arm, joints=[3], switching_gain=1.0)
     assert speed.upper[0] == arm.qd_max[2]
     partly = Robot.from_dh(np.ones((3, 4)), q_min=[-np.inf, -1, -2], q_max=[np.inf, 1, np.inf])

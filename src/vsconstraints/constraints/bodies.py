@@ -80,7 +80,6 @@ def _made_of(robot: Robot) -> tuple[object, ...]:
 
 @lru_cache(maxsize=16)
 def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, ...]:
-    """The mesh files of a URDF of that date."""
     return tuple(mesh_files(urdf, folders))
 
 

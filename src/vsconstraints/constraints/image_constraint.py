@@ -18,15 +18,8 @@ from .by_formula import Form, Keyed
 class ImageConstraint(PositionConstraint):
     """A constraint on every marker's pixel coordinates y = (u, v), from the image's centre.
 
-    An own one gives ``kind``, :meth:`sigma` and :meth:`gradient`, and if it knows better than the defaults
-    ``length``, :meth:`curvature`, :meth:`clearance` and :meth:`marker_label`.
-
-    Parameters
-    ----------
-    length
-        Characteristic length [px]: an obstacle's radius, or half an allowed range.
-    markers
-        Numbers of the markers concerned, counted from 1; all if None.
+    An own one gives ``kind``, :meth:`sigma` and :meth:`gradient`. ``length`` [px] is the characteristic one;
+    ``markers`` are the numbers of those concerned, counted from 1, all if None.
     """
 
     unit = "px"
@@ -78,10 +71,6 @@ class ImageConstraint(PositionConstraint):
         """
         return list(self._lines(image_size, t).lines)
 
-    def characteristic_length(self, scene: Scene) -> Array:
-        """The same length for every marker."""
-        return np.full(len(self.labels(scene)), self.length)
-
     def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
         """The curve: found anew each time where nobody knows what σ depends on."""
         moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
@@ -102,7 +91,6 @@ class ImageConstraint(PositionConstraint):
 
     @property
     def _known(self) -> bool:
-        """Whether σ is what the formula says."""
         return self.formula is not None and self.says("formula", ("sigma", "gradient"))
 
     def _on_grid(self, u: Array, v: Array) -> Array:

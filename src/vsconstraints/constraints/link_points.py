@@ -25,8 +25,8 @@ Points = dict[str, tuple[Array, float]]
 class LinkPoints(NamedTuple):
     """Characteristic points of a robot's links, link by link.
 
-    No point of a link's surface is farther than the enlargement [m] from the nearest one, so that obstacles enlarged by
-    it keep the whole links out; except around points that were left out because nothing moves them.
+    No point of a link's surface is farther than the enlargement [m] from the nearest one, except around points that
+    were left out because nothing moves them.
     """
 
     points: tuple[RobotPoint, ...]
@@ -39,29 +39,13 @@ def link_points(
     """Characteristic points along a robot's links, and by how much obstacles must be enlarged for them.
 
     Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across its longest
-    direction into slices as thick as the spacing, with a point in the middle of each. With it they are capsules of that
-    radius around the straight lines between the joints' origins (and the tip's), with points along these lines; what
-    slides out of a prismatic joint is not covered.
+    direction into slices as thick as the ``spacing`` [m], with a point in the middle of each. With it they are capsules
+    of that radius [m] around the straight lines between the joints' origins (and the tip's), with points along these
+    lines; what slides out of a prismatic joint is not covered. Links and points that no joint moves are left out.
+    ``links`` are the names of those concerned, all if not given.
 
-    Links that no joint moves are left out, and so are points that no joint moves (on the first axis), for which no
-    command could do anything.
-
-    Parameters
-    ----------
-    robot
-        The arm.
-    spacing
-        Greatest distance between points along a link [m].
-    link_radius
-        Of the links [m], for arms without collision geometry.
-    links
-        Names of the links concerned; all if not given.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no collision geometry and no radius, a mesh cannot be read, no point of a link moves, or a link
-        would have more than :data:`MAX_POINTS` points.
+    Raises ConfigurationError if there is no collision geometry and no radius, a mesh cannot be read, no point of a link
+    moves, or a link would have more than :data:`MAX_POINTS` points.
     """
     demand_positive(spacing, "spacing of points along the links")
     if link_radius is None:
@@ -110,8 +94,8 @@ def _demand_few(link: str, length: float, spacing: float) -> None:
 class Segment(NamedTuple):
     """The straight part of a link between two joints' origins, from start to end (3,) [m] in the axes of its joint.
 
-    The link is a frame that moves with it, the joint the index of the one that moves it; ``shared`` is whether the
-    start is also the end of the link before, in every configuration.
+    The link is a frame that moves with it; ``shared`` is whether the start is also the end of the link before, in every
+    configuration.
     """
 
     link: str
