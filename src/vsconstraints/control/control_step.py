@@ -70,7 +70,6 @@ class ControlStep(Evaluator):
     def _in_two_calls(
         self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any
     ) -> tuple[Evaluation, Command]:
-        """The step and then the law, each by its public call."""
         evaluation = self.evaluate(t, q, qd, **measured)
         command = controller.command(evaluation.rows, evaluation.task)
         self.commanded(command.qdd)
@@ -88,8 +87,7 @@ class ControlStep(Evaluator):
         step = self.bound()
         if step is None:
             return None
-        size = step.packed.size
-        law = controller.bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+        size, law = step.packed.size, step.bind(controller)
         if law is None:
             return None
         kernels, packed, measure, innovation = load("from_state"), step.packed, step.measure, self.innovation

@@ -23,14 +23,8 @@ TASK = ("J", "b", "error", "error_rate", "rest")
 class Prediction:
     """Rows and task at N instants, with m rows, n joints, k features and M markers: see :class:`.Rows`, :class:`.Task`.
 
-    Attributes
-    ----------
-    phi, sigma, sigma_dot, Lf, Lg
-        (N, m), and L_gφ (N, m, n).
-    J, b, error, error_rate, rest
-        (N, k, n), (N, k), and (N, n) or (N, 0).
-    pixels
-        (N, M, 2) markers from the image's centre [px].
+    Of rows phi, sigma, sigma_dot and Lf are (N, m), Lg (N, m, n); of the task J is (N, k, n), b, error and error_rate
+    (N, k), rest (N, n) or (N, 0); pixels (N, M, 2) are markers from the image's centre [px].
     """
 
     phi: Array
@@ -52,31 +46,14 @@ class Prediction:
 class Model:
     """Rows and task at future states, as the controller believes them to be; see :meth:`.ControlStep.model`.
 
-    It has an evaluator of its own, so that the memory of the one in the loop stays as it is. Where anything moves that
-    controllers do not know, everything is predicted at the present time. J̇_s q̇ and ṡ are exact, also where the loop
-    takes them from differences between samples.
+    Its evaluator is its own, so that the memory of the one in the loop stays as it is. Where anything moves that
+    controllers do not know, everything is predicted at the present time. J̇_s q̇ and ṡ are exact. ``estimate`` and
+    ``gradient_error`` are what the controller believes of a state, and of its rows, where that is not what the scene
+    says.
 
-    Parameters
-    ----------
-    of
-        The evaluator in the loop.
-    estimate, gradient_error
-        What the controller believes of a state, and of its rows, where that is not what the scene says.
-
-    Attributes
-    ----------
-    K
-        (m,) of the rows [s], 0 of rows on φ itself.
-    acceleration
-        (n,) limit of |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none.
-    ranges
-        See :attr:`vsconstraints.robots.Robot.ranges`.
-    task
-        The visual task: its feature, goals and gains.
-    labels
-        Names of the m rows.
-    step
-        The compiled step that predicts; None where anything runs in NumPy.
+    It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit ``acceleration`` (n,) of
+    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the visual ``task``; and the compiled
+    ``step`` that predicts, None where anything runs in NumPy.
     """
 
     def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:
@@ -85,14 +62,13 @@ class Model:
         self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
         self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
         self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
-        self.ranges, self.step = of.scene.robot.ranges, self._own.bound()
+        self.step = self._own.bound()
         if estimate is not None:
             estimate.write(self._own.packed.step)
         if gradient_error is not None and self.step is not None:
             gradient_error.write(self.step.packed.step)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Its parts; the compiled form is made again where it is needed."""
         return {"of": self._of, "estimate": self._estimate, "gradient_error": self._gradient_error}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -126,32 +102,19 @@ class Model:
         """Whether everything is predicted at the present time."""
         return self._of.believes
 
-    def compiled(self) -> Bound | None:
-        """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
-        self._own.remember(self._of)
-        return self.step
-
     def at(self, t: float, q: Array, qd: Array) -> Evaluation:
         """Rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,), from the sample in the loop on.
 
-        Raises
-        ------
-        SceneError
-            if a marker is not in front of the camera there.
-        InvalidInput
-            if t is not finite, or q or qd are not (n,) finite numbers.
+        Raises SceneError if a marker is not in front of the camera there, InvalidInput if a number is not finite.
         """
         self._own.remember(self._of)
         return self._evaluated(t, q, qd)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """Rows, task and pixels at consecutive states, up to the first that cannot be evaluated.
+        """Rows, task and pixels at consecutive states: (N,) times t [s], (N, n) coordinates and speeds.
 
-        Parameters
-        ----------
-        t, q, qd
-            (N,) times [s], (N, n) coordinates and speeds. A state with a marker that is not in front of the camera, or
-            with a number that is not finite, ends the prediction, which then is shorter.
+        A state with a marker that is not in front of the camera, or with a number that is not finite, ends the
+        prediction, which then is shorter.
         """
         self._own.remember(self._of)
         step = self.step

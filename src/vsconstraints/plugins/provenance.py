@@ -57,8 +57,7 @@ def noted() -> Iterator[Files]:
     """Note the files that Python opens for reading meanwhile, each with its hash just before it is first opened.
 
     Source stands for the bytecode kept of it. Not noted are installed packages other than those of own parts, files
-    that are written meanwhile, and those that are gone at the end. What is read by other means than Python's ``open``
-    cannot be known: by a library in C, by another process, over a network.
+    that are written meanwhile or gone at the end, and what is read by other means than Python's ``open``.
     """
     global _hooked
     if not _hooked:
@@ -128,7 +127,6 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _own(path: str) -> bool:
-    """Whether a file can belong to somebody's own part."""
     for folder, inside in pairwise(path.split(os.sep)):
         if folder in INSTALLED:
             return inside.removesuffix(".py") in _own_packages

@@ -13,10 +13,9 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Literal, cast, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
@@ -42,8 +41,7 @@ SLACK = 1.05  #: Factor on limits beyond which a setpoint is refused: setpoints 
 MAX_LINE = 1 << 16  #: Longest message [bytes].
 
 
-@dataclass(frozen=True)
-class Behaviour:
+class Behaviour(NamedTuple):
     """How the server behaves."""
 
     fault: Fault = "none"
@@ -123,12 +121,10 @@ class Server:
 
     def serve(self) -> None:
         """Accept connections."""
-        while not self._closed.is_set():
-            try:
+        with suppress(OSError):  # closed
+            while not self._closed.is_set():
                 connection, _ = self._listening.accept()
-            except OSError:  # closed
-                return
-            threading.Thread(target=self._answer_all, args=(connection,), daemon=True).start()
+                threading.Thread(target=self._answer_all, args=(connection,), daemon=True).start()
 
     def close(self) -> None:
         """Stop listening."""
@@ -144,40 +140,35 @@ class Server:
             while line := lines.readline(MAX_LINE):
                 kind, *numbers = json.loads(line)
                 q, qd = (np.array(each, dtype=np.float64) for each in numbers)
-                if q.shape != qd.shape or q.shape != self.arm.limits.q_max.shape:
-                    return
-                answer = self._answer(kind, q, qd)
+                answer = self._answer(kind, q, qd) if q.shape == qd.shape == self.arm.limits.q_max.shape else None
                 if answer is None:
                     return
                 connection.sendall(answer)
 
     def _answer(self, kind: str, q: Array, qd: Array) -> bytes | None:
         """The answer to a message; None where the connection is to be closed."""
+        arm, (at_fault, at, simulated) = self.arm, self.behaviour
         with self._lock:
             now = time.perf_counter()
-            if self._moving and not self.behaviour.simulated_time:
-                self.arm.advance(now - self._last)
+            arm.advance(now - self._last if self._moving and not simulated else 0.0)
             self._last = now
-            fault = self.behaviour.fault if self._moving and self.arm.t >= self.behaviour.at else "none"
-        if kind == HALT:
-            self.arm.stop("halted")
-        elif fault == "drop":
-            return None
-        elif fault == "stall":
+            fault = at_fault if self._moving and arm.t >= at and kind != HALT else "none"
+        if fault == "stall":
             self._closed.wait()
+        if fault in ("drop", "stall"):
             return None
         with self._lock:
+            if kind == HALT:
+                arm.stop("halted")
             if kind == MOVE:
-                if not self._moving:
-                    self._moving, self.arm.t = True, 0.0
-                self.arm.take(q, qd)
-                if self.behaviour.simulated_time:
-                    self.arm.advance(self.arm.period)
+                arm.t, self._moving = arm.t if self._moving else 0.0, True
+                arm.take(q, qd)
+                arm.advance(arm.period if simulated else 0.0)
             if fault == "refuse":
-                self.arm.stop("protective stop: simulated")
-            q, qd = self.arm.state()
+                arm.stop("protective stop: simulated")
+            q, qd = arm.state()
             q = q + JUMP if fault == "jump" else q
-            return json.dumps([self.arm.stopped, self.arm.t, q.tolist(), qd.tolist()]).encode() + b"\n"
+            return json.dumps([arm.stopped, arm.t, q.tolist(), qd.tolist()]).encode() + b"\n"
 
 
 def in_thread(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], None]]:
@@ -200,11 +191,10 @@ def in_process(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], No
         process.join()
 
     try:
-        port: int = ours.recv()
+        return ours.recv(), end
     except EOFError:
         end()
         raise
-    return port, end
 
 
 def _serve(connection: Connection, arm: FakeArm, behaviour: Behaviour, parent: int) -> None:

@@ -23,9 +23,6 @@ class SimulatedArm(Driver):
             raise ConfigurationError(f"simulated:// is in this process, and at no address like {address.host!r}")
         self._plant, self._t, self._sent = setup.plant(), 0.0, setup.qd0.copy()
 
-    def connect(self) -> None:
-        """Nothing to do."""
-
     def read(self) -> Joints:
         """Where the joints are."""
         return Joints(self._t, self._plant.q, self._plant.qd)
@@ -42,6 +39,3 @@ class SimulatedArm(Driver):
 
     def halt(self, deceleration: float) -> None:
         """It does what it is sent, and nothing else."""
-
-    def close(self) -> None:
-        """Nothing to do."""

@@ -99,7 +99,6 @@ class Family(Described):
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
-        """What each condition adds."""
         where, overrides = f"{self.name}.conditions", {}
         for name, said in demand_table(self.tables.get("conditions", {}), where).items():
             own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}
