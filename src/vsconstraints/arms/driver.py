@@ -52,6 +52,11 @@ class Address:
             raise ConfigurationError(f"an arm's address is SCHEME://HOST:PORT?OPTION=VALUE, not {shown(text)}")
         return cls(parts.scheme, host, port, options)
 
+    def demand_none(self) -> None:
+        """Raise ConfigurationError if it says where an arm in this process is."""
+        if self.host or self.port is not None:
+            raise ConfigurationError(f"{self.scheme}:// is in this process, and at no address like {self.host!r}")
+
     def number(self, name: str, default: float) -> float:
         """An option that is a number of zero or more; raises ConfigurationError."""
         text, value = self.options.get(name, default), -1.0
