@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas import curves as formulas
 from ..robots.geometry import Vector2, vector
+from .base import demand_positive
 from .by_formula import ByFormula, Formula, demand_own_curvature
 from .image_constraint import ImageConstraint
 
@@ -27,7 +28,7 @@ class Shape(ByFormula):
     coordinates = 2
 
     def __post_init__(self) -> None:
-        vars(self).update({name: _positive(value, name) for name, value in vars(self).items()})
+        vars(self).update({name: demand_positive(value, f"{name} of a shape") for name, value in vars(self).items()})
         self.parameters = tuple(vars(self).values())
 
 
@@ -101,12 +102,6 @@ class Curve(ByFormula):
         c, s = np.cos(rotation), np.sin(rotation)
         self.frame = np.array([[c, -s], [s, c]]), self.centre
         self.formula, self.curvature_formula, self.parameters = shape.formula, shape.curvature_formula, shape.parameters
-
-
-def _positive(value: float, what: str) -> float:
-    if not (np.isfinite(value) and value > 0.0):
-        raise InvalidInput(f"{what} of a shape must be positive, not {value}")
-    return float(value)
 
 
 class Occlusion(ImageConstraint):

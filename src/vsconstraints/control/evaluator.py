@@ -36,15 +36,15 @@ class Evaluation:
     in the base frame [m], and ``camera_R`` (3, 3) and ``camera_t`` (3,) [m] the camera's pose in the target's frame.
     """
 
-    __slots__ = ("_constraints", "_out", "_packed")
+    __slots__ = ("_constraints", "_packed", "out")
 
     def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
-        self._packed, self._constraints, self._out = packed, constraints, out
+        self._packed, self._constraints, self.out = packed, constraints, out
 
     def part(self, name: str) -> Array:
         """An output of the step by its name in :attr:`.Size.outputs`."""
         where, shape = self._packed.parts[name]
-        return self._out[where].reshape(shape)
+        return self.out[where].reshape(shape)
 
     @property
     def rows(self) -> Rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -117,14 +118,17 @@ class Model:
         prediction, which then is shorter.
         """
         self._own.remember(self._of)
-        step = self.step
-        if step is None:
-            return self._in_numpy(t, q, qd)
-        packed = step.packed
+        packed = self._own.packed
         t = np.full(len(t), self.present.t) if self._of.believes else np.ascontiguousarray(t, dtype=np.float64)
         q, qd = (np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd))
-        out = np.empty((len(t), step.out.size))
-        N = load("from_state").predict(packed.workspace, t, q, qd, step.out, out)
+        out, N = np.empty((len(t), packed.out.size)), 0
+        if self.step is not None:
+            N = load("from_state").predict(packed.workspace, t, q, qd, packed.out, out)
+        else:
+            with suppress(SceneError, InvalidInput):
+                for N, state in enumerate(zip(t.tolist(), q, qd, strict=True)):
+                    out[N] = self._evaluated(*state).out
+                N = len(t)
         parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
         return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
 
@@ -135,19 +139,3 @@ class Model:
             for name in ("phi", "Lg", "Lf"):
                 step.part(name)[:] = getattr(rows, name)
         return step
-
-    def _in_numpy(self, t: Array, q: Array, qd: Array) -> Prediction:
-        steps: list[tuple[Array, ...]] = []
-        for state in zip(t.tolist(), q, qd, strict=True):
-            try:
-                step = self._evaluated(*state)
-            except (SceneError, InvalidInput):
-                break
-            rows, task = step.rows, step.task
-            arrays = *(getattr(rows, name) for name in ROWS), *(getattr(task, name) for name in TASK)
-            steps.append((*arrays, step.pixels))
-        if steps:
-            return Prediction(*map(np.array, zip(*steps, strict=True)))
-        m, n, M = len(self.labels), q.shape[1], len(self._own.scene.markers)
-        none, row = np.empty((0, 0)), np.empty((0, m))
-        return Prediction(row, np.empty((0, m, n)), *(row,) * 3, np.empty((0, 0, n)), *(none,) * 4, np.empty((0, M, 2)))

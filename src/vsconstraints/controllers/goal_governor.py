@@ -61,6 +61,7 @@ class GoalGovernor(Controller):
     }
 
     model: Any
+    alpha, sharpness = 0.0, 0.0  #: Of the barrier, where there is one.
 
     def __init__(
         self,
@@ -97,10 +98,6 @@ class GoalGovernor(Controller):
     def _forget(self) -> None:
         self.periods: Array = np.empty(0)  #: (N,) how long each of the predicted accelerations lasts [s].
         self.governor: Governor | None = None
-
-    @property
-    def _settings(self) -> tuple[float, ...]:
-        return self.speed, self.margin, self.influence, 0.0, 0.0
 
     @property
     def reference(self) -> Array | None:
@@ -177,7 +174,8 @@ class GoalGovernor(Controller):
         made = self.governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self.governor, made.own.settings[:] = made, self._settings
+        self.governor = made
+        made.own.settings[:] = self.speed, self.margin, self.influence, self.alpha, self.sharpness
         return made
 
 
@@ -211,10 +209,6 @@ class BarrierGovernor(GoalGovernor):
     ) -> None:
         self.alpha, self.sharpness = alpha, sharpness
         super().__init__(speed=speed, margin=margin, influence=float("inf"), horizon=horizon, **options)
-
-    @property
-    def _settings(self) -> tuple[float, ...]:
-        return self.speed, self.margin, self.influence, self.alpha, self.sharpness
 
 
 class Governor(Wrapped):

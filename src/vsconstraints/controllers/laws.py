@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal
 
 from ..errors import unknown_name
 from ..rows.factors import AS_THEY_ARE, RowFactors
@@ -15,6 +15,7 @@ from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Nothing, RampRepulsion, Switch
 from .law import Law
 from .least_norm import RANK_TOLERANCE
+from .ranges import one_of
 from .resolver import Additive, Priority, Resolver
 from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 
@@ -98,9 +99,7 @@ class PotentialField(Law):
 def _blended(
     blend: object, parameters: tuple[float, ...], common: Mapping[str, Any], rank_tolerance: float
 ) -> tuple[Demand, Resolver]:
-    if not (isinstance(blend, str) and blend in BLENDS):
-        raise unknown_name("blend", blend, tuple(BLENDS))
-    demand, resolver = BLENDS[blend]
+    demand, resolver = one_of("blend", blend, BLENDS)
     return demand(*parameters, **common), resolver(rank_tolerance)
 
 
@@ -163,10 +162,8 @@ class HierarchicalQP(Law):
 
 
 def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
-    if not (isinstance(rows, str) and rows in ("barrier", "active")):
-        raise unknown_name("form of rows", rows, ("barrier", "active"))
-    barrier = Barrier(alpha, **common)
-    return barrier if rows == "barrier" else Switch(**common)
+    forms: dict[str, Demand] = {"barrier": Barrier(alpha, **common), "active": Switch(**common)}
+    return one_of("form of rows", rows, forms)
 
 
 class Pair(Law):
@@ -177,8 +174,9 @@ class Pair(Law):
     """
 
     def __init__(self, *, demand: str = "switch", resolver: str = "priority", **options: Any) -> None:
-        parts = of_name("demand", demand, DEMANDS), of_name("resolver", resolver, RESOLVERS)
-        super().__init__(*split_options(self.name, parts, options))
+        asks = one_of("demand", demand, {part.name: part for part in DEMANDS})
+        shares = one_of("resolver", resolver, {part.name: part for part in RESOLVERS})
+        super().__init__(*split_options(self.name, (asks, shares), options))
 
 
 class Named(Law):
@@ -212,17 +210,6 @@ def named(
     ]
     body = {"name": name, "parts": (demand, resolver), "defaults": defaults, "factors": factors, "__doc__": line}
     return type(name, (Named,), {**body, "__signature__": inspect.Signature(options)})
-
-
-Part = TypeVar("Part", Demand, Resolver)
-
-
-def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable[type[Part]]) -> type[Part]:
-    """The class of that name; names the candidates if there is none."""
-    known = {part.name: part for part in classes}
-    if not (isinstance(name, str) and name in known):
-        raise unknown_name(what, name, known)
-    return known[name]
 
 
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:

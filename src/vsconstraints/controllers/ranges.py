@@ -7,12 +7,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field
 from numbers import Integral, Real
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ..rows.factors import FACTORS
+
+Known = TypeVar("Known")
 
 
 def _finite(value: object) -> bool:
@@ -52,6 +54,13 @@ def positive_number(name: str, value: object) -> float:
     if number is None:
         raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
     return number
+
+
+def one_of(what: str, name: object, known: Mapping[str, Known]) -> Known:
+    """What is known by that name; raises ConfigurationError that names the candidates."""
+    if not (isinstance(name, str) and name in known):
+        raise unknown_name(what, name, known)
+    return known[name]
 
 
 class Fixed(dict[str, float]):
@@ -135,6 +144,7 @@ def option(
     default: Any, meaning: str, search: Declared | None = None, at_least: float = 0.0, below: float = math.inf
 ) -> Any:
     """An option of a demand or resolver: a dataclass field with its meaning, range of search and hard limits."""
+    search = Range(*search) if isinstance(search, tuple) else search
     return field(default=default, metadata={"meaning": meaning, "range": search, "at_least": at_least, "below": below})
 
 

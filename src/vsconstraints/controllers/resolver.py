@@ -58,6 +58,7 @@ class Resolver(Part, ABC):
     otherwise: ClassVar[tuple[str, str] | None] = None  #: Of what answers, with the same options, where that does not.
     purpose: ClassVar[int] = BOUND  #: What it asks of demands: see :mod:`vsconstraints.formulas.row`.
     uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` it uses.
+    compiles: ClassVar[bool] = True  #: Whether the compiled form is asked first; if not, a QP solver by name.
     measures: ClassVar[bool] = False  #: Whether its commands report what they leave unmet.
     answers: ClassVar[Collection[int]] = (SOLVED,)  #: Codes with which the compiled form has an answer.
 
@@ -93,11 +94,6 @@ class Resolver(Part, ABC):
     def options(self) -> Array:
         """What the compiled form takes; the rank tolerance first."""
         return np.array([getattr(self, each.name) for each in fields(self)])
-
-    @property
-    def compiles(self) -> bool:
-        """Whether the compiled form is asked first; if not, a QP solver by name."""
-        return True
 
     def solvers(self) -> SolverChain | None:
         """A chain of QP solvers for a law of its own; None if it needs none."""

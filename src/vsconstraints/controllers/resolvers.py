@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from ..compiled import workspace as codes
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, shown
 from ..formulas.row import share
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -19,7 +19,7 @@ from .cascade import by_solvers
 from .compiled import NO_SLACK
 from .demand import Demand
 from .least_norm import RANK_TOLERANCE
-from .ranges import Choices, Fixed, Range, option, positive_number, rank_tolerance
+from .ranges import Choices, Fixed, Range, one_of, option, positive_number, rank_tolerance
 from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 
@@ -87,12 +87,11 @@ class Hierarchy(Resolver):
         RANK_TOLERANCE, "singular values of J below this fraction of the largest one count as zero"
     )
 
-    name, kernel, measures, answers = (
-        "hierarchy",
-        ("hierarchical_qp", "descend"),
-        True,
-        (codes.SOLVED, *RELAXED, codes.SHORT),
-    )
+    name, kernel, measures = "hierarchy", ("hierarchical_qp", "descend"), True
+    answers = codes.SOLVED, *RELAXED, codes.SHORT
+    #: What the levels below the rows are, of :mod:`vsconstraints.compiled.workspace`; half the width of the box.
+    aim: ClassVar[int] = codes.STRICT
+    bound: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
         for name in ("damping", *(("max_acceleration",) if self.max_acceleration is not None else ())):
@@ -104,26 +103,13 @@ class Hierarchy(Resolver):
             fixed = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
             object.__setattr__(self, "weights", fixed)
         object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
-
-    @property
-    def compiles(self) -> bool:
-        """Whether no solver is asked for by name."""
-        return self.solver == AUTO
+        object.__setattr__(self, "compiles", self.solver == AUTO)
+        object.__setattr__(self, "bound", math.inf if self.max_acceleration is None else self.max_acceleration)
 
     @property
     def options(self) -> Array:
         """See :class:`.Resolver`."""
         return np.array([self.rank_tolerance, self.bound, self.damping, float(self.aim)])
-
-    @property
-    def bound(self) -> float:
-        """Half the width of the box that this is an option of, or infinity."""
-        return math.inf if self.max_acceleration is None else self.max_acceleration
-
-    @property
-    def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
-        return codes.STRICT
 
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
@@ -190,13 +176,7 @@ class Filter(Hierarchy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (isinstance(self.metric, str) and self.metric in METRICS):
-            raise unknown_name("metric", self.metric, tuple(METRICS))
-
-    @property
-    def aim(self) -> int:
-        """See :class:`.Hierarchy`."""
-        return METRICS[self.metric]
+        object.__setattr__(self, "aim", one_of("metric", self.metric, METRICS))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,12 +187,7 @@ class Scaling(Hierarchy):
     correction that meets all demands, or violates them least, is added. The box limits κ as rows do.
     """
 
-    name = "scaling"
-
-    @property
-    def aim(self) -> int:
-        """See :class:`.Hierarchy`."""
-        return codes.SCALED
+    name, aim = "scaling", codes.SCALED
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
