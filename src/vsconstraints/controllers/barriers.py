@@ -37,7 +37,6 @@ class Barrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−αφ − L_fφ."""
         return -alpha * row.phi - row.Lf
 
 
@@ -51,7 +50,6 @@ class RobustBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, disturbance: float) -> Any:
-        """−αφ − L_fφ − D ‖L_gφ‖₁."""
         return -alpha * row.phi - row.Lf - disturbance * row.norm_1
 
 
@@ -78,7 +76,6 @@ class ProbabilisticBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, quantile: float, noise: float, acceleration_noise: float) -> Any:
-        """−αφ − L_fφ − z √((α noise × scale)² + (acceleration_noise ‖L_gφ‖)²)."""
         measured, moved = alpha * noise * row.scale, acceleration_noise * row.norm
         return -alpha * row.phi - row.Lf - quantile * np.sqrt(measured * measured + moved * moved)
 
@@ -96,7 +93,6 @@ class InputToStateSafeBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, epsilon: float) -> Any:
-        """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
         return -alpha * row.phi - row.Lf - row.norm * (row.norm / row.scale) / epsilon
 
 
@@ -114,7 +110,6 @@ class GradientRobustBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, gradient_error: float) -> Any:
-        """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
         return -alpha * row.phi - row.Lf - gradient_error * row.norm * row.effort
 
 
@@ -133,7 +128,6 @@ class SampledBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, curvature: float) -> Any:
-        """−min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s × curvature × scale."""
         rate = np.minimum(alpha, 1.0 / row.period)
         return -rate * row.phi - row.Lf - 0.5 * row.period * curvature * row.scale
 
@@ -149,7 +143,6 @@ class ReciprocalBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−α φ³/s² − L_fφ, and −αφ − L_fφ where φ > 0."""
         depth = row.phi / row.scale
         return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
 
@@ -167,7 +160,6 @@ class FiniteTimeBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−α sign(φ) √(s |φ|) − L_fφ."""
         return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
 
 

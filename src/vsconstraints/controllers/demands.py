@@ -36,7 +36,6 @@ class Switch(Demand):
 
     @staticmethod
     def formula(row: Row) -> Any:
-        """−u⁺ where φ ≥ 0 (eqs. 10 and 11)."""
         return np.where(row.phi >= 0.0, -row.switching_gain, np.inf)
 
 
@@ -55,7 +54,6 @@ class ImplicitSwitch(Demand):
 
     @staticmethod
     def formula(row: Row, periods: float) -> Any:
-        """max(−u⁺, −φ/(p T_s))."""
         return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
 
 
@@ -194,7 +192,6 @@ class RampRepulsion(Field):
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
-        """−ψ s u⁺ below what tracking does, where ψ > 0."""
         psi = grown(row, region, exponent)
         return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
@@ -210,7 +207,6 @@ class BoundaryLayer(Field):
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
-        """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
         psi = np.minimum(grown(row, region, exponent), 1.0)
         return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
 
@@ -225,7 +221,6 @@ class OuterLayer(Demand):
 
     @staticmethod
     def formula(row: Row, layer: float) -> Any:
-        """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
         share = np.minimum(row.phi / row.scale / layer, 1.0)
         return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
 
@@ -285,7 +280,6 @@ class Nothing(Demand):
 
     @staticmethod
     def formula(row: Row) -> Any:
-        """Infinity."""
         return np.inf * row.scale
 
 
