@@ -34,7 +34,6 @@ from vsconstraints.constraints import (
     Shape,
     SpeedConstraint,
     Trace,
-    boundary,
     image_constraint,
     robot_points,
 )
@@ -453,7 +452,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
 ) -> None:
     """A heart's two sides, w u = r cos a and v = r sin a + |u|, meet in a corner at (0, r)."""
     if not compiled:
-        monkeypatch.setattr(boundary, "load", lambda name: polylines)
+        monkeypatch.setattr(image_constraint, "load", lambda name: polylines)
     heart = Occlusion(Curve(Heart(35.0, 0.8)), K=0.1, switching_gain=1.0)
     rng = np.random.default_rng(3)
     pixels = np.array([0.0, 35.0]) + rng.uniform(-6.0, 6.0, size=(800, 2))
@@ -470,7 +469,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
         share = np.linspace(0.0, 1.0, 20_001)[:, None]
         dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
         expected = np.minimum(expected, cKDTree(dense).query(points)[0])
-    np.testing.assert_allclose(boundary.Polylines(wedge).distance(points), expected, atol=3e-3)
+    np.testing.assert_allclose(image_constraint.Polylines(wedge).distance(points), expected, atol=3e-3)
 
 
 def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:

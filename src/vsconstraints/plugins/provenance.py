@@ -20,12 +20,8 @@ INSTALLED = ("site-packages", "dist-packages")
 
 _PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
 _FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), "/proc", "/sys", "/dev")
-_ZIP = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"
 #: Folders whose files are nobody's own: the standard library, this package, the system's.
-LIBRARIES = (
-    *(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS),
-    *(entry for entry in sys.path if entry.endswith(_ZIP)),
-)
+LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS)
 
 COMPILED = (".nbi", ".nbc")  #: endings of numba's caches, which are made of code that is looked at itself
 
