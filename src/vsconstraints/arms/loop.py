@@ -134,8 +134,7 @@ class _Run:
         stream, images, remarks = self.stream, self.job.images, []
         if stream.missed:
             remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
-        limited = sum(period.guarded for period in stream.periods)
-        if limited:
+        if limited := sum(period.guarded for period in stream.periods):
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")
         return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
 
@@ -284,8 +283,7 @@ class _Run:
         """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
-        doubts = self.control.doubts(evaluation)
-        if doubts:
+        if doubts := self.control.doubts(evaluation):
             since = measured.get("taken", self.same_since) - self.same_since
             frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
             raise Halt("failed", f"{doubts}{frozen}")
