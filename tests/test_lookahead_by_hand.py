@@ -16,8 +16,8 @@ import pytest
 from scenes import Straight
 from vsconstraints.compiled import goal_governor, plan_program, predictive
 from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
+from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
-from vsconstraints.control.model import Model, Prediction
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
 from vsconstraints.controllers.goal_governor import Governor
 from vsconstraints.controllers.predictive import Planner

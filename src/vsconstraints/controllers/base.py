@@ -71,7 +71,7 @@ class Controller(Part, ABC):
         """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those to come, if known.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.control.model.Model`, which gives rows and task at predicted states. Control steps and
+        :class:`~vsconstraints.control.Model`, which gives rows and task at predicted states. Control steps and
         simulations pass it; no other law has one made.
         """
 
