@@ -73,8 +73,6 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     values, places = demand_table(table, where), parameters(Places)
     demand_known(values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where)
     mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
-    if mounts.keys() == {"mount", "fixed"}:
-        raise ConfigurationError(f"{where}: a camera is mounted or fixed: give mount or fixed, not both")
     if len(mounts) > 1:
         raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(mounts)}")
     if "calibration" in values:

@@ -77,7 +77,7 @@ class Family(Described):
     @property
     def conditions(self) -> tuple[str, ...]:
         """Names of its conditions, the nominal one first."""
-        return (NOMINAL, *(name for name in self._overrides if name != NOMINAL))
+        return (NOMINAL, *(name for name in self.tables.get("conditions", {}) if name != NOMINAL))
 
     def has_key(self, key: str, condition: str) -> bool:
         """Whether the tables of a condition, or those of all, have a key."""
