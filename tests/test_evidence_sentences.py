@@ -24,8 +24,9 @@ from vsconstraints.reports.evidence.findings import (
     reversals,
     tuning_gain,
 )
-from vsconstraints.reports.evidence.ranking import CONDITIONS, Share, condition_text, percentage, ranking
+from vsconstraints.reports.evidence.ranking import CONDITIONS, Share, condition_text, ranking
 from vsconstraints.reports.evidence.report import claims_of
+from vsconstraints.reports.numbers import percentage
 
 Successes = Mapping[str, Mapping[str, str]]
 """By condition and law, one letter a scene: ``+`` success, ``v`` goal reached but a row violated, ``t`` trapped."""
@@ -301,9 +302,9 @@ def test_an_order_that_turns_over_is_said_and_one_that_does_not_is_not() -> None
     assert "with disturbances, b more often than a by 60 %" in sentence.text
     assert "more pair" not in sentence.text
     same = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead, "b": behind}})
-    assert reversals(same) == []
+    assert list(reversals(same)) == []
     unsure = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead[:-1] + "t", "b": ahead}})
-    assert reversals(unsure) == []
+    assert list(reversals(unsure)) == []
 
 
 def test_orders_are_compared_in_the_families_that_both_conditions_have() -> None:
@@ -317,7 +318,7 @@ def test_orders_are_compared_in_the_families_that_both_conditions_have() -> None
             lines.append(run("disturbed", law, scene + 20, family="ur5", **MADE["t" if good else "+"]))
     made_up = Dataset(made(frame(lines), Path()))
     assert ranking(made_up, "disturbed").leader == "b"
-    assert reversals(made_up) == []
+    assert list(reversals(made_up)) == []
 
 
 def test_what_tuning_gains_is_told_law_by_law() -> None:

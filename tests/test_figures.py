@@ -27,9 +27,8 @@ from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.plots import WIDTH, Figure, Sheet, decades, formats_of, line, logarithmic, looks, shortened
 from vsconstraints.reports.plots.image import Plane
-from vsconstraints.reports.plots.marks import area, extremes, plain
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import LOOKS
+from vsconstraints.reports.plots.style import LOOKS, area, extremes, plain
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 

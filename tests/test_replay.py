@@ -28,6 +28,7 @@ from vsconstraints.constraints.meshes import Mesh
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
+from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
 from vsconstraints.reports.replay.page import image_data
@@ -54,7 +55,6 @@ from vsconstraints.reports.replay.space import (
     standpoint,
 )
 from vsconstraints.reports.scene3d import JOINT, Part, bars_of, visuals
-from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate

@@ -27,14 +27,14 @@ from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import drawing, report, write_report
+from vsconstraints.reports.drawing import acting_in
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.groups import KINDS, MAX_LAWS, grouped, kind_of
 from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
-from vsconstraints.reports.results import Cell, Results, comparable, marked
+from vsconstraints.reports.results import MAX_LANES, MAX_PHI, Cell, Results, RowsShown, comparable, marked
 from vsconstraints.reports.scenario import metric_table
-from vsconstraints.reports.selection import MAX_LANES, MAX_PHI, acting_in, hidden_lanes, lane_rows, phi_rows
 from vsconstraints.reports.summary import endings_table, law_table, score_table
 
 COMPETITORS = ("sliding-mode", "potential-field")
@@ -843,12 +843,11 @@ def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
         for k, label in enumerate(labels)
     ]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows)))
-    assert phi_rows(results, "one") == (labels[3], labels[17])
-    assert lane_rows(results, "one") == (labels[3], *labels[9:])
-    assert hidden_lanes(results, "one") == 19 - MAX_LANES
+    shown = RowsShown.of(results.every_row("one"))
+    assert shown == ((labels[3], labels[17]), (labels[3], *labels[9:]), 19 - MAX_LANES)
     unchallenged = [{**line, "challenged": False} for line in rows]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
-    assert phi_rows(results, "one") == tuple(labels[-MAX_PHI:])
+    assert RowsShown.of(results.every_row("one")).phi == tuple(labels[-MAX_PHI:])
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))

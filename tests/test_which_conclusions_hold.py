@@ -22,6 +22,8 @@ from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.ranking import PairVerdict
 from vsconstraints.reports.evidence.robustness import (
     MEASURES,
+    Conclusion,
+    Measure,
     conclusion_tables,
     conclusions,
     power_table,
@@ -170,11 +172,15 @@ def test_the_margin_is_that_of_the_worse_side() -> None:
     success, violation, space, chattering = MEASURES
     narrow = {"p": 1.0, "scenes": 9, "differ": 9, "verdict": "not distinguishable", "difference": 0.0}
     better, worse = PairVerdict(low=-0.05, high=0.5, **narrow), PairVerdict(low=-0.5, high=0.05, **narrow)
-    assert (success.excludes(better), success.excludes(worse)) == (True, False)
-    assert (violation.excludes(better), violation.excludes(worse)) == (False, True)
-    assert not space.excludes(better)
-    assert chattering.excludes(PairVerdict(low=0.5, high=1.2, **narrow))
-    assert not chattering.excludes(PairVerdict(low=1.1, high=1.3, **narrow))
+
+    def excludes(measure: Measure, pair: PairVerdict) -> bool:
+        return Conclusion(measure, "a", "b", "other", "inconclusive", pair, pair).excluded
+
+    assert (excludes(success, better), excludes(success, worse)) == (True, False)
+    assert (excludes(violation, better), excludes(violation, worse)) == (False, True)
+    assert not excludes(space, better)
+    assert excludes(chattering, PairVerdict(low=0.5, high=1.2, **narrow))
+    assert not excludes(chattering, PairVerdict(low=1.1, high=1.3, **narrow))
 
 
 def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -> None:

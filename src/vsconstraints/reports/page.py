@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..comparisons.runs.files import replaced
 from .markdown import Table, bold, bullets, code, enumeration, plain
-from .numbers import DASH, number
+from .numbers import DASH, number, percentage
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt
@@ -37,9 +37,16 @@ def render(template: str, **context: Any) -> str:
     """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain`` or ``code``."""
     options: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
     environment = Environment(loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options)
-    environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, plain)}
+    environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)}
+    environment.filters["table"] = _table
     text = environment.get_template(template).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _table(text: str, text_columns: int = 1) -> str:
+    """Lines of cells with ¦ between them as a table; nothing without lines below the first."""
+    header, *lines = ([cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip())
+    return f"{Table(header, lines, text_columns)}\n" if lines else ""
 
 
 def write_pages(report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> None:

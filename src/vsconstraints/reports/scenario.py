@@ -17,6 +17,7 @@ from .results import (
     Cell,
     Line,
     Results,
+    RowsShown,
     columns_table,
     comparable,
     judged_by,
@@ -26,7 +27,6 @@ from .results import (
     tally,
     violated,
 )  # fmt: skip
-from .selection import lane_rows
 
 #: Units in which margins are printed instead of the stored ones.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
@@ -56,9 +56,7 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
         if any(math.isfinite(cell.value) for cell in cells):
             eligible = [ok and judged_by(metric, own) for ok, own in zip(comparable(runs), runs, strict=True)]
             columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
-    if group != "outcome" and 1 + len(columns) == text:
-        return Table(["controller"], [])
-    return columns_table("controller", names, columns, text)
+    return columns_table("controller", names if group == "outcome" or 1 + len(columns) > text else (), columns, text)
 
 
 def baseline_facts(results: Results, scenario: str) -> list[str]:
@@ -102,7 +100,7 @@ def usage_table(results: Results, scenario: str) -> Table:
         usage, seconds = [row["usage_held"] for row in rows], median([row["held_time_s"] for row in rows])
         return f"{over_trials(usage, percent)} / {number(seconds)} s" if math.isfinite(median(usage)) else DASH
 
-    labels = lane_rows(results, scenario)
+    labels = RowsShown.of(results.every_row(scenario)).lanes
     return _row_table(results, scenario, "rows that limited the arm", results.competitors, labels, cell)
 
 
@@ -139,15 +137,17 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
             kinds[run["status"], reason_kind(run["reason"])].append(run)
         for row in (row for row in rows if row["violation_depth"] > 0.0):
             depths[row["constraint"]].append(row)
+
+        def trials(alike: Sequence[Line], one: Line, of: int = len(runs)) -> str:
+            return f"{len(alike)} of {of} ({one['trial']:.0f})"
+
         for alike in kinds.values():
             first = alike[0]
             reason = plain(first["reason"]) or DASH
-            late = [row for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
+            late = [code(row["constraint"]) for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
             if len(runs) == 1 and late:
-                acting = ", ".join(code(row["constraint"]) for row in late)
-                reason += f"; acting in the last {AT_THE_END:g} s: {acting}"
-            trials = f"{len(alike)} of {len(runs)} ({first['trial']:.0f})"
-            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials])
+                reason += f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}"
+            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials(alike, first)])
         for label, alike in depths.items():
             worst = max(alike, key=lambda row: float(row["violation_depth"]))
             unit, factor = finer_unit(worst["unit"])
@@ -155,8 +155,7 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
             if len(runs) == 1 and (name, label) in first_violations:
                 seconds += f", from {first_violations[name, label]:.3f}"
             depth = f"{number(factor * worst['violation_depth'])} {unit}"
-            trials = f"{len(alike)} of {len(runs)} ({worst['trial']:.0f})"
-            lines.append([name, "violates", code(label), depth, seconds, trials])
+            lines.append([name, "violates", code(label), depth, seconds, trials(alike, worst)])
     header = ["controller", "failure", "reason or row", "depth", "time [s]", "trials (first or worst)"]
     count = 6 if results.trials > 1 else 5
     return Table(header[:count], [line[:count] for line in lines], count)
@@ -179,9 +178,7 @@ def violated_text(runs: Sequence[Line]) -> str:
     if all(not math.isfinite(run["violation_depth"]) for run in runs):
         return DASH
     beyond = Counter(label for run in runs for label in violated(run, "violated_tolerant"))
-    slight = Counter(
-        label for run in runs for label in violated(run) if label not in violated(run, "violated_tolerant")
-    )
+    slight = Counter(label for run in runs for label in violated(run)) - beyond
     texts = []
     for counts, mark in ((beyond, ""), (slight, " ‡")):
         for label, times in counts.items():

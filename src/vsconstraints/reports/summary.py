@@ -41,10 +41,8 @@ def law_table(results: Results) -> Table:
     runs = {name: len(results.all_runs(name)) for name in results.competitors}
     names = sorted(runs, key=lambda name: (-results.clean[name], -results.clean_tolerant[name]))
 
-    def inside(counts: Mapping[str, int], text: Callable[[int, int], str]) -> list[str]:
-        cells = [
-            Cell(text(counts[n], runs[n]), float(counts[n]) if runs[n] else math.nan, str(counts[n])) for n in names
-        ]
+    def inside(counts: Mapping[str, int], text: Callable[[int, int], str] = lambda count, of: str(count)) -> list[str]:
+        cells = [Cell(text(counts[n], runs[n]), counts[n] if runs[n] else math.nan, str(counts[n])) for n in names]
         return marked(cells, [True] * len(names), _better(results, "more"))
 
     def counted(count: int, of: int) -> str:
@@ -52,7 +50,7 @@ def law_table(results: Results) -> Table:
 
     columns = {
         "converged inside": inside(results.clean, counted),
-        f"at {of_length(TOLERANT)}": inside(results.clean_tolerant, lambda count, of: str(count)),
+        f"at {of_length(TOLERANT)}": inside(results.clean_tolerant),
         **_overall(results, names, lambda metric: metric.column in FIRST),
         "implementation": [results.implementation(name) for name in names],
     }
@@ -129,22 +127,19 @@ def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
     """The scenarios a controller wins, with its value; none where values are alike as printed."""
     show, won = FORMATS[metric.style], defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
-        medians = {
-            name: median([shown(metric, run) for run in results.runs(scenario, name)])
-            for name in solvers(results, scenario)
-        }
+        runs = {name: results.runs(scenario, name) for name in _solvers(results, scenario)}
+        medians = {name: median([shown(metric, run) for run in own]) for name, own in runs.items()}
         values = {name: value for name, value in medians.items() if math.isfinite(value)}
-        if len({show(value) for value in values.values()}) > 1:
+        if len(set(map(show, values.values()))) > 1:
             top = show((max if metric.better == "more" else min)(values.values()))
             for name in (name for name, value in values.items() if show(value) == top):
                 won[name].append(f"{scenario} ({top})")
     return won
 
 
-def solvers(results: Results, scenario: str) -> list[str]:
+def _solvers(results: Results, scenario: str) -> list[str]:
     """Controllers that converged and violated nothing, in every trial."""
-    runs = {name: results.runs(scenario, name) for name in results.competitors}
-    return [name for name, lines in runs.items() if lines and all(map(clean, lines))]
+    return [name for name in results.competitors if (own := results.runs(scenario, name)) and all(map(clean, own))]
 
 
 def unsolved(results: Results) -> dict[str, str]:
@@ -152,7 +147,7 @@ def unsolved(results: Results) -> dict[str, str]:
     reasons = {}
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
-        if runs and not solvers(results, scenario):
+        if runs and not _solvers(results, scenario):
             closed = all(UNSOLVABLE in run["reason"] for run in runs)
             reasons[scenario] = "constraints close off a marker from its goal" if closed else ""
     return reasons
@@ -162,7 +157,7 @@ def outcome_table(results: Results) -> Table:
     """One line per scenario and one column per controller; the other way round where there are more controllers."""
     names, scenarios = results.controllers, results.scenarios
     links = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
-    cells = {(one, name): _scored_outcome(results, one, name) for one in scenarios for name in names}
+    cells = {(one, name): outcome(results, one, name, scored=True) for one in scenarios for name in names}
     if len(names) > len(scenarios):
         lines = [[name, *(cells[one, name] for one in scenarios)] for name in names]
         return Table(["controller", *links.values()], lines, 1 + len(scenarios))
@@ -170,19 +165,16 @@ def outcome_table(results: Results) -> Table:
     return Table(["scenario", *names], lines, 1 + len(names))
 
 
-def outcome(results: Results, scenario: str, controller: str) -> str:
-    """How a controller ended on a scenario, with marks for violations; counted where there are several trials."""
+def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
+    """How a controller ended on a scenario, with marks for violations; counted where there are several trials.
+
+    With ``scored``, a single run has its utilization [%] or, where it violated a row, its depth [% of L] behind it.
+    """
     runs = results.runs(scenario, controller)
     marks = ("†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs)
-    return tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])
-
-
-def _scored_outcome(results: Results, scenario: str, controller: str) -> str:
-    """The outcome; of a single run with its utilization [%] or, where it violated a row, its depth [% of L]."""
-    runs, text = results.runs(scenario, controller), outcome(results, scenario, controller)
-    if len(runs) != 1 or controller == BASELINE:
-        return text
-    value = 100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"]
+    text = tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])
+    single = scored and len(runs) == 1 and controller != BASELINE
+    value = 100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"] if single else math.nan
     return f"{text} {number(value)}" if math.isfinite(value) else text
 
 

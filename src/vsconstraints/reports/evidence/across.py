@@ -1,17 +1,23 @@
-"""What holds beyond the families that were run: families as random effects, and each left out in turn."""
+"""What holds beyond the families that were run, and beside the best motions that are known of scenes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
-from ...comparisons.statistics import across_families, left_out_ranks, simultaneous
+from ...comparisons.evidence import parquet
+from ...comparisons.statistics import across_families, left_out_ranks, rate, simultaneous
 from ...rows import Array
-from ..markdown import Table, bold
-from .dataset import Dataset
+from ...scenarios.families.family import NOMINAL
+from ...scenarios.families.frozen import V1, TestSet
+from ..markdown import bold
+from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import Share, condition_text, ranking
 
+TABLE = V1.with_name(f"{V1.name}-best.parquet")  #: what is known of scenes of test set v1: `python -m checks.best`
 FEWEST = 4  #: Families from which on a spread between families can be told.
 
 
@@ -82,16 +88,6 @@ def _counts(success: Any, others: Sequence[str], flag: Any) -> Array:
     return counts
 
 
-def across_table(dataset: Dataset) -> Table:
-    """Success in a family like these, condition by condition, and ranks in the first with one family left out."""
-    every = beyond(dataset)
-    if not every:
-        return Table([], [])
-    first, words = every[0], (condition_text(one.condition, inside=True) for one in every)
-    lines = [[law, *(one.cell(law) if law in one.laws else "" for one in every), first.rank(law)] for law in first.laws]
-    return Table(["law", *(f"{text} [%]" for text in words), "rank, one family left out"], lines)
-
-
 def across_findings(dataset: Dataset) -> list[Finding]:
     """The most successful law of each condition in a family like these, and whether it hangs on one of them."""
     several = []
@@ -102,3 +98,43 @@ def across_findings(dataset: Dataset) -> list[Finding]:
         numbers = {**share.numbers("success", law=leader), "families": families, "stays": one.stays}
         several.append(Finding(text, "across", one.condition, (leader,), numbers))
     return several
+
+
+def known_motions(dataset: Dataset) -> Any:
+    """The lines of :data:`TABLE` on scenes of a campaign, a DataFrame; None if it has none, or other scenes."""
+    import pandas as pd
+
+    testset = TestSet.load()
+    half = dataset.configuration.get("half")
+    frozen = {family.name: family.tables["frozen"].get(half) for family in testset.families}
+    run = dataset.configuration["families"].items()
+    same = {name for name, own in run if own.get("tables", {}).get("frozen", {}).get(half) == frozen.get(name, "")}
+    if not same or parquet.facts_of(TABLE).get("sha256") != testset.sha256:
+        return None
+    known = pd.read_parquet(TABLE)
+    known = known[(known["half"] == half) & known["family"].isin(same)]
+    return known if len(known) else None
+
+
+def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
+    """Of each law its success among the scenes that can be reached, and medians over its successes.
+
+    ``time`` is that of settling over the best known one, ``space`` its utilization less that of the best law there.
+    """
+    reachable = known[known["outcome"] == "reachable"].astype({"family": str})
+    lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
+    found = {}
+    for law, own in lines.groupby("controller"):
+        good = own[own["success"]]
+        ratios = good["settling_time_s"] / good["best_time_s"], good["utilization"] - good["law_space"]
+        time, space = (median(each.dropna().tolist() or [math.nan]) for each in ratios)
+        found[str(law)] = {"success": rate(own["success"].to_numpy(bool)), "time": time, "space": space}
+    return found
+
+
+def beside_best(dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """The same of a campaign without disturbances; empty for scenes of which no best motions are known."""
+    runs = dataset.among(NOMINAL)
+    known = known_motions(dataset) if len(runs) else None
+    found = {} if known is None else regrets(runs, known)
+    return {law: found[law] | {"success": Share.of(found[law]["success"])} for law in dataset.laws if law in found}

@@ -11,7 +11,7 @@ from ...comparisons.statistics import Rate, compare_laws, distinguishable, mcnem
 from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
 from ...rows.readable import counted
 from ..markdown import bold, enumeration, first_names, plain
-from ..numbers import DASH, number
+from ..numbers import DASH, number, percentage
 from .dataset import Dataset
 
 if TYPE_CHECKING:
@@ -102,17 +102,6 @@ class Share(NamedTuple):
         return {name + of: self.value, low + of: self.low, high + of: self.high}
 
 
-def percentage(share: float, digits: int) -> str:
-    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
-    if not math.isfinite(share):
-        return DASH
-    if share in (0.0, 1.0):
-        return f"{100.0 * share:.0f}"
-    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
-        digits += 1
-    return f"{100.0 * share:.{digits}f}".replace("-", "−")
-
-
 class Ranking(NamedTuple):
     """Controllers in a condition, the best first.
 
@@ -190,6 +179,11 @@ def ranking(
     """How often a column is true for each controller, in the scenes of a condition that all of them ran."""
     key = (condition, column, None if families is None else tuple(families))
     return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
+
+
+def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Ranking:
+    """How often rows are kept, of controllers not all of whose runs failed."""
+    return ranking(dataset, condition, column).among(dataset.working(condition))
 
 
 def ranked(flags: pd.DataFrame, condition: str) -> Ranking:

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 from ...comparisons.statistics import detectable, simultaneous
 from ...rows.readable import counted
 from ..markdown import Table, bold
-from ..numbers import DASH, number
+from ..numbers import DASH, number, percentage
 from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
-from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts, percentage
+from .ranking import PairVerdict, PairVerdicts, pairwise_verdicts
 
 #: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
@@ -33,10 +33,6 @@ class Measure(NamedTuple):
     margin: float
     more: bool = False
     ratio: bool = False
-
-    def excludes(self, pair: PairVerdict) -> bool:
-        """Whether an interval excludes that the first controller is worse by the margin or more."""
-        return pair.low > -self.margin if self.more else pair.high < self.margin
 
     def text(self, pair: PairVerdict) -> str:
         """The difference, for a table's cell."""
@@ -69,8 +65,8 @@ class Conclusion(NamedTuple):
 
     @property
     def excluded(self) -> bool:
-        """Whether a reversal by the margin or more is excluded."""
-        return self.measure.excludes(self.other)
+        """Whether the interval excludes that the better one is worse by the margin or more."""
+        return self.other.low > -self.measure.margin if self.measure.more else self.other.high < self.measure.margin
 
     def as_data(self) -> dict[str, Any]:
         """For files."""
@@ -92,10 +88,6 @@ class Power(NamedTuple):
     conclusions: int
     scenes: float
     detectable: float
-
-    def as_data(self) -> dict[str, Any]:
-        """For files: what is not finite is None."""
-        return finite(self._asdict())
 
 
 def conclusions(dataset: Dataset) -> list[Conclusion]:
@@ -143,8 +135,7 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
     """For each further condition, how many conclusions hold there, and which reversal of success is detectable."""
     several = []
     for condition in dataset.conditions[1:]:
-        own = [one for one in conclusions(dataset) if one.condition == condition]
-        if own:
+        if own := [one for one in conclusions(dataset) if one.condition == condition]:
             runs = _runs(dataset, condition, dataset.conditions[0])
             scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
             numbers = {"conclusions": len(own), **_counts(own), "scenes": scenes, "families": families}

@@ -12,9 +12,8 @@ from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...rows import Array
 from ..plots.image import OUTSIDE, START, Plane, numbered, square, tracks
-from ..plots.marks import line, patch, symbol
 from ..plots.sheet import WIDTH, Sheet
-from ..plots.style import FAINT, INK
+from ..plots.style import FAINT, INK, line, patch, symbol
 from .view import View
 
 #: Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
@@ -96,44 +95,37 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     numbered(ax, pixels[0])
 
 
-def rows_in_image(run: RunRecord) -> list[tuple[int, int]]:
-    """Index of each row that is about a marker's place in the image, and of its marker."""
-    rows, count = [], run.trajectory.features_px.shape[1]
+def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
+    """Index of each row that is about a marker's place in the image, and where that is (N, 2) [px]."""
+    pixels = run.trajectory.features_px
     for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
         digits = label.rpartition("marker ")[2].rstrip("]")
-        if unit == "px" and digits.isdecimal() and int(digits) <= count:
-            rows.append((i, int(digits) - 1))
-    return rows
+        if unit == "px" and digits.isdecimal() and int(digits) <= pixels.shape[1]:
+            yield i, pixels[:, int(digits) - 1]
 
 
 def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None) -> list[dict[str, Any]]:
-    goals = view.setup.task.goals if view.setup is not None else ()
-    entries = [START | {"label": "start of marker 1, 2, …"}]
-    if len(goals) > 1:
-        entries.append(EARLIER | {"label": "earlier goal"})
-    if goals:
-        entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
-    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
-    if view.baseline is not None and view.competitors:
-        entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(True for name in names for _ in _violations(view.runs[name])):
-        entries.append(line("row in the image violated", **VIOLATED))
-    entries += plane.entries(forbidden="forbidden to markers")
-    if detail is not None:
-        side = 2.0 * detail.half
-        entries.append(patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8))
-    return entries
+    goals, side = view.setup.task.goals if view.setup is not None else (), 2.0 * (detail.half if detail else 0.0)
+    violated = any(True for name in names for _ in _violations(view.runs[name]))
+    alone = view.baseline is not None and bool(view.competitors)
+    return [
+        START | {"label": "start of marker 1, 2, …"},
+        *[EARLIER | {"label": "earlier goal"}] * (len(goals) > 1),
+        *[LAST | {"label": "goal" if len(goals) == 1 else "last goal"}] * bool(goals),
+        symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"),
+        *[line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9} for _ in range(alone)],
+        *[line("row in the image violated", **VIOLATED)] * violated,
+        *plane.entries(forbidden="forbidden to markers"),
+        *[patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8)] * bool(detail),
+    ]
 
 
 def _violations(run: RunRecord) -> Iterator[Array]:
     """(N, 2) pixels of a marker where it is outside a row in the image, NaN elsewhere."""
-    for i, marker in rows_in_image(run):
+    for i, pixels in _rows_in_image(run):
         outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
         if outside.any():
-            yield np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan)
-
-
-# --- close-ups ---
+            yield np.where(outside[:, None], pixels, np.nan)
 
 
 def close_up(view: View, plane: Plane) -> CloseUp | None:
@@ -144,8 +136,7 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     """
     size, found = max(plane.size), dict[tuple[float, int], CloseUp]()
     for run in (run for name, run in view.runs.items() if name != BASELINE):
-        for i, marker in rows_in_image(run):
-            pixels = run.trajectory.features_px[:, marker]
+        for i, pixels in _rows_in_image(run):
             seen = (np.abs(pixels) <= plane.half).all(axis=1)
             clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
             k, acts = int(np.argmin(clearance)), run.trajectory.active[:, i].any()
@@ -160,8 +151,6 @@ def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
     moving = [points for _, lines in plane.moving for points in lines]
     if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
         return True
-    if not plane.constraints:
-        return False
     depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
     return bool(depth.min() <= 0.0 <= depth.max())
 

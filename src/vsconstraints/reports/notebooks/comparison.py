@@ -25,8 +25,7 @@ from ...errors import ConfigurationError, unknown_name
 from ...rows.readable import counted, in_one_line
 from ..figures import View
 from ..numbers import FORMATS, over_trials
-from ..results import Results, shown
-from ..selection import lane_rows, phi_rows
+from ..results import Results, RowsShown, shown
 from ..summary import FIRST, outcome
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
 from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
@@ -126,10 +125,6 @@ class Comparison:
         return Results(self.stored)
 
     @property
-    def _seed(self) -> int:
-        return int(self.stored.manifest["configuration"].get("seed", 0))
-
-    @property
     def scenarios(self) -> tuple[str, ...]:
         """Names of the scenarios."""
         return self._lines.scenarios
@@ -165,7 +160,7 @@ class Comparison:
             raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
         record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
         found = self.stored.scenarios[name]
-        return NotebookRun(found.setup(trial, self._seed), record, law, name, found.title, found.folder, baseline)
+        return NotebookRun(found.setup(trial, self._lines.seed), record, law, name, found.title, found.folder, baseline)
 
     def _record(self, scenario: str, law: str, trial: int) -> RunRecord:
         record = self.stored.run(scenario, law, trial)
@@ -178,8 +173,10 @@ class Comparison:
         """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
         name = self._scenario(scenario)
         runs = {law: run for law in self.laws if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1}
-        rows = {"phi_rows": phi_rows(self._lines, name), "lane_rows": lane_rows(self._lines, name)}
-        return Plots(View(self.stored.scenarios[name].setup(0, self._seed), runs, self.laws, **rows))
+        rows = RowsShown.of(self._lines.every_row(name))
+        return Plots(
+            View(self.stored.scenarios[name].setup(0, self._lines.seed), runs, self.laws, rows.phi, rows.lanes)
+        )
 
     def replay(
         self, laws: Sequence[str] = (), scenario: str | None = None, *, trial: int = 0, path: str | Path | None = None
@@ -224,28 +221,28 @@ class Comparison:
 @contextmanager
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
     """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
-    console, begun = Console(stderr=True), time.monotonic()
-    line: Any = None  # what a notebook displays
-    done, due = 0, 0.0
+    console, begun, done, due = Console(stderr=True), time.monotonic(), 0, 0.0
 
-    def advance(by: int = 1) -> None:
-        nonlocal done, due
-        done += by
-        if by and time.monotonic() < due:
-            return
-        due, text = time.monotonic() + UPDATE, f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"
-        if line is not None:
-            line.update({"text/plain": text}, raw=True)
-        elif console.is_terminal:
-            console.print(text, end="\r", highlight=False)
+    def show(text: str, end: str = "\r") -> None:
+        if console.is_terminal:
+            console.print(text, end=end, highlight=False)
 
     if console.is_jupyter:
         from IPython import display
 
         create: Any = display.display
         line = create({"text/plain": ""}, raw=True, display_id=True)
+
+        def show(text: str, end: str = "") -> None:
+            line.update({"text/plain": text}, raw=True)
+
+    def advance(by: int = 1, end: str = "\r") -> None:
+        nonlocal done, due
+        done, now = done + by, time.monotonic()
+        if not by or now >= due:
+            due = now + UPDATE
+            show(f"comparing: {done} of {total} runs, {now - begun:.0f} s", end)
+
     advance(0)
     yield advance
-    advance(0)
-    if console.is_terminal and line is None:
-        console.print()
+    advance(0, "\n")

@@ -16,8 +16,7 @@ from ...rows import Array
 from ...simulation import Setup
 from ...vision.camera import Camera
 from ...vision.motion import Motion
-from .marks import line, patch, symbol
-from .style import FAINT, INK
+from .style import FAINT, INK, line, patch, symbol
 
 AROUND = 1.12  # how much of the image plane figures show, relative to the image; what lies beyond is cut off
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
@@ -106,7 +105,7 @@ class Plane:
         """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
         grid = np.stack(np.meshgrid(u, v), axis=-1)
         # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
-        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1)
         return depth
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:

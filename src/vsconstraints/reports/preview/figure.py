@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..plots.image import OUTSIDE, START, Plane, numbered
-from ..plots.marks import symbol
 from ..plots.sheet import WIDTH, Figure, Sheet
-from ..plots.style import INK, shortened
+from ..plots.style import INK, shortened, symbol
 from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
 
@@ -170,9 +169,4 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
 
 
 #: Drawn from a :class:`~vsconstraints.reports.preview.preview.Preview`.
-FIGURE = Figure(
-    "preview",
-    "start and goals, before anything is simulated",
-    "The image and the arm at the start and at each goal, and the rows nearest to their boundary.",
-    draw_preview,
-)
+FIGURE = Figure.told("preview", draw_preview)
