@@ -29,7 +29,6 @@ from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.failures import divisive_scene
 from vsconstraints.reports.evidence.figures import draw_tolerance
 from vsconstraints.reports.evidence.report import write_report_of
-from vsconstraints.reports.evidence.tables import tolerance_table
 from vsconstraints.reports.plots import looks
 from vsconstraints.scenarios.families import Family
 from vsconstraints.simulation.trajectory import Outcome
@@ -195,9 +194,10 @@ def test_success_over_tolerated_depth_goes_through_the_table(tmp_path: Path) -> 
     sheet = draw_tolerance([("nominal", dataset.paired("nominal", "tolerance"))], ["a", "b"])
     assert sheet is not None
     (ax,) = sheet.figure.axes
-    table = tolerance_table(dataset, "nominal")
+    text = write_report_of(dataset).with_name("details.md").read_text(encoding="utf-8")
+    (table,) = (lines for header, *lines in tables(text) if header[1] == "0.01 %")
     curves = {curve.get_color(): curve for curve in ax.lines}
-    for law, *cells in table.lines:
+    for law, *cells in table:
         x, y = curves[looks(["a", "b"])[law].colour].get_data()
         for tolerance, cell in zip(TOLERANCES, cells, strict=False):
             assert y[int(np.argmin(abs(x - 100.0 * tolerance)))] == pytest.approx(float(cell), abs=0.1)

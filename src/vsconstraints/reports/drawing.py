@@ -130,7 +130,7 @@ def scenario_jobs(
     for name in results.scenarios if scenarios is None else scenarios:
         lines = {law: results.runs(name, law) for law in results.controllers}
         finished = tuple(law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own))
-        rows, scenario = RowsShown.of(results.every_row(name)), stored.scenarios[name]
+        rows, scenario = results.rows_shown(name), stored.scenarios[name]
         jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, results.seed, rows, formats))
     return jobs
 

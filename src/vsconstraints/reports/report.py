@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..comparisons import StoredComparison
-from ..comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
+from ..comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
 from ..comparisons.runs.folder import locked
 from ..comparisons.suite import BASELINE
 from ..errors import StorageError
@@ -15,8 +15,9 @@ from ..rows.readable import counted
 from . import scenario, summary
 from .drawing import Drawn, add_replays, draw_all, draw_overview, remove_stale, scenario_jobs, shown_scenarios
 from .figures import FIGURES
+from .groups import controller_cells
 from .markdown import enumeration, first_names
-from .numbers import DASH, number, of_length
+from .numbers import DASH, median, number, of_length, over_trials, percent
 from .page import facts_table, render, write_pages
 from .plots import PNG, Formats
 from .results import DIVERGED, Results, violated
@@ -89,6 +90,11 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         readings=[figure.reading for figure in FIGURES] if any(one.files for one in drawn.values()) else [],
         definitions=DEFINITIONS,
         machine_table=_machine(results),
+        tolerances=TOLERANCES,
+        controller_cells=controller_cells,
+        median=median,
+        over_trials=over_trials,
+        percent=percent,
         tolerant=of_length(TOLERANT),
         negligible=of_length(NEGLIGIBLE),
         diverged=f"{100.0 * DIVERGED:g} %",

@@ -98,6 +98,10 @@ class Results:
         hit = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
         return tuple(label for label in self.labels(scenario) if label in hit)
 
+    def rows_shown(self, scenario: str) -> RowsShown:
+        """The rows that figures of a scenario show."""
+        return RowsShown.of(self.every_row(scenario))
+
     def is_ranked(self, scenario: str) -> bool:
         """Whether unconstrained tracking violates a row, as far as is known; otherwise no controller is the best."""
         baseline = self.runs(scenario, BASELINE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -12,12 +12,11 @@ from ..comparisons.metrics import METRICS
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .markdown import Table, code, plain
-from .numbers import DASH, FORMATS, error, median, number, over_trials, percent
+from .numbers import DASH, FORMATS, error, number, over_trials
 from .results import (
     Cell,
     Line,
     Results,
-    RowsShown,
     columns_table,
     comparable,
     judged_by,
@@ -91,37 +90,6 @@ def challenge_table(results: Results, scenario: str) -> Table:
         # the baseline has no margin while it violates the row
         columns[f"{code(label)} [{unit}]"] = [*(least[name] for name in baseline), *marked(cells, eligible, "less")]
     return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
-
-
-def usage_table(results: Results, scenario: str) -> Table:
-    """Usage of each row that limited the arm, and for how long."""
-
-    def cell(rows: Sequence[Line]) -> str:
-        usage, seconds = [row["usage_held"] for row in rows], median([row["held_time_s"] for row in rows])
-        return f"{over_trials(usage, percent)} / {number(seconds)} s" if math.isfinite(median(usage)) else DASH
-
-    labels = RowsShown.of(results.every_row(scenario)).lanes
-    return _row_table(results, scenario, "rows that limited the arm", results.competitors, labels, cell)
-
-
-def effort_table(results: Results, scenario: str) -> Table:
-    """The share of the acceleration limits that satisfying each row takes; empty where no limits are stated."""
-    rows = [row for name in results.controllers for row in results.rows(scenario, name)]
-    labels = list(dict.fromkeys(row["constraint"] for row in rows if row["share_to_hold"] > 0.0))
-    labels.sort(key=results.labels(scenario).index)
-
-    def cell(rows: Sequence[Line]) -> str:
-        return over_trials([row["share_to_hold"] for row in rows], percent)
-
-    return _row_table(results, scenario, "required acceleration", results.controllers, labels, cell)
-
-
-def _row_table(
-    results: Results, scenario: str, title: str, names: Sequence[str], labels: Sequence[str], cell: Callable[..., str]
-) -> Table:
-    """One line per controller and one column per row."""
-    lines = [[name, *(cell(results.rows(scenario, name, label)) for label in labels)] for name in names if labels]
-    return Table([title, *map(code, labels)], lines)
 
 
 def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> Table:

@@ -7,11 +7,10 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, TOLERANCES, TOLERANT, Metric
+from ..comparisons.metrics import METRICS, TOLERANT, Metric
 from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
-from .groups import controller_cells
 from .markdown import Table, code, enumeration, first_names
 from .numbers import DASH, FORMATS, largest, median, number, of_length
 from .results import (
@@ -89,15 +88,6 @@ def score_table(results: Results) -> Table:
     return columns_table("controller", names, columns)
 
 
-def tolerance_table(results: Results) -> Table:
-    """How many runs of each controller are successes at each tolerance."""
-    lines = []
-    for name in results.competitors:
-        depths = [run["violation_fraction"] for run in results.all_runs(name) if run["status"] == "converged"]
-        lines.append([name, *(str(sum(depth <= tolerance for depth in depths)) for tolerance in TOLERANCES)])
-    return Table(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines)
-
-
 def violation_table(results: Results) -> Table:
     """Where each controller that violates constraints does, and its deepest violation."""
     lines = []
@@ -153,18 +143,6 @@ def unsolved(results: Results) -> dict[str, str]:
     return reasons
 
 
-def outcome_table(results: Results) -> Table:
-    """One line per scenario and one column per controller; the other way round where there are more controllers."""
-    names, scenarios = results.controllers, results.scenarios
-    links = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
-    cells = {(one, name): outcome(results, one, name, scored=True) for one in scenarios for name in names}
-    if len(names) > len(scenarios):
-        lines = [[name, *(cells[one, name] for one in scenarios)] for name in names]
-        return Table(["controller", *links.values()], lines, 1 + len(scenarios))
-    lines = [[links[one], *(cells[one, name] for name in names)] for one in scenarios]
-    return Table(["scenario", *names], lines, 1 + len(names))
-
-
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
     """How a controller ended on a scenario, with marks for violations; counted where there are several trials.
 
@@ -181,13 +159,6 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
 def anchor(scenario: str) -> str:
     """Where a scenario's section is, in links."""
     return quote(f"scenario-{scenario}")
-
-
-def options_table(results: Results) -> Table:
-    """Type, options and required information of each controller, and how it was implemented."""
-    entries = results.stored.manifest["configuration"]["controllers"]
-    lines = [[name, *controller_cells(name, entries[name]), results.implementation(name) or DASH] for name in entries]
-    return Table(["controller", "type", "options", "required information", "implementation"], lines, 5)
 
 
 def _complete(results: Results, names: Sequence[str]) -> list[bool]:

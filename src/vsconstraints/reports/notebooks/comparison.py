@@ -25,7 +25,7 @@ from ...errors import ConfigurationError, unknown_name
 from ...rows.readable import counted, in_one_line
 from ..figures import View
 from ..numbers import FORMATS, over_trials
-from ..results import Results, RowsShown, shown
+from ..results import Results, shown
 from ..summary import FIRST, outcome
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
 from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
@@ -173,7 +173,7 @@ class Comparison:
         """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
         name = self._scenario(scenario)
         runs = {law: run for law in self.laws if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1}
-        rows = RowsShown.of(self._lines.every_row(name))
+        rows = self._lines.rows_shown(name)
         return Plots(
             View(self.stored.scenarios[name].setup(0, self._lines.seed), runs, self.laws, rows.phi, rows.lanes)
         )
