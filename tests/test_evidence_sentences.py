@@ -404,7 +404,7 @@ def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
 def test_what_is_printed_is_what_the_sentences_hold() -> None:
     """Numbers of a text, rounded as printed, are among the numbers of its sentence."""
     runs = drawn_runs({"nominal": {"sliding-mode": 0.8, "hierarchical-qp": 0.95}}, ["x"], 200)
-    for sentence in claims_of(Dataset(made(runs, Path()), figures=False)).findings:
+    for sentence in claims_of(Dataset(made(runs, Path()), figures=False)):
         if sentence.about != "best":
             continue
         pool = [abs(100.0 * value) for name, value in sentence.numbers.items()] + list(sentence.numbers.values())

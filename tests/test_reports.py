@@ -35,7 +35,7 @@ from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
 from vsconstraints.reports.results import MAX_LANES, MAX_PHI, Cell, Results, RowsShown, comparable, marked
 from vsconstraints.reports.scenario import metric_table
-from vsconstraints.reports.summary import endings_table, law_table, score_table
+from vsconstraints.reports.summary import law_table, score_table
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -211,10 +211,11 @@ def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path
 
 def summary_of(folder: Path, lines: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
     """What the tables over all scenarios say of each controller; the report is written."""
-    write_report(made(folder, lines), figures=False)
+    text = whole(write_report(made(folder, lines), figures=False))
+    endings = text.partition("## All scenarios\n\n")[2].partition("\n\n")[0]
     results = Results(StoredComparison.load(folder))
     found: dict[str, dict[str, str]] = {}
-    for lines_of in tables_of("\n\n".join(one(results) for one in (law_table, endings_table, score_table))):
+    for lines_of in tables_of("\n\n".join((law_table(results), endings, score_table(results)))):
         for cells in lines_of:
             found.setdefault(cells["controller"], {}).update(cells)
     return {name: line for name, line in found.items() if name != "tracking"}

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..comparisons.runs.files import replaced
-from .markdown import Table, bold, bullets, code, enumeration, plain
-from .numbers import DASH, number, percentage
+from ..rows.readable import counted
+from .markdown import Table, bold, bullets, code, enumeration, first_names, plain
+from .numbers import DASH, median, number, of_length, over_trials, percent, percentage
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt
@@ -39,6 +40,10 @@ def render(template: str, **context: Any) -> str:
     environment = Environment(loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options)
     environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)}
     environment.filters["table"] = _table
+    environment.globals |= {
+        one.__name__: one for one in (counted, first_names, median, of_length, over_trials, percent)
+    }
+    environment.globals["dash"] = DASH
     text = environment.get_template(template).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
@@ -82,21 +87,6 @@ def page_of(report: Path) -> Path:
 def where(report: Path) -> str:
     """Where both are, for a terminal."""
     return f"Report: {report}; as a page: {page_of(report)}"
-
-
-def facts_table(manifest: Mapping[str, Any], **more: object) -> Table:
-    """What ran where, by the manifest: machine, packages, version and command; and further facts."""
-    machine, command = manifest.get("machine", {}), manifest.get("command")
-    facts = {
-        **{name: machine.get(name) for name in ("processor", "cores", "system", "python")},
-        "packages": ", ".join(f"{name} {version}" for name, version in manifest.get("packages", {}).items()),
-        "version": manifest.get("version"),
-        "git commit": manifest.get("git_commit"),
-        "started": manifest.get("started"),
-        **more,
-    }
-    lines = [[name, DASH if value in (None, "") else plain(value)] for name, value in facts.items()]
-    return Table(["what", "value"], [*lines, ["command", code(" ".join(command)) if command else DASH]], 2)
 
 
 def parser(html: bool = True) -> MarkdownIt:

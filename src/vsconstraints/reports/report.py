@@ -6,19 +6,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..comparisons import StoredComparison
-from ..comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANCES, TOLERANT
+from ..comparisons.metrics import DEFINITIONS, METRICS, NEGLIGIBLE, TOLERANCES, TOLERANT
 from ..comparisons.runs.folder import locked
 from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
-from ..rows.readable import counted
 from . import scenario, summary
 from .drawing import Drawn, add_replays, draw_all, draw_overview, remove_stale, scenario_jobs, shown_scenarios
 from .figures import FIGURES
 from .groups import controller_cells
-from .markdown import enumeration, first_names
-from .numbers import DASH, median, number, of_length, over_trials, percent
-from .page import facts_table, render, write_pages
+from .numbers import of_length
+from .page import render, write_pages
 from .plots import PNG, Formats
 from .results import DIVERGED, Results, violated
 
@@ -77,11 +75,11 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
     return render(
         "comparison.md",
         results=results,
+        manifest=results.stored.manifest,
         configuration=results.stored.manifest["configuration"],
         summary=summary,
         parts=scenario,
-        counted=counted,
-        robots=enumeration(first_names(robots, summary.MAX_NAMES)),
+        robots=robots,
         violates=sum(bool(violated(run)) for run in results.all_runs(BASELINE)),
         leading=leading if len(leading) < len(results.competitors) and results.challenged_scenarios else [],
         overview=overview,
@@ -89,32 +87,10 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         nothing=Drawn(),
         readings=[figure.reading for figure in FIGURES] if any(one.files for one in drawn.values()) else [],
         definitions=DEFINITIONS,
-        machine_table=_machine(results),
+        metrics=METRICS,
         tolerances=TOLERANCES,
         controller_cells=controller_cells,
-        median=median,
-        over_trials=over_trials,
-        percent=percent,
         tolerant=of_length(TOLERANT),
         negligible=of_length(NEGLIGIBLE),
-        diverged=f"{100.0 * DIVERGED:g} %",
-        dash=DASH,
+        diverged=DIVERGED,
     )
-
-
-def _machine(results: Results) -> str:
-    manifest = results.stored.manifest
-    runs = [run for run in results.stored.results if run["duration_s"] >= 0.0]
-    compiled = sum(bool(run.get("compiled")) for run in runs)
-    implementation = "" if not runs else "compiled" if compiled == len(runs) else "NumPy"
-    if 0 < compiled < len(runs):
-        names = [one for one in results.controllers if not all(run.get("compiled") for run in results.all_runs(one))]
-        implementation = f"compiled in {compiled} of {len(runs)} runs; NumPy in some of {enumeration(names)}"
-    wall, kept = manifest.get("wall_time_s"), manifest.get("stored_before") or 0
-    facts = {
-        "control step": implementation,
-        "seed": manifest.get("seed"),
-        "wall time [s]": None if wall is None else number(float(wall)),
-        "runs": f"{results.finished} of {results.planned}" + (f", {kept} of them stored before" if kept else ""),
-    }
-    return facts_table(manifest, **facts)

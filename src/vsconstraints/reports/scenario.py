@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from ..comparisons.metrics import METRICS
+from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .markdown import Table, code, plain
@@ -58,16 +58,9 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     return columns_table("controller", names if group == "outcome" or 1 + len(columns) > text else (), columns, text)
 
 
-def baseline_facts(results: Results, scenario: str) -> list[str]:
-    """What unconstrained tracking does, which is not ranked and stands in no column with those that are."""
-    runs = results.runs(scenario, BASELINE)
-    facts = [status_text(runs), f"violated rows: {violated_text(runs)}"] if runs else []
-    for metric in METRICS:
-        if runs and metric.header and metric.better and metric.group != "time" and metric.judged != "sliding":
-            text = over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
-            what, _, unit = metric.header.removesuffix("]").partition(" [")
-            facts += [f"{what} {text} {unit}"] if text != DASH else []
-    return facts
+def metric_text(metric: Metric, runs: Sequence[Line]) -> str:
+    """The values of a metric in runs of a scenario."""
+    return over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
 
 
 def challenge_table(results: Results, scenario: str) -> Table:

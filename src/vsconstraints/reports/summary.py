@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
@@ -11,10 +11,9 @@ from ..comparisons.metrics import METRICS, TOLERANT, Metric
 from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
-from .markdown import Table, code, enumeration, first_names
+from .markdown import Table, code
 from .numbers import DASH, FORMATS, largest, median, number, of_length
 from .results import (
-    DIVERGED,
     Better,
     Cell,
     Line,
@@ -56,17 +55,6 @@ def law_table(results: Results) -> Table:
     return columns_table("controller", names, columns)
 
 
-def endings_table(results: Results) -> Table:
-    """How many runs of each controller, the baseline included, ended in each status."""
-    lines = []
-    for name in results.controllers:
-        runs = results.all_runs(name)
-        ended = Counter(run["status"] for run in runs)
-        diverged = sum(run["status"] != "converged" and run["violation_depth"] > DIVERGED for run in runs)
-        lines.append([name, *map(str, (len(runs), *(ended[status] for status in STATUSES), diverged))])
-    return Table(["controller", "runs", *STATUSES, "diverged"], lines)
-
-
 def score_table(results: Results) -> Table:
     """Violations, and the scores that the first table does not have."""
     names = results.competitors
@@ -88,34 +76,21 @@ def score_table(results: Results) -> Table:
     return columns_table("controller", names, columns)
 
 
-def violation_table(results: Results) -> Table:
-    """Where each controller that violates constraints does, and its deepest violation."""
-    lines = []
-    for name in results.competitors:
-        if runs := [run for run in results.all_runs(name) if violated(run)]:
-            worst = max(runs, key=lambda run: float(run["violation_depth"]))
-            rows = [row for row in results.rows(worst["scenario"], name) if row["trial"] == worst["trial"]]
-            rows = [row for row in rows if row["violation_depth"] > 0.0]
-            deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
-            row = code(deepest["constraint"]) if deepest else DASH
-            scenarios = enumeration(first_names((run["scenario"] for run in runs), MAX_NAMES))
-            depth = number(100.0 * worst["violation_depth"])
-            lines.append([name, str(len(runs)), depth, row, worst["scenario"], scenarios])
-    return Table(["controller", "runs", "worst depth [% of L]", "row", "scenario", "violates a row in"], lines, 6)
+def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line, str]:
+    """Runs of a controller that violate a row, of these the deepest, and its row; none, nothing and a dash."""
+    runs = [run for run in results.all_runs(controller) if violated(run)]
+    if not runs:
+        return [], {}, DASH
+    worst = max(runs, key=lambda run: float(run["violation_depth"]))
+    rows = [row for row in results.rows(worst["scenario"], controller) if row["trial"] == worst["trial"]]
+    rows = [row for row in rows if row["violation_depth"] > 0.0]
+    deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
+    return runs, worst, code(deepest["constraint"]) if deepest else DASH
 
 
-def winner_table(results: Results) -> Table:
-    """By metric, the scenarios in which each controller is the best of those that solved it in every trial."""
-    metrics = [metric for metric in METRICS if metric.finding[0]]
-    won = [_won(results, metric) for metric in metrics]
-    names = [name for name in results.competitors if any(name in one for one in won)]
-    lines = [[name, *(enumeration(first_names(one[name], MAX_NAMES)) or DASH for one in won)] for name in names]
-    return Table(["controller", *("{} [{}]".format(*metric.finding) for metric in metrics)], lines, 1 + len(metrics))
-
-
-def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
+def won(results: Results, metric: Metric) -> dict[str, list[str]]:
     """The scenarios a controller wins, with its value; none where values are alike as printed."""
-    show, won = FORMATS[metric.style], defaultdict[str, list[str]](list)
+    show, found = FORMATS[metric.style], defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
         runs = {name: results.runs(scenario, name) for name in _solvers(results, scenario)}
         medians = {name: median([shown(metric, run) for run in own]) for name, own in runs.items()}
@@ -123,8 +98,8 @@ def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
         if len(set(map(show, values.values()))) > 1:
             top = show((max if metric.better == "more" else min)(values.values()))
             for name in (name for name, value in values.items() if show(value) == top):
-                won[name].append(f"{scenario} ({top})")
-    return won
+                found[name].append(f"{scenario} ({top})")
+    return found
 
 
 def _solvers(results: Results, scenario: str) -> list[str]:

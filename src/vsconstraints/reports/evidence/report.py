@@ -14,11 +14,9 @@ from ...comparisons.runs.files import write_json
 from ...comparisons.statistics import costs, profile, ranks
 from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import ConfigurationError, StorageError
-from ...rows.readable import counted
 from ...scenarios.reading import from_table
-from ..groups import information_text
-from ..numbers import DASH, number, of_length
-from ..page import facts_table, render, write_pages
+from ..groups import controller_cells, information_text
+from ..page import render, write_pages
 from ..plots import PNG, Formats
 from . import across, failures, robustness, tables
 from .dataset import Dataset
@@ -57,7 +55,7 @@ ACROSS = ("turned", "tuned", "nowhere")  #: Kinds of findings on several conditi
 HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
 #: What templates call.
 FUNCTIONS = (
-    best_by, condition_text, counted, gap, information_text, kept_ranking, names_text, of_length, ranking,
+    best_by, condition_text, controller_cells, gap, information_text, kept_ranking, names_text, ranking,
     tables.quality_verdicts,
 )  # fmt: skip
 OnWritten = Callable[[int, int], None]  #: Called with how many parts of a report are there, and how many there will be.
@@ -124,7 +122,6 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "failures": failures,
         "across": across,
         "robustness": robustness,
-        "dash": DASH,
         "losses": tables.LOSSES,
         "aims": tables.AIMS,
         "tolerances": TOLERANCES,
@@ -132,7 +129,6 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         **{one.__name__: one for one in FUNCTIONS},
         "situations_title": SITUATIONS,
         "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
-        "machine": _machine(dataset),
     }
     try:
         interactive = {SITUATIONS: failures.heat_map(dataset)} if rankings else {}
@@ -203,20 +199,6 @@ def _singles(dataset: Dataset) -> dict[str, Any]:
     """Figures of single scenes, and of the tuning."""
     shown = {"worst": failures.worst_figures(dataset), "scene_figures": failures.scene_figures(dataset)}
     evaluations = tables.evaluations_of(dataset)
-    if evaluations is None:
-        return shown | {"evaluations": "", "budgets_figure": ""}
-    budgets = dataset.picture(BUDGETS, evaluations, list(dict.fromkeys(evaluations["law"].astype(str))))
-    return shown | {"evaluations": tables.evaluations_table(evaluations), "budgets_figure": budgets}
-
-
-def _machine(dataset: Dataset) -> str:
-    manifest, configuration = dataset.manifest, dataset.configuration
-    wall, runs = manifest.get("wall_time_s"), len(dataset.evidence.runs)
-    per_second = manifest.get("runs_per_s") or (runs / wall if wall else None)
-    facts = {
-        "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
-        "wall time [s]": None if wall is None else number(float(wall)),
-        "runs": runs,
-        "runs per second": None if per_second is None else number(float(per_second)),
-    }
-    return facts_table(manifest, **facts)
+    laws = () if evaluations is None else list(dict.fromkeys(evaluations["law"].astype(str)))
+    budgets = dataset.picture(BUDGETS, evaluations, laws) if laws else ""
+    return shown | {"evaluations": evaluations if laws else None, "budgets_figure": budgets}

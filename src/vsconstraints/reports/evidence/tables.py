@@ -11,9 +11,8 @@ from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
-from ..groups import controller_cells
 from ..markdown import Table, enumeration, plain
-from ..numbers import DASH, median, number, percentage
+from ..numbers import DASH, median, percentage
 from .dataset import Dataset
 from .ranking import PairVerdicts, Ranking, Share, pairwise_verdicts
 
@@ -31,7 +30,8 @@ AIMS = {
 LOSSES = ("second", "median", "worst")  #: Of the other controllers: those whose loss is reported.
 
 
-def _middle(runs: pd.DataFrame, column: str) -> float:
+def middle(runs: pd.DataFrame, column: str) -> float:
+    """The median of a column."""
     return median(runs[column].astype(float).tolist())
 
 
@@ -42,15 +42,15 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
     return {
         "law": law,
         **{one.condition: one.shares[law].value for one in rankings if law in one.laws},
-        "variation": _middle(clean, "acceleration_variation"),
-        "call": _middle(runs, "step_time_median_us"),
+        "variation": middle(clean, "acceleration_variation"),
+        "call": middle(runs, "step_time_median_us"),
     }
 
 
 def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
     """The unrounded numbers of a condition's line of the answer: the best controller and what other choices lose."""
     first, *others = ranked.laws
-    call = _middle(dataset.of_law(first), "step_time_median_us")
+    call = middle(dataset.of_law(first), "step_time_median_us")
     numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
     numbers |= ranked.shares[first].numbers("success")
     for name, law in zip(LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False):
@@ -62,17 +62,6 @@ def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
     """All pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
     runs = dataset.among(condition)
     return [pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()]
-
-
-def information_table(dataset: Dataset) -> Table:
-    """Type, options, required information, implementation and call time of each controller."""
-    lines = []
-    for law in dataset.laws:
-        own, cells = dataset.of_law(law), controller_cells(law, dataset.configuration["controllers"].get(law, {}))
-        share, call = own["compiled"].astype(bool).mean(), _middle(own, "step_time_median_us")
-        compiled = {1.0: "compiled", 0.0: "NumPy"}.get(share, f"compiled in {100.0 * share:.0f} %, else NumPy")
-        lines.append([law, *cells, compiled, number(call)])
-    return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
@@ -88,17 +77,6 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
     if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(data.columns):
         raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
     return data
-
-
-def evaluations_table(evaluations: pd.DataFrame) -> Table:
-    """What tuning evaluated for each controller, and the setting that was chosen, with successes."""
-    lines = []
-    for law, own in evaluations.groupby("law", sort=False, observed=True):
-        chosen = own.loc[own["chosen"].astype(bool).idxmax()]
-        shares = [percentage(float(one["successes"] / one["runs"]), 1) for one in (own.iloc[0], chosen)]
-        options = plain(str(chosen["options"]).strip("{}").replace('"', ""))
-        lines.append([str(law), str(len(own)), *shares, options or "default"])
-    return Table(["law", "evaluations", "default", "chosen", "chosen setting"], lines)
 
 
 def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
