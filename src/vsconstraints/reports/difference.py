@@ -15,7 +15,6 @@ from .numbers import DASH, number
 from .page import render
 
 TIMES = ("step_time_median_us", "step_time_p99_us", "rows_time_median_us")
-
 #: Runs that are named, lines of the table of metrics, names in a cell, and characters of a setting.
 MAX_RUNS, MAX_LINES, MAX_NAMES, MAX_LENGTH = 10, 100, 3, 60
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
-from ..comparisons.runs.machine import most_samples, process_count
+from ..comparisons.runs.machine import most_samples
 from ..comparisons.runs.pool import run_all
 from ..comparisons.suite import BASELINE
 from ..errors import described
@@ -140,19 +140,14 @@ def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) 
 
     ``on_drawn`` is called with how many scenarios are done, and how many there are.
     """
-    if len(jobs) <= IN_PROCESS or process_count() < 2:
+    calls = {job.scenario.name: (job,) for job in jobs}
+    if len(jobs) <= IN_PROCESS:
         on_drawn(0, len(jobs))
         drawn = {}
-        for job in jobs:
-            drawn[job.scenario.name] = draw_scenario(job)
+        for name, one in calls.items():
+            drawn[name] = draw_scenario(*one)
             on_drawn(len(drawn), len(jobs))
         return drawn
-
-    def size(job: ScenarioJob) -> int:
-        return sum(path.stat().st_size for path in job.files().values() if path.is_file())
-
-    # the longest first, so that no process is left with one at the end
-    calls = {job.scenario.name: (job,) for job in sorted(jobs, key=size, reverse=True)}
     return {
         name: one if isinstance(one, Drawn) else Drawn(problems=[f"Its figures could not be drawn: {one.reason}."])
         for name, one in run_all(draw_scenario, calls, on_progress=on_drawn).items()

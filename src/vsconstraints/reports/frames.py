@@ -15,7 +15,6 @@ from .replay.film import film_kind, write_pictures
 
 OWN, FOREIGN = (40, 180, 60), (230, 60, 40)  #: Colours of tags that are found: those that are looked for, and others.
 COLOURS, SMALLER = 32, 2  #: Colours of a GIF, and by how much it is smaller than the images: noise does not compress.
-
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 DASH = "–"  #: Stands where a value does not exist.
-
 Format = Callable[[float], str]
 
 

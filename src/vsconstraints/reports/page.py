@@ -8,29 +8,24 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markdown_it import MarkdownIt
+from markdown_it.common.utils import escapeHtml
+from markdown_it.token import Token
 
 from ..comparisons.runs.files import replaced
 from ..rows.readable import counted
 from .markdown import Table, bold, bullets, code, enumeration, first_names, plain
 from .numbers import DASH, median, number, of_length, over_trials, percent, percentage
 
-if TYPE_CHECKING:
-    from markdown_it import MarkdownIt
-    from markdown_it.token import Token
-
 TEMPLATES = Path(__file__).parent / "templates"
-
 #: Where figures are: beside the page. An address of anything else in a network would tell who reads it.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
-
 INTERVAL = re.compile(r"\([−\d][−\d.– to%]*\)")  #: What is not broken at the end of a line.
-
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
-
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
 
 
@@ -91,8 +86,6 @@ def where(report: Path) -> str:
 
 def parser(html: bool = True) -> MarkdownIt:
     """A parser of reports."""
-    from markdown_it import MarkdownIt
-
     return MarkdownIt("commonmark", {"html": html, "xhtmlOut": False}).enable("table")
 
 
@@ -104,8 +97,6 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
     is shown as it stands, but for anchors and details. Cells have the heading of their column as ``data-label``: where
     a window is too narrow for a table, its lines are shown as lists of headings and values.
     """
-    from markdown_it.token import Token
-
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
     markdown.add_render_rule("text", _text)
@@ -120,11 +111,8 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
         else:
             tokens.append(Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n"))
             tokens += [*markdown.parse(part), Token("html_block", "", 0, content="</details>\n")]
-    headings = _headings(tokens, set(ANCHOR.findall(text)))
-    _label_tables(tokens)
-    first = next(
-        (k for k, token in enumerate(tokens) if (token.type, token.tag) == ("heading_open", "h2")), len(tokens)
-    )
+    headings = _labelled(tokens, set(ANCHOR.findall(text)))
+    first = next((k for k, one in enumerate(tokens) if (one.type, one.tag) == ("heading_open", "h2")), len(tokens))
     halves = (markdown.renderer.render(part, markdown.options, {}) for part in (tokens[:first], tokens[first:]))
     before, after = (
         re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half) for half in halves
@@ -145,8 +133,6 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
 
 def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
     """A figure as a link to its file, so that it can be enlarged on a phone; pictures from elsewhere as text."""
-    from markdown_it.common.utils import escapeHtml
-
     source = str(tokens[k].attrs["src"])
     if not BESIDE.fullmatch(source):
         return escapeHtml(f"![{tokens[k].content}]({source})")
@@ -155,45 +141,38 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
 
 def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
     """Text in which intervals stay whole."""
-    from markdown_it.common.utils import escapeHtml
-
     return INTERVAL.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
-
-
-def _headings(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
-    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where that is not taken."""
-    headings = []
-    for k, token in enumerate(tokens):
-        if token.type == "heading_open":
-            text = _plain(tokens[k + 1])
-            slug = _slug(text)
-            name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
-            taken.add(name)
-            token.attrSet("id", name)
-            headings.append({"tag": token.tag, "text": text, "name": name})
-    return headings
 
 
 def _slug(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
-def _label_tables(tokens: Sequence[Token]) -> None:
-    """Say in every cell what its column is, and of every table whether it fits a phone."""
+def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
+    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where that is not taken.
+
+    Every cell gets the heading of its column, and every table whether it fits a phone.
+    """
+    headings: list[dict[str, str]] = []
     header: list[str] = []
     for k, token in enumerate(tokens):
-        if token.type == "table_open":
+        if token.type == "heading_open":
+            slug = _slug(text := _plain(tokens[k + 1]))
+            name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
+            taken.add(name)
+            token.attrSet("id", name)
+            headings.append({"tag": token.tag, "text": text, "name": name})
+        elif token.type == "table_open":
             table, header = token, []
         elif token.type == "th_open":
             header.append(_plain(tokens[k + 1]))
         elif token.type == "thead_close":
             table.attrSet("class", "wide" if len(header) > 2 else "narrow")
         elif token.type == "tr_open":
-            column = 0
-        elif token.type == "td_open":
-            if header[column]:
-                token.attrSet("data-label", header[column])
-            column += 1
+            column = iter(header)
+        elif token.type == "td_open" and (label := next(column)):
+            token.attrSet("data-label", label)
+    return headings
 
 
 def _plain(inline: Token) -> str:

@@ -18,7 +18,6 @@ from .numbers import Format, median, number, over_trials
 
 Line = Mapping[str, Any]
 Better = Literal["less", "more"] | None
-
 MAX_PHI, MAX_LANES = 6, 12  #: How many rows fit into a figure of φ, and of activity.
 DIVERGED = 1.0  #: A run that does not converge and is outside by more than this share of L has diverged.
 

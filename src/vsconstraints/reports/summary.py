@@ -28,7 +28,6 @@ from .results import (
 )  # fmt: skip
 
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
-
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
 MAX_NAMES = 9  #: A cell names no more scenarios than this.

@@ -13,7 +13,6 @@ from .numbers import over_trials, percent
 from .page import render, write_pages
 
 REPORT = "report.md"
-
 BUDGETS = (0, 20, 100)  #: evaluations by whose number successes are shown, beside all there are
 
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Value = TypeVar("Value")
-
 MIN_LEVELS = 3  #: Of the first factor of a factorial, over which curves are drawn.
 SCENE = ["family", "scene"]  #: Columns that identify a scene: controllers are compared on the same ones.
 

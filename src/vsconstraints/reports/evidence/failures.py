@@ -30,10 +30,8 @@ from .tables import most_frequent
 MAX_REASONS, MIN_SHARE = 3, 0.02
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-
 #: Relative luminance above which black is read better than white, the contrast of both being the same there (WCAG).
 BRIGHT = 0.179
-
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
 

@@ -33,7 +33,6 @@ DODGE, SPREAD = 0.05, 0.6
 #: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
 NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42  # of the panels of worst runs [in]
-
 Depths = tuple[str, Any]  #: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
 Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
 Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.

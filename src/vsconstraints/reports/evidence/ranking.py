@@ -215,10 +215,6 @@ class PairVerdict(NamedTuple):
     differ: int
     verdict: str
 
-    def as_data(self) -> dict[str, Any]:
-        """For files: what is not finite is None."""
-        return finite(self._asdict())
-
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """The same for files: None where a number is not finite."""

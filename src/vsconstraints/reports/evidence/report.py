@@ -35,9 +35,7 @@ from .ranking import (
 )
 
 CLAIMS = "claims.json"
-
 SITUATIONS = "Success in every situation"  #: The details that are a heat map in the page.
-
 #: Metrics whose definitions the report repeats.
 DEFINED = (
     "status",

@@ -13,7 +13,7 @@ from ..markdown import Table, bold
 from ..numbers import DASH, number, percentage
 from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
-from .ranking import PairVerdict, PairVerdicts, pairwise_verdicts
+from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
 
 #: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
@@ -71,7 +71,7 @@ class Conclusion(NamedTuple):
     def as_data(self) -> dict[str, Any]:
         """For files."""
         more = {"reversal_excluded": self.excluded, "standard": "strict"}
-        pairs = {"first": self.first.as_data(), "other": self.other.as_data()}
+        pairs = {"first": finite(self.first._asdict()), "other": finite(self.other._asdict())}
         return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
 
 

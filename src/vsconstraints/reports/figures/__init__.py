@@ -7,7 +7,6 @@ from .tracks import draw_tracks
 from .view import View
 
 __all__ = ["DISTURBANCE", "FIGURES", "OVERVIEW", "View"]
-
 #: Drawn from :class:`~vsconstraints.reports.results.Results`.
 OVERVIEW = Figure.told("trade-off", draw_trade_off)
 TRACKS = Figure.told("tracks", draw_tracks)

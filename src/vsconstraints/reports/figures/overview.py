@@ -45,7 +45,16 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
             _mark(ax, typical(own), look[name], size=12.0, alpha=0.9, zorder=2.5)
-    _axes(ax, [_unused(run) for own in every.values() for run in own])
+    unused = [_unused(run) for own in every.values() for run in own]
+    most, least = 1.4 * max([*unused, 0.1]), max(min(unused) / 1.6, LEAST_UNUSED)
+    logarithmic(ax.xaxis, ())
+    logarithmic(ax.yaxis)
+    logarithmic(ax.yaxis, decades(*ax.get_ylim()))
+    ax.set_xlim(most, least)
+    ticks = [share for share in SHARES if least <= 1.0 - share + 1e-12 and 1.0 - share <= most]
+    ax.set_xticks([1.0 - s for s in ticks], ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks])
+    ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
+    ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
         symbol("o", GREY, GREY, 12.0, label="run nearest to the law's medians"),
@@ -75,15 +84,3 @@ def _mark(ax: Any, run: Line, look: Look, size: float, **options: Any) -> None:
 
 def _unused(run: Line) -> float:
     return max(1.0 - float(run["utilization"]), LEAST_UNUSED)
-
-
-def _axes(ax: Any, unused: Sequence[float]) -> None:
-    most, least = 1.4 * max([*unused, 0.1]), max(min(unused) / 1.6, LEAST_UNUSED)
-    logarithmic(ax.xaxis, ())
-    logarithmic(ax.yaxis)
-    logarithmic(ax.yaxis, decades(*ax.get_ylim()))
-    ax.set_xlim(most, least)
-    ticks = [share for share in SHARES if least <= 1.0 - share + 1e-12 and 1.0 - share <= most]
-    ax.set_xticks([1.0 - s for s in ticks], ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks])
-    ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
-    ax.set_ylabel("← less is better, acceleration variation [rad/s³]")

@@ -19,7 +19,6 @@ from .view import View
 BINS, MEAN_BINS = 300, 100
 #: Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in].
 PANEL, LANE, LANE_GAP = 1.0, 0.075, 0.09
-
 MAX_PHI = 1e3  # φ is drawn up to this many times its sampling band
 ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
 

@@ -19,7 +19,6 @@ from .view import View
 #: Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
 #: image's larger side.
 SHARE, MAX_DEPTH = 0.025, 0.05
-
 GRID = 33  # points in each direction at which it is asked whether a boundary passes
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27
 BESIDE, APART = 0.5, 0.06  # side of a close-up relative to the width of its panel, and the gap between them [in]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from ...comparisons import RunRecord, StoredComparison, Suite
+from ...comparisons import StoredComparison, Suite
 from ...comparisons import compare as compare_suite
 from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
@@ -50,29 +50,18 @@ def compare(
 ) -> Comparison:
     """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
 
+    ``laws`` are instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class
+    need. ``scenarios`` are names of shipped ones, paths, scenarios, or setups made in Python. ``trials`` is how often
+    each is run from starts or with noise that differ, drawn from the ``seed``. ``workers`` is the number of processes
+    at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches a law, and a law that
+    hangs or ends its process does so with the session. ``limit`` is how long a run may take in another process [s], by
+    its number of samples if None. ``out`` is a folder to keep results in: the same call goes on where it stopped; what
+    is not kept goes with the comparison. ``progress`` is whether to show how many runs are done.
+
     Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
-    process of its own kind; what cannot be copied there runs in this process, and a warning says so.
-
-    Raises ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials would all be the
-    same run. A law that fails costs its own runs, whose status is then ``failed``.
-
-    Parameters
-    ----------
-    laws
-        Instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class need.
-    scenarios
-        Names of shipped ones, paths, scenarios, or setups made in Python.
-    trials, seed
-        How often each is run from starts or with noise that differ, and what those are drawn from.
-    workers
-        Number of processes at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches
-        a law, and a law that hangs or ends its process does so with the session.
-    limit
-        How long a run may take in another process [s]; by its number of samples if None.
-    out
-        A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
-    progress
-        Whether to show how many runs are done, in a terminal or a notebook.
+    process of its own kind; what cannot be copied there runs in this process, and a warning says so. A law that fails
+    costs its own runs, whose status is then ``failed``. Raises ConfigurationError if a law or a scenario cannot be
+    used, two have the same name, or trials would all be the same run.
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
@@ -158,16 +147,15 @@ class Comparison:
         name = self._scenario(scenario)
         if not 0 <= trial < self._lines.trials:
             raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
-        record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
+        records = []
+        for one in (law, BASELINE):
+            if (record := self.stored.run(name, one, trial)) is None:
+                reasons = [line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial]
+                raise ConfigurationError(f"{one} left nothing on {name}: {'; '.join(reasons) or 'it was not run'}")
+            records.append(record)
         found = self.stored.scenarios[name]
-        return NotebookRun(found.setup(trial, self._lines.seed), record, law, name, found.title, found.folder, baseline)
-
-    def _record(self, scenario: str, law: str, trial: int) -> RunRecord:
-        record = self.stored.run(scenario, law, trial)
-        if record is None:
-            reasons = [line["reason"] for line in self._lines.runs(scenario, law) if line["trial"] == trial]
-            raise ConfigurationError(f"{law} left nothing on {scenario}: {'; '.join(reasons) or 'it was not run'}")
-        return record
+        setup = found.setup(trial, self._lines.seed)
+        return NotebookRun(setup, records[0], law, name, found.title, found.folder, records[1])
 
     def plot(self, scenario: str | None = None) -> Plots:
         """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""

@@ -19,17 +19,14 @@ from ...errors import unknown_name
 from .style import FORMULAS, STYLE_SHEET
 
 Formats = tuple[str, ...]  #: Of a figure's files, by their suffixes; pages show the first.
-
 PNG: Formats = ("png",)
 #: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes.
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-
 FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI, SCREEN_DPI = 150, 100
 #: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in].
 EDGE, FOOT = 0.03, 0.45
-
 #: By the names of figures, their texts.
 TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))
 

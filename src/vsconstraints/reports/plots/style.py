@@ -21,12 +21,10 @@ REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4
 STYLE_SHEET = Path(__file__).with_name("figures.mplstyle")
 #: Settings of figures whose texts hold formulas, none of which comes from a user.
 FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
-
 _TABLE = tomllib.loads(Path(__file__).with_name("looks.toml").read_text(encoding="utf-8"))
 COLOURS: dict[str, str] = _TABLE["colours"]
 #: Preferred by laws of other names: none of the default comparison has them.
 FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "vermillion")]
-
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
 TUNED = "-tuned"  # how the name of a tuned law ends, after that of the law it was tuned from

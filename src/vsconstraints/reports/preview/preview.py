@@ -31,7 +31,6 @@ TRIES, TURNS = 20, 4
 #: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given as an image, seen
 #: from the pose that explains it best, relative to its width.
 SAME, MAX_MISS = 1e-6, 0.1
-
 OF_GOALS = "performance-funnel"  # constraints that are about the goals
 
 

@@ -23,7 +23,6 @@ from .space import common_viewpoint
 FILMS = (".gif", ".mp4")
 #: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
-
 DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
 #: Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it.
 MAX_LABELS, LETTERS = 3, 12.0
