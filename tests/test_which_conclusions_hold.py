@@ -20,13 +20,13 @@ from vsconstraints.comparisons.evidence import Evidence
 from vsconstraints.comparisons.statistics import detectable, simultaneous
 from vsconstraints.reports.evidence.dataset import Dataset
 from vsconstraints.reports.evidence.ranking import PairVerdict, finite
+from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.evidence.robustness import (
     MEASURES,
     Conclusion,
     Measure,
-    conclusion_tables,
     conclusions,
-    power_table,
+    pairs,
     powers,
     robustness_findings,
 )
@@ -62,7 +62,7 @@ def outcomes(made_up: Dataset, measure: str = "success") -> dict[tuple[str, str,
     return {(one.better, one.worse, one.condition): one.outcome for one in every}
 
 
-def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
+def test_a_conclusion_holds_is_reversed_or_is_inconclusive(tmp_path: Path) -> None:
     made_up = material(
         {
             "nominal": {"a": AHEAD, "b": BEHIND},
@@ -90,18 +90,20 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     assert [found["short"][name] for name in counts] == [0, 0, 1, 1, 5, 1]
     assert "detectable" in found["over"]
     assert "detectable" not in found["short"]
-    tables = conclusion_tables(made_up)
-    assert [line.split(" | ")[3:] for line in tables["Success"].splitlines() if line.startswith("| a ")] == [
+    report = write_report_of(Dataset(made(made_up.evidence.runs, tmp_path), figures=False))
+    text = report.with_name("details.md").read_text(encoding="utf-8")
+    table = text.partition("### Success\n\n")[2].partition("\n\n")[0]
+    assert [line.split(" | ")[3:] for line in table.splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
     ]
-    assert tables["Violation"] == ""
+    assert pairs(made_up, MEASURES[1]) == {}
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
     made_up = material({"nominal": {"a": AHEAD, "b": AHEAD}, "over": {"a": AHEAD, "b": BEHIND}})
     assert conclusions(made_up) == []
     assert robustness_findings(made_up) == []
-    assert power_table(made_up) == ""
+    assert powers(made_up) == []
 
 
 def test_fewer_violations_are_better_and_who_only_fails_is_not_compared() -> None:

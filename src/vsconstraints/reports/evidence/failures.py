@@ -15,8 +15,8 @@ from ...errors import described
 from ...rows.readable import counted
 from ..figures import FIGURES, View
 from ..groups import MAX_LAWS
-from ..markdown import Table, code, enumeration, plain
-from ..numbers import DASH, number, percentage
+from ..markdown import code, enumeration, plain
+from ..numbers import number, percentage
 from ..page import TEMPLATES, parser
 from ..plots import Figure
 from ..results import reason_kind
@@ -35,18 +35,11 @@ BRIGHT = 0.179
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
 
-def failure_table(dataset: Dataset) -> Table:
-    """How many runs of each controller were no success, and the most frequent ways to fail."""
-    lines = []
-    for law in dataset.laws:
-        own = dataset.of_law(law)
-        bad = own[~own["success"]]
-        columns = (bad[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
-        kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
-        named = most_frequent(kinds, MAX_REASONS, MIN_SHARE * len(bad))
-        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in named]
-        lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
-    return Table(["law", "runs without success", "how"], lines, 3)
+def kinds(runs: Any) -> list[tuple[str, int]]:
+    """The most frequent ways in which runs were no success, and how often."""
+    columns = (runs[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
+    every = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
+    return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
 
 
 def _failure_kind(ending: str, violated: str, reason: str) -> str:

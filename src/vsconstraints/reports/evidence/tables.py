@@ -11,8 +11,8 @@ from ...comparisons.evidence.parquet import UNREADABLE
 from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
-from ..markdown import Table, enumeration, plain
-from ..numbers import DASH, median, percentage
+from ..markdown import enumeration, plain
+from ..numbers import median, percentage
 from .dataset import Dataset
 from .ranking import PairVerdicts, Ranking, Share, pairwise_verdicts
 
@@ -86,19 +86,18 @@ def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[t
     return [*common, *[("others", others)] * bool(others)]
 
 
-def scenes_table(dataset: Dataset) -> Table:
-    """How many scenes of each family were drawn, what was rejected and why, and which no controller could solve."""
-    lines = []
-    for family, own in dataset.evidence.scenes.groupby("family", sort=False, observed=True):
-        rejected = Counter[str]()
-        for text in own["rejected"]:
-            rejected.update(json.loads(text or "{}"))
-        attempts, common = int(own["attempts"].sum()), most_frequent(rejected, MAX_REASONS)
-        reasons = ", ".join(f"{plain(reason)} {percentage(n / attempts, 0)}" for reason, n in common) or "none"
-        known = own["share_to_hold"].astype(float).dropna()
-        beyond = Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else DASH
-        lines.append([str(family), str(int(own["found"].sum())), str(attempts), reasons, beyond])
-    return Table(["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"], lines)
+def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
+    """The most frequent reasons for which attempts to draw scenes were rejected, and how often."""
+    reasons = Counter[str]()
+    for text in scenes["rejected"]:
+        reasons.update(json.loads(text or "{}"))
+    return most_frequent(reasons, MAX_REASONS)
+
+
+def beyond_limits(scenes: pd.DataFrame) -> str:
+    """The share of scenes in which the limits cannot satisfy the row where tracking alone meets it, where known."""
+    known = scenes["share_to_hold"].astype(float).dropna()
+    return Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else ""
 
 
 def scene_facts(dataset: Dataset) -> dict[str, Any]:
