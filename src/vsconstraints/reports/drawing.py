@@ -68,8 +68,7 @@ def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
 class ScenarioJob:
     """The figures of one scenario: one of each kind for each group of controllers.
 
-    ``folder`` and ``seed`` are the comparison's; ``finished`` are the controllers that have a line in results.csv for
-    the shown trial; ``rows`` those whose φ, and whose activity, is drawn.
+    ``finished`` are the controllers that have a line in results.csv for the shown trial; ``rows`` those that are drawn.
     """
 
     folder: Path
@@ -101,10 +100,7 @@ class Drawn:
 
 
 def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suffix: str = "", remark: str = "") -> str:
-    """Draw a figure into ``folder`` and show it with its caption; on an error, say so instead.
-
-    Empty where there is nothing to show. The ``suffix`` ends the file's name, and the ``remark`` the caption.
-    """
+    """Draw a figure, whose name ends in ``suffix``, and show it with its caption; on an error, say so instead."""
     file = figure.file_in(formats, suffix)
     try:
         folder.mkdir(exist_ok=True)
@@ -136,10 +132,7 @@ def scenario_jobs(
 
 
 def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised.
-
-    ``on_drawn`` is called with how many scenarios are done, and how many there are.
-    """
+    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised."""
     calls = {job.scenario.name: (job,) for job in jobs}
     if len(jobs) <= IN_PROCESS:
         on_drawn(0, len(jobs))
@@ -171,7 +164,7 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
         view = replace(view, lane_rows=acting_in(job.rows.lanes, [runs[law] for law in view.competitors]))
         file = f"{name}--{figure.file_in(job.formats, group.suffix)}"
         more = f" {job.rows.hidden} further rows acted for a shorter time and are not shown."
-        caption = f"{figure.caption}{group.sentence}{more if figure.name == 'phi' and job.rows.hidden else ''}"
+        caption = f"{figure.caption}{more if figure.name == 'phi' and job.rows.hidden else ''}"
         try:
             if figure.write(job.folder / "figures" / file, view, formats=job.formats):
                 drawn.files.append(file)
@@ -211,7 +204,7 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
     remove_stale(folder, figures=(OVERVIEW,))
     texts = []
     for group in results.groups:
-        own, remark = shown_runs(results, group.controllers), group.sentence
+        own, remark = shown_runs(results, group.controllers), ""
         if left_out := sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items()):
             remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
         needed = results, group.controllers

@@ -14,6 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markdown_it.common.utils import escapeHtml
 from markdown_it.token import Token
+from markupsafe import Markup
 
 from ..comparisons.runs.files import replaced
 from ..rows.readable import counted
@@ -47,6 +48,14 @@ def _table(text: str, text_columns: int = 1) -> str:
     """Lines of cells with ¦ between them as a table; nothing without lines below the first."""
     header, *lines = ([cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip())
     return f"{Table(header, lines, text_columns)}\n" if lines else ""
+
+
+def render_html(template: str, **context: Any) -> str:
+    """The text of an HTML template, in which values are escaped."""
+    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    inline = parser(html=False).renderInline  # which escapes HTML
+    environment.filters |= {"percentage": percentage, "markdown": lambda text: Markup(inline(text))}
+    return environment.get_template(template).render(context)
 
 
 def write_pages(report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> None:
@@ -92,10 +101,9 @@ def parser(html: bool = True) -> MarkdownIt:
 def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
     """A report in Markdown as one HTML file without anything from a network; see :func:`write_pages`.
 
-    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped.
-    Links stay as they are: figures, tables and replays are found beside the page. Whatever looks like HTML in the text
-    is shown as it stands, but for anchors and details. Cells have the heading of their column as ``data-label``: where
-    a window is too narrow for a table, its lines are shown as lists of headings and values.
+    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped: whatever else
+    looks like HTML is shown as it stands, but for anchors and details. Figures, tables and replays are found beside the
+    page. Where a window is too narrow for a table, its lines are shown as lists of headings and values.
     """
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
@@ -119,8 +127,8 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
     )
     listed = [one for one in headings if one["tag"] in ("h2", "h3")]
     script = (TEMPLATES / "heat-map.js").read_text(encoding="utf-8") if interactive else ""
-    page = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True).get_template("page.html")
-    return page.render(
+    return render_html(
+        "page.html",
         title=next((one["text"] for one in headings), "Report"),
         style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
         before=before,

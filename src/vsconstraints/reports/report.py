@@ -34,15 +34,13 @@ def write_report(
 ) -> Path:
     """Write report.md, details.md, both as report.html, and the figures of a stored comparison; returns report.md.
 
-    The same comparison gives the same text, byte for byte. Whatever is missing in the folder, a trajectory or a run,
-    is named in the report and left out of its figures. Without ``figures`` those that are there stay as they are;
-    ``all_figures`` draws every scenario of a large suite, not only those on which controllers differ most; ``formats``
-    are those of the files, of which the report shows the first; ``replays`` adds pages for a browser with runs of the
-    drawn scenarios. Only with ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called
-    are ``on_drawn`` with how many scenarios have their figures and how many there are, ``on_remark`` with warnings.
-
-    Raises ConfigurationError if there is no comparison in the folder, it is not what was stored, another process is
-    storing one, or the extra ``replay`` is needed, and StorageError if the report cannot be written.
+    The same comparison gives the same text, byte for byte; what is missing in the folder is named and left out. Without
+    ``figures`` those that are there stay as they are; ``all_figures`` draws every scenario of a large suite, not only
+    those on which controllers differ most; the report shows the first of the ``formats``; ``replays`` adds pages with
+    runs in motion. Only with ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called are
+    ``on_drawn`` with how many scenarios have their figures and how many there are, ``on_remark`` with warnings. Raises
+    ConfigurationError if there is no comparison in the folder, it is not what was stored, another process is storing
+    one, or the extra ``replay`` is needed, and StorageError if the report cannot be written.
     """
     if replays:
         demand("replay")

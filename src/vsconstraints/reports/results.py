@@ -183,10 +183,7 @@ class Cell(NamedTuple):
 
 
 def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> list[str]:
-    """The cells' texts: the best and all that tie with it bold, those that are not eligible in parentheses.
-
-    Nothing is bold where a cell that is not eligible is better, nor where all are alike.
-    """
+    """The cells' texts: the best and its ties bold, unless one that is not eligible, in parentheses, is better."""
     there = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
     if better is not None and len({cell.shown for cell in there}) > 1:
@@ -206,10 +203,7 @@ def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
 
 
 def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
-    """Whether runs that converged may be compared by a metric.
-
-    By all but depth and time outside only if they violate no row, by the φ band only if they never lost a sliding mode.
-    """
+    """Whether runs that converged may be compared by a metric: as it says, only if they keep all rows."""
     if metric.judged == "any":
         return True
     kept = bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)

@@ -118,10 +118,7 @@ def unsolved(results: Results) -> dict[str, str]:
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
-    """How a controller ended on a scenario, with marks for violations; counted where there are several trials.
-
-    With ``scored``, a single run has its utilization [%] or, where it violated a row, its depth [% of L] behind it.
-    """
+    """How a controller ended on a scenario; ``scored``: a single run with utilization [%], or depth [% of L]."""
     runs = results.runs(scenario, controller)
     marks = ("†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs)
     text = tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])

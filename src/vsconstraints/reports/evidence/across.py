@@ -22,10 +22,9 @@ FEWEST = 4  #: Families from which on a spread between families can be told.
 
 
 class Beyond(NamedTuple):
-    """Laws in a condition, the most successful first; ``ranks`` (families, laws) are with one family left out.
+    """Laws in a condition, the most successful first, in a further family like those that were run.
 
-    ``shares`` are success in a family like those that were run, ``behind`` the laws that succeed less often there than
-    the first one.
+    ``behind`` are the laws that succeed less often than the first one; ``ranks`` (families, laws) leave one family out.
     """
 
     condition: str
@@ -117,10 +116,7 @@ def known_motions(dataset: Dataset) -> Any:
 
 
 def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
-    """Of each law its success among the scenes that can be reached, and medians over its successes.
-
-    ``time`` is that of settling over the best known one, ``space`` its utilization less that of the best law there.
-    """
+    """Of each law its success in scenes that can be reached, and medians: time over the best one, space less its."""
     reachable = known[known["outcome"] == "reachable"].astype({"family": str})
     lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
     found = {}

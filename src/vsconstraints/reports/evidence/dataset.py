@@ -108,9 +108,8 @@ class Dataset:
     def runs(self) -> pd.DataFrame:
         """Runs of the controllers that are compared, with their outcomes.
 
-        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
-        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one; ``ending`` is one of
-        :func:`.endings`. ``tolerance`` is the least one at which a run is a success; infinite if at none.
+        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides, ``tolerant kept`` and
+        ``tolerant success`` the same by the tolerant standard; ``tolerance`` the least one at which a run is a success.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
@@ -168,9 +167,8 @@ def replay(
 ) -> RunRecord:
     """Draw a scene of a campaign again and run a controller on it: the same run, with its whole trajectory.
 
-    Family, scene, condition and controller are named as in the tables of the campaign in ``folder``; with ``trust``,
-    code that the campaign names as ``module:Class`` may run. Raises ConfigurationError if there is no evidence in the
-    folder, it has no such run, or the run needs code that is not trusted.
+    With ``trust``, code that the campaign names as ``module:Class`` may run. Raises ConfigurationError if there is no
+    evidence in the folder, it has no such run, or the run needs code that is not trusted.
     """
     evidence = Evidence.load(Path(folder), trust)
     return rerun(evidence, setup_of(evidence, family, scene, condition), controller)

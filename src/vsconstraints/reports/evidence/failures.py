@@ -6,9 +6,6 @@ from collections import Counter
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, FileSystemLoader
-from markupsafe import Markup
-
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import described
@@ -16,8 +13,8 @@ from ...rows.readable import counted
 from ..figures import FIGURES, View
 from ..groups import MAX_LAWS
 from ..markdown import code, enumeration, plain
-from ..numbers import number, percentage
-from ..page import TEMPLATES, parser
+from ..numbers import number
+from ..page import render_html
 from ..plots import Figure
 from ..results import reason_kind
 from ..scenario import finer_unit
@@ -143,8 +140,7 @@ def scene_figures(dataset: Dataset) -> list[str]:
 class Cell(NamedTuple):
     """A controller in a situation: success, how runs ended, and whether it is in ``front``, with others behind it.
 
-    ``worst`` is the number of the scene of its worst run, with its ``status`` and, unless it is a success, the
-    ``reason`` in Markdown.
+    ``worst`` is the scene of its worst run, with its ``status`` and, unless it is a success, the ``reason``.
     """
 
     share: Share
@@ -199,14 +195,10 @@ def _situations(dataset: Dataset) -> list[Situation]:
 
 
 def heat_map(dataset: Dataset) -> str:
-    """The same as HTML with a colour for each cell, which leads to its worst run; columns are sorted by a click."""
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["percentage"] = percentage
-    environment.filters["markdown"] = lambda text: Markup(parser(html=False).renderInline(text))  # which escapes HTML
-    entries = dataset.configuration["controllers"]
+    """Success as HTML with a colour for each cell, which leads to its worst run; columns are sorted by a click."""
+    entries, shown = dataset.configuration["controllers"], {"laws": dataset.laws, "endings": UNSUCCESSFUL}
     own = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
-    page = environment.get_template("heat-map.html")
-    return page.render(situations=situations(dataset), laws=dataset.laws, endings=UNSUCCESSFUL, own=own)
+    return render_html("heat-map.html", situations=situations(dataset), own=own, **shown)
 
 
 def situation_data(dataset: Dataset) -> list[dict[str, Any]]:

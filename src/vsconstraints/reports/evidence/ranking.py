@@ -240,10 +240,7 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
 def best_by(
     dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
 ) -> tuple[list[str], PairVerdicts] | None:
-    """The best by the median of a metric over scenes in which all of these succeed, with its ties, and all pairs.
-
-    None where there are no such scenes.
-    """
+    """The best by the median of a metric over scenes in which all succeed, with its ties, and all pairs; or None."""
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(axis=1) & values.notna().all(axis=1)
     values = values[clean]

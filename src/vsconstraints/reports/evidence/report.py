@@ -71,14 +71,12 @@ def write_evidence_report(
 ) -> Path:
     """Write report.md, details.md, both as report.html, figures and claims.json from a campaign; returns report.md.
 
-    Without ``figures`` those that are there stay as they are, and the report shows none; ``formats`` are those of the
-    files, of which the report shows the first. ``tuning`` is the folder of the tuning that tuned settings come from,
-    ``tuning`` in the campaign's folder if not given. Only with ``trust`` are laws and constraints imported that the
-    campaign names as ``module:Class``, to make single runs again that figures show. Called are ``on_written`` with how
-    many parts are there and how many there will be, ``on_remark`` with warnings on what is stored.
-
-    Raises ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs are gone
-    that its report was made from, and StorageError if the report cannot be written.
+    Without ``figures`` those that are there stay as they are, and the report shows none; the report shows the first of
+    the ``formats``. ``tuning`` is the folder that tuned settings come from, ``tuning`` in the campaign's folder if not
+    given. Only with ``trust`` are laws and constraints imported that the campaign names as ``module:Class``. Called are
+    ``on_written`` with how many parts are there and how many there will be, ``on_remark`` with warnings. Raises
+    ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs are gone that its
+    report was made from, and StorageError if the report cannot be written.
     """
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:

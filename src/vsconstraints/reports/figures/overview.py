@@ -14,7 +14,6 @@ from ..results import Line, Results
 LEAST_UNUSED = 1e-4  # share of the allowed space left unused below which points are drawn at the edge
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)  # ticks of utilization
 HEIGHT, GREY = 3.6, "#666666"
-OTHER = symbol("o", "#D0D0D0", "none", 4.0)
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
@@ -27,19 +26,13 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run and a large one for the typical run of each controller that has several.
-
-    The runs of those that are not among these controllers stand behind them, in grey.
-    """
+    """A small marker for each run and a large one for the typical run of each controller that has several."""
     every = shown_runs(results, results.competitors)
     found = {name: own for name, own in every.items() if own and name in controllers}
     if not found:
         return None
-    others = [run for name, own in every.items() if name not in controllers for run in own]
     look, sheet = looks(controllers), Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
-    for run in others:
-        ax.plot([_unused(run)], [run["acceleration_variation"]], **OTHER, clip_on=False, zorder=2.2)
     for name, own in found.items():
         for run in own:
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
@@ -60,7 +53,6 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
         symbol("o", GREY, GREY, 12.0, label="run nearest to the law's medians"),
         symbol("o", GREY, GREY, 5.0, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated") | {"markeredgewidth": 1.5},
-        *[OTHER | {"label": "runs of other laws"}] * bool(others),
     ]
     sheet.at += 0.08
     sheet.legend(entries, 3)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +24,11 @@ from ...errors import ConfigurationError, unknown_name
 from ...rows.readable import counted, in_one_line
 from ..figures import View
 from ..numbers import FORMATS, over_trials
+from ..page import render_html
 from ..results import Results, shown
 from ..summary import FIRST, outcome
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
-from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
+from .notebook_run import NotebookRun, Plots, ReplayPage, table_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -199,8 +199,7 @@ class Comparison:
                 scores = [over_trials([shown(one, line) for line in own], FORMATS[one.style]) for one in metrics]
                 lines.append((scenario, law, outcome(results, scenario, law), *scores))
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
-        legend = "† a row was violated; ‡ none was, but one was outside within the sampling band."
-        return table(header, lines) + "".join(f"<p>{escape(text)}</p>" for text in (legend, *self.notes))
+        return render_html("notebook.html", header=header, lines=lines, notes=self.notes)
 
 
 # --- progress ---

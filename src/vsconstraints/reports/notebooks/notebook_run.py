@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +26,7 @@ from ...rows.readable import amount, counted, in_one_line
 from ...simulation import Trajectory, simulate
 from ..figures import ACCELERATION, ERRORS, PHI, TRACKS, View
 from ..numbers import DASH, FORMATS
+from ..page import render_html
 from ..plots import Figure
 from ..results import RowsShown, shown
 from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenarios_of, spec_of
@@ -157,19 +158,13 @@ class NotebookRun(Run):
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a picture of the tracks, and the scores."""
-        result = self.score.result
-        reason = f". {result['reason']}" if result["reason"] else ""
-        ended = escape(f"{self.title or self.scenario}: {result['status']}{reason}")
-        parts, law = [f"<p><b>{escape(self.law)}</b> on {ended}</p>"], escape(self.law)
+        result, file = self.score.result, BytesIO()
         if len(self.t) > 1 and self.trajectory.features_px.size:
-            self.plot.tracks().savefig(file := BytesIO(), format="png", dpi=PICTURE_DPI)
-            data = base64.b64encode(file.getvalue()).decode()
-            parts.append(f'<img alt="Tracks of the markers under {law}" src="data:image/png;base64,{data}">')
+            self.plot.tracks().savefig(file, format="png", dpi=PICTURE_DPI)
         metrics = [one for one in METRICS if one.header and one.group in SHOWN]
         cells = [(one.header, FORMATS[one.style](shown(one, result))) for one in metrics]
-        if lines := [cell for cell in cells if cell[1] != DASH]:
-            parts.append(table(("", ""), lines))
-        return "".join([*parts, f"<p>Violated rows: {escape(result['violated'] or 'none')}.</p>"])
+        picture, lines = base64.b64encode(file.getvalue()).decode(), [cell for cell in cells if cell[1] != DASH]
+        return render_html("notebook.html", run=self, result=result, picture=picture, lines=lines)
 
 
 @dataclass(frozen=True)
@@ -248,10 +243,3 @@ def table_of(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame(lines)
-
-
-def table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """A table of texts as HTML."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in line)}</tr>" for line in lines)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

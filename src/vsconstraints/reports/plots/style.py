@@ -46,10 +46,9 @@ LOOKS = {
 
 
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
-    """A look for each controller, which depends on its name alone as far as possible.
+    """A look for each controller: that of its name in ``looks.toml``, or a preferred one unless another has it.
 
-    Names in ``looks.toml`` look the same in every figure. Any other name has a preferred colour and marker, and others
-    only where one of ``controllers`` has these. A tuned law has the colour of the law it was tuned from, dashed.
+    A tuned law has the colour of the law it was tuned from, dashed.
     """
     result = {name: LOOKS[name] for name in controllers if name in LOOKS}
     for name in sorted(dict.fromkeys(controllers), key=lambda name: name.endswith(TUNED)):
@@ -176,8 +175,7 @@ def above_legend(ax: Any, columns: int) -> None:
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
     """Powers of ten within limits; where zero is within them, zero and powers of either sign from ``least`` on.
 
-    Some are left out, evenly, where there would be more than ``most``, whose numbers would overlap; those next to zero
-    too, as the part between them and zero is as short as a decade.
+    Some are left out, evenly, where there would be more than ``most``, and those next to zero, whose numbers overlap.
     """
     least, both = (low, 1) if low > 0.0 else (least, 2)
     first, last = math.ceil(math.log10(least)), math.floor(math.log10(max(-low, high)))
@@ -189,10 +187,9 @@ def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[
 def logarithmic(
     axis: Any, ticks: Sequence[float] | None = None, linear_below: float | None = None, linear_size: float = 0.6
 ) -> None:
-    """Make an axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic with plain numbers, once everything is drawn.
+    """Make an axis logarithmic with plain numbers, once all is drawn; at ``ticks``, or where matplotlib has them.
 
-    ``ticks`` None: where matplotlib would put them. ``linear_below``: linear between this value and zero, for data that
-    may be zero or of either sign, in a part of ``linear_size`` decades.
+    ``linear_below`` this value it is linear, for data that may be zero, in a part of ``linear_size`` decades.
     """
     setter = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale
     if linear_below is not None:

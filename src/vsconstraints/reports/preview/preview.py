@@ -218,10 +218,7 @@ class Preview:
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
-        """The preview of a scenario's trial; where nothing but its goals cannot be built, they are the warning.
-
-        Raises VsconstraintsError if the scenario cannot be built for another reason.
-        """
+        """The preview of a trial; what of its goals cannot be built is a warning. Raises VsconstraintsError."""
         try:
             built = scenario.setup(trial, seed)
         except VsconstraintsError as error:
@@ -266,10 +263,7 @@ def _at_goals(setup: Setup) -> Iterator[Moment]:
 
 
 def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
-    """The setup with a goal that any scene can have, without what is about goals; None if it cannot be built either.
-
-    That is the start or, where markers are behind the camera there, the image's centre.
-    """
+    """The setup with another goal, without what is about goals; None if it cannot be built either."""
     tables = scenario.tables
     task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
     if not isinstance(task, dict) or not isinstance(target, dict):

@@ -41,10 +41,8 @@ def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -
 def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
     """One HTML file in which up to four runs of one scene are seen in motion, in any browser and without network.
 
-    Arms stand in one space, the first opaque and others transparent; image planes with the constraints that are
-    highlighted stand beside each other. ``#t=3.2`` behind the file's address opens it at that time. The scenario's
-    title stands above if none is given. Raises ConfigurationError if the extra ``replay`` is not installed, or the runs
-    cannot be shown together.
+    ``#t=3.2`` behind the file's address opens it at that time. The scenario's title stands above if none is given.
+    Raises ConfigurationError if the extra ``replay`` is not installed, or the runs cannot be shown together.
     """
     return _page(runs, title)[0]
 

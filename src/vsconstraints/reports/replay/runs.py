@@ -119,7 +119,7 @@ def states(run: ReplayRun) -> States:
 
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
-    """States (F,) in each frame of everything in space that is highlighted at all, by what it is, its number and run.
+    """States (F,) of everything in space that is highlighted at all, by what it is, its number and run.
 
     A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint in the list; the run
     is 0 for what runs share: markers and obstacles are highlighted by the rows of any run.

@@ -194,8 +194,8 @@ def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
 def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     """(3,) where a camera with :data:`FIELD_OF_VIEW` has the motions of all runs in view.
 
-    From a distance d of the centre it sees what is x to the right of it, y above it and z nearer if neither x nor y
-    is farther from zero than w (d − z) and h (d − z): this is the least d for which that is so.
+    From a distance d it sees what is x to the right, y above and z nearer than the centre if |x| ≤ w (d − z), |y| ≤
+    h (d − z): this is the least such d.
     """
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
