@@ -419,16 +419,6 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
     assert seconds == pytest.approx(16 / 12, abs=0.1)
 
 
-def test_a_film_names_as_many_rows_as_there_is_room_for() -> None:
-    rows = ["fov[marker 2]", "range[joint 6].upper", "speed[joint 2].upper", "sphere[tip]"]
-    assert film.truncated_labels("active: ", rows[:1], 46) == "active: fov[marker 2]"
-    assert film.truncated_labels("violated: ", rows[:3], 80) == f"violated: {', '.join(rows[:3])}"
-    assert film.truncated_labels("violated: ", rows[:3], 46) == "violated: fov[marker 2] and 2 more"
-    assert film.truncated_labels("violated: ", rows, 90) == f"violated: {', '.join(rows[:3])} and 1 more"
-    assert film.truncated_labels("", [], 46) == ""
-    assert len(film.truncated_labels("active: ", ["x" * 60, "y"], 30)) <= 30
-
-
 # --- runs by their names, and what is refused ---
 
 

@@ -55,7 +55,8 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
         if any(math.isfinite(cell.value) for cell in cells):
             eligible = [ok and judged_by(metric, own) for ok, own in zip(comparable(runs), runs, strict=True)]
             columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
-    return columns_table("controller", names if group == "outcome" or 1 + len(columns) > text else (), columns, text)
+    empty = group != "outcome" and 1 + len(columns) == text
+    return Table(["controller"], []) if empty else columns_table("controller", names, columns, text)
 
 
 def metric_text(metric: Metric, runs: Sequence[Line]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -70,21 +69,12 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     behind = set()
     if len(laws) > 1:
         # with the best, whichever it is: Hsu's multiple comparisons, corrected for all others
-        only, differ = (
-            _counts(success, laws[1:], lambda first, other: first & ~other),
-            _counts(success, laws[1:], lambda first, other: first ^ other),
-        )
+        first, others = success.iloc[:, 0], success.iloc[:, 1:]
+        flags = others.apply(lambda other: first & ~other), others.apply(lambda other: first ^ other)
+        only, differ = (each.groupby(level="family", observed=True).sum().T.to_numpy(float) for each in flags)
         pairs = across_families(only, differ, simultaneous(0.95, len(laws) - 1))
         behind = {law for law, pair in zip(laws[1:], pairs, strict=True) if pair.low > 0.5}
     return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
-
-
-def _counts(success: Any, others: Sequence[str], flag: Any) -> Array:
-    """(others, families) how often a flag of the first law and another one is set."""
-    first = success.iloc[:, 0]
-    flags = success[list(others)].apply(lambda other: flag(first, other))
-    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
-    return counts
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:

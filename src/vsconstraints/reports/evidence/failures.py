@@ -19,7 +19,6 @@ from ..plots import Figure
 from ..results import reason_kind
 from ..scenario import finer_unit
 from .dataset import Dataset, rerun, setup_of
-from .figures import WORST, Shown
 from .ranking import Ranking, Share, ranking
 from .tables import most_frequent
 
@@ -87,21 +86,6 @@ def reason_text(dataset: Dataset, run: Any) -> str:
     elif run["violated"]:
         parts.append(f"violates {plain(run['violated'])}")
     return "; ".join(parts) or "the goal is not reached, no row is violated"
-
-
-def worst_figures(dataset: Dataset) -> list[str]:
-    """The figure of the worst runs, simulated again; a run that cannot be is named."""
-    shown, problems = [], []
-    for law, examples in example_failures(dataset).items() if dataset.figures else ():
-        run = examples["worst"]
-        try:
-            setup = setup_of(dataset.evidence, str(run["family"]), int(run["scene"]), str(run["condition"]))
-            records = [rerun(dataset.evidence, setup, name) for name in (law, BASELINE)]
-        except Exception as error:  # own parts that are no longer there can raise anything
-            problems.append(f"The worst run of {law} could not be simulated again: {plain(described(error))}.")
-        else:
-            shown.append(Shown(law, where(run), setup, *records))
-    return [dataset.picture(WORST, shown, dataset.laws) if shown else "", *problems]
 
 
 def divisive_scene(dataset: Dataset, family: str) -> int | None:

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
-from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics import Profile, Ranks
 from ...rows import Array
 from ...scenarios.families.family import NOMINAL
-from ...simulation import Setup
-from ..figures import View
-from ..figures.tracks import LAST, VIOLATED, draw_run
-from ..plots import FAINT, INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
-from ..plots.image import START, Plane
-from ..plots.style import LOOKS
+from ..plots import INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
 from .dataset import Factorial
 from .ranking import Ranking
 
@@ -32,20 +25,9 @@ TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 DODGE, SPREAD = 0.05, 0.6
 #: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
 NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
-LEFT, GAP, TITLE = 0.45, 0.5, 0.42  # of the panels of worst runs [in]
 Depths = tuple[str, Any]  #: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
 Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
 Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
-
-
-class Shown(NamedTuple):
-    """A run of a controller that is shown with that of tracking alone; ``where`` is the scene, for the title."""
-
-    controller: str
-    where: str
-    setup: Setup
-    run: RunRecord
-    baseline: RunRecord
 
 
 def _panels(sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any) -> list[Any]:
@@ -175,40 +157,8 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     return sheet
 
 
-def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
-    """One panel per law."""
-    shown = [one for one in shown if one.run.trajectory.features_px.size]
-    if not shown:
-        return None
-    width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
-    planes, sheet = [Plane.of(one.setup) for one in shown], Sheet(left=LEFT)
-    for first in range(0, len(shown), COLUMNS):
-        row, top = planes[first : first + COLUMNS], sheet.at + TITLE
-        height = width * max(plane.size[1] / plane.size[0] for plane in row)
-        for k, (one, plane) in enumerate(zip(shown[first:], row, strict=False)):
-            ax, law = sheet.axes(LEFT + k * (width + GAP), top, width, height), one.controller
-            plane.draw(ax, labels=False)
-            ax.set_aspect("equal", adjustable="box", anchor="N")
-            draw_run(ax, View(one.setup, {BASELINE: one.baseline, law: one.run}, (BASELINE, law)), law)
-            ax.set_title(f"{shortened(law, 22)}\n", loc="left", fontsize=8, pad=5)
-            ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
-            ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=5)
-        sheet.at = top + height + 0.2
-    entries = [
-        START | {"label": "start of marker 1, 2, …"},
-        LAST | {"label": "goal"},
-        line("tracking alone", LOOKS[BASELINE].colour) | {"linewidth": 0.9},
-        line("row in the image violated", **VIOLATED),
-        *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
-    ]
-    sheet.at += 0.1
-    sheet.legend(entries)
-    return sheet
-
-
 TOLERANCE = Figure.told("tolerance", draw_tolerance)
 PROFILES = Figure.told("profiles", draw_profiles)
 LEVELS = Figure.told("levels", draw_levels)
 CRITICAL_DIFFERENCE = Figure.told("ranks", draw_critical_difference)
 BUDGETS = Figure.told("budgets", draw_budgets)
-WORST = Figure.told("worst", draw_worst)

@@ -15,24 +15,15 @@ from ...comparisons.statistics import costs, profile, ranks
 from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import ConfigurationError, StorageError
 from ...scenarios.reading import from_table
-from ..groups import controller_cells, information_text
+from .. import groups
 from ..page import render, write_pages
 from ..plots import PNG, Formats
 from . import across, failures, robustness, tables
+from . import ranking as rank
 from .dataset import Dataset
 from .figures import BUDGETS, CRITICAL_DIFFERENCE, LEVELS, PROFILES, TOLERANCE, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
-from .ranking import (
-    Ranking,
-    best_by,
-    condition_text,
-    finite,
-    gap,
-    kept_ranking,
-    names_text,
-    ranking,
-    scenes_text,
-)
+from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 
 CLAIMS = "claims.json"
 SITUATIONS = "Success in every situation"  #: The details that are a heat map in the page.
@@ -51,11 +42,6 @@ PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling 
 ACROSS = ("turned", "tuned", "nowhere")  #: Kinds of findings on several conditions, each a line of its own.
 #: Kinds of findings not in the line of a condition: those across conditions, and those that a table shows.
 HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
-#: What templates call.
-FUNCTIONS = (
-    best_by, condition_text, controller_cells, gap, information_text, kept_ranking, names_text, ranking,
-    tables.quality_verdicts,
-)  # fmt: skip
 OnWritten = Callable[[int, int], None]  #: Called with how many parts of a report are there, and how many there will be.
 
 
@@ -118,11 +104,10 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "failures": failures,
         "across": across,
         "robustness": robustness,
-        "losses": tables.LOSSES,
-        "aims": tables.AIMS,
         "tolerances": TOLERANCES,
         "unsuccessful": UNSUCCESSFUL,
-        **{one.__name__: one for one in FUNCTIONS},
+        "groups": groups,
+        "rank": rank,
         "situations_title": SITUATIONS,
         "drawn": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
     }
@@ -193,7 +178,7 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
 
 def _singles(dataset: Dataset) -> dict[str, Any]:
     """Figures of single scenes, and of the tuning."""
-    shown = {"worst": failures.worst_figures(dataset), "scene_figures": failures.scene_figures(dataset)}
+    shown: dict[str, Any] = {"scene_figures": failures.scene_figures(dataset)}
     evaluations = tables.evaluations_of(dataset)
     laws = () if evaluations is None else list(dict.fromkeys(evaluations["law"].astype(str)))
     budgets = dataset.picture(BUDGETS, evaluations, laws) if laws else ""

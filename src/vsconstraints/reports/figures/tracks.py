@@ -22,8 +22,6 @@ SHARE, MAX_DEPTH = 0.025, 0.05
 GRID = 33  # points in each direction at which it is asked whether a boundary passes
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27
 BESIDE, APART = 0.5, 0.06  # side of a close-up relative to the width of its panel, and the gap between them [in]
-NO_MARKER = "no marker\nenters"  # in a close-up of a law that stays away from where another one is shown
-REMARK: dict[str, Any] = {"fontsize": 8, "color": INK, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
 EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
 VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
 
@@ -63,8 +61,6 @@ def draw_tracks(view: View) -> Sheet | None:
             square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
             beside = sheet.beside_panel(ax, APART, BESIDE * width)
             plane.draw_part(beside, detail.centre, np.full(2, detail.half))
-            if not enters(view.runs[name], detail):
-                beside.text(0.5, 0.5, NO_MARKER, transform=beside.transAxes, ha="center", va="center", **REMARK)
             draw_run(beside, view, name, 1.5)
     # a legend stands in a free place of the grid, or below it
     entries = _entries(view, plane, names, detail)
@@ -142,23 +138,12 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
             least, matters = float(clearance[k]), run.trajectory.labels[i] in view.phi_rows
             if matters and least > -MAX_DEPTH * size and (acts or least < -NEGLIGIBLE * run.length[i]):
                 found[least / run.length[i], len(found)] = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
-    return next((found[key] for key in sorted(found) if _has_boundary(plane, found[key])), None)
 
+    def has_boundary(detail: CloseUp) -> bool:
+        moving = [points for _, lines in plane.moving for points in lines]
+        if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
+            return True
+        depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
+        return bool(depth.min() <= 0.0 <= depth.max())
 
-def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
-    """Whether a boundary passes through a close-up."""
-    moving = [points for _, lines in plane.moving for points in lines]
-    if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
-        return True
-    depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
-    return bool(depth.min() <= 0.0 <= depth.max())
-
-
-def enters(run: RunRecord, detail: CloseUp) -> bool:
-    """Whether a marker of a run comes into the close-up, between samples included."""
-    from matplotlib.path import Path
-    from matplotlib.transforms import Bbox
-
-    window = Bbox([detail.centre - detail.half, detail.centre + detail.half])
-    paths = [track[np.isfinite(track).all(axis=1)] for track in np.moveaxis(run.trajectory.features_px, 1, 0)]
-    return any(len(track) > 0 and Path(track).intersects_bbox(window, filled=False) for track in paths)
+    return next((found[key] for key in sorted(found) if has_boundary(found[key])), None)

@@ -24,8 +24,7 @@ FILMS = (".gif", ".mp4")
 #: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
 DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
-#: Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it.
-MAX_LABELS, LETTERS = 3, 12.0
+LETTERS = 12.0  # of the text below an image, on an inch of it
 GOAL = symbol("*", INK, "white", 8.0)
 
 
@@ -95,20 +94,9 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     worst = max((state for _, state, _ in rows), default=0)
     labels = [label for label, state, _ in rows if state == worst] if worst else []
     word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
-    text = truncated_labels(word, labels, int(LETTERS * ax.get_position().width * WIDTH))
+    text = shortened(f"{word}{', '.join(labels)}", int(LETTERS * ax.get_position().width * WIDTH))
     place = {"transform": ax.transAxes, "fontsize": 9, "va": "top", "fontweight": "bold", "zorder": 7}
     ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
-
-
-def truncated_labels(word: str, labels: Sequence[str], letters: int) -> str:
-    """A word and as many of the labels as there is room for, and how many more there are."""
-    text = ""
-    for count in range(min(len(labels), MAX_LABELS), 0, -1):
-        more = f" and {len(labels) - count} more" if len(labels) > count else ""
-        text = f"{word}{', '.join(labels[:count])}{more}"
-        if len(text) <= letters:
-            return text
-    return shortened(text, letters)
 
 
 def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
