@@ -48,13 +48,9 @@ def percentage(share: float, digits: int) -> str:
     return f"{100.0 * share:.{digits}f}".replace("-", "−")
 
 
-def count(value: float) -> str:
-    """A whole number."""
-    return str(round(value)) if math.isfinite(value) else DASH
-
-
 #: How the styles of metrics print.
-FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
+FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent}
+FORMATS["count"] = lambda value: str(round(value)) if math.isfinite(value) else DASH
 
 
 def of_length(tolerance: float) -> str:
