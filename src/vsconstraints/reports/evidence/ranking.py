@@ -74,27 +74,21 @@ class Share(NamedTuple):
         half = 50.0 * (self.high - self.low)
         return min(max(math.ceil(-math.log10(half / 3.0)), 0), 4) if math.isfinite(half) and half > 0.0 else 1
 
-    @property
-    def percent(self) -> str:
-        """The value without its unit."""
-        return percentage(self.value, self.digits)
-
-    @property
-    def interval(self) -> str:
-        """The interval without a unit."""
+    def _texts(self) -> tuple[str, str]:
+        """The value and its interval, without a unit."""
+        value, low, high = (percentage(one, self.digits) for one in self)
         # a dash before or behind a negative number would be read as a sign
-        between = " to " if self.low < 0.0 else "–"
-        return f"{percentage(self.low, self.digits)}{between}{percentage(self.high, self.digits)}"
+        return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
 
     @property
     def cell(self) -> str:
         """``93.0 (91.2–94.6)``, for tables in per cent."""
-        return f"{self.percent} ({self.interval})" if math.isfinite(self.value) else DASH
+        return "{} ({})".format(*self._texts()) if math.isfinite(self.value) else DASH
 
     @property
     def text(self) -> str:
         """``93.0 % (91.2–94.6 %)``."""
-        return f"{self.percent} % ({self.interval} %)"
+        return "{} % ({} %)".format(*self._texts())
 
     def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
         """The three numbers by these names, of a controller if one is named."""
