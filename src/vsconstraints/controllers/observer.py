@@ -35,6 +35,8 @@ class Observed(Controller):
         self.law, self.period, self.model = law, None, None
         self.observer, self.dead_time = observer, dead_time
         self.factors, self.ignores = law.factors, law.ignores
+        if hasattr(law, "drifts"):
+            law.drifts = True
 
     period: float | None
     model: Any
