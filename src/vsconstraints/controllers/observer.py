@@ -25,8 +25,8 @@ class Observed(Controller):
     [s]. The law gets σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂, and φ accordingly, T_d being ``dead_time`` [s]: how late what rows
     depend on is measured. Rows on φ itself, such as speeds, the task and all scores stay as they are.
 
-    Wrong gradients and noise are taken for drift too. A law that looks ahead by a model of its own, such as
-    :class:`.PredictiveControl`, takes from it only the shift by the dead time.
+    Wrong gradients and noise are taken for drift too. :class:`.PredictiveControl` takes the drift to fade along its
+    plan; another law that looks ahead by a model of its own takes only the shift by the dead time.
     """
 
     name = "observed"
@@ -35,8 +35,6 @@ class Observed(Controller):
         self.law, self.period, self.model = law, None, None
         self.observer, self.dead_time = observer, dead_time
         self.factors, self.ignores = law.factors, law.ignores
-        if hasattr(law, "drifts"):
-            law.drifts = True
 
     period: float | None
     model: Any
@@ -47,6 +45,8 @@ class Observed(Controller):
         elif name == "dead_time" and not (value == 0.0 and value is not False) and positive(value) is None:
             raise ConfigurationError(f"dead_time of a law must be a number of seconds, 0 or more, not {shown(value)}")
         super().__setattr__(name, value)
+        if name == "observer" and hasattr(self.law, "fading"):
+            self.law.fading = value
         if name in (*OBSERVER, "law", "period"):
             self._parts: tuple[Any, ...] | None = None
 

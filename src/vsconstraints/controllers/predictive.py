@@ -58,7 +58,7 @@ class PredictiveControl(Controller):
     """
 
     name, ignores = "predictive", ("K", *GAINS)
-    drifts = False  #: Whether σ̇ is taken to stay as much beside the model's as it is now: set by an observer.
+    fading = 0.0  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an observer's.
 
     horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
     block: int = option(10, "length of a block in sampling periods, from 1 to 10,000", Range(5, 25, integer=True))
@@ -174,7 +174,7 @@ class Planner(Wrapped):
             loop.packed.workspace.address if self.compiled else 0,
             step.packed.workspace.address if self.compiled else 0,
             int(self.compiled and model.frozen),
-            int(law.drifts),
+            law.fading,
             period,
             T,
             law.approach * T,

@@ -12,10 +12,11 @@ DEFAULTS = {"margin": 0.03, "observer": 0.1, "dead_time": 0.0}
 
 
 class RobustPredictive(Observed):
-    """:class:`.PredictiveControl` with a margin, on rows whose drift is observed and taken to last for the whole plan.
+    """:class:`.PredictiveControl` with a margin, on rows whose drift is observed, which fades along the plan.
 
-    The plan meets σ(τ) + d̂ τ ≤ …, with the drift d̂ of :class:`.Observed`: what moves unknown to the model is foreseen
-    as if its speed stayed as it is. Options are those of both.
+    What moves a row beside the model, d̂ of :class:`.Observed`, changes what is predicted of it by
+    d̂ τ_o (1 − e^(−τ/τ_o)), with the time constant τ_o of the observer: the effect of a wrong depth, for instance, stops
+    with the camera, so that what is observed cannot be taken to last for the whole plan. Options are those of both.
     """
 
     name = "robust-predictive"
