@@ -23,6 +23,7 @@ from vsconstraints.controllers import (
     law_ranges,
     make_controller,
 )
+from vsconstraints.controllers.observer import without_observer
 from vsconstraints.controllers.ranges import ROWS, Declared, default_of
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows.factors import FACTORS
@@ -40,7 +41,7 @@ LAWS: list[Any] = [
 ]
 """Every name, every demand and every resolver."""
 
-MODEL = ("predictive", "goal-governor", "barrier-governor", "mppi")
+MODEL = ("predictive", "robust-predictive", "goal-governor", "barrier-governor", "mppi")
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
 
 
@@ -61,12 +62,12 @@ def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> di
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_ends_of_ranges_are_options_and_defaults_lie_inside(name: str, options: dict[str, Any]) -> None:
-    law, ranges = make_controller(name, options), law_ranges(name, options)
+    law, ranges = without_observer(make_controller(name, options)), law_ranges(name, options)
     for option, one in ranges.items():
         assert default_of(law, option) in one
         for end in one:
             made = make_controller(name, {**options, option: end})
-            assert default_of(made, option) == end
+            assert default_of(without_observer(made), option) == end
     for side in (0, -1):
         make_controller(name, {**options, **{option: [*one][side] for option, one in ranges.items()}})
 
@@ -103,6 +104,7 @@ def test_what_is_searched_of_each_law() -> None:
         "implicit-super-twisting": {"rate"} | rows,
         "cbf-filter": {"alpha", "metric", "damping"} | barrier,
         "predictive": {"horizon", "block", "approach", "damping", "margin"},
+        "robust-predictive": {"horizon", "block", "approach", "damping", "margin"},
         "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
         "barrier-governor": {"speed", "margin", "alpha", "sharpness", "horizon"},

@@ -87,6 +87,29 @@ def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None
     np.testing.assert_allclose(plans.free[:, 0], [3.5, 2.5])
 
 
+def test_what_is_observed_beside_the_model_fades_along_the_plan() -> None:
+    """φ − σ of ``a`` is 0.05 with K = 0.5: σ̇ of the model is 0.1, and rows say 0.5. A drift of 0.4 fades in 0.2 s.
+
+    Half a second later it has moved σ by 0.4 · 0.2 · (1 − e^(−2.5)); a row on φ itself has none, nor has one of a law
+    without an observer.
+    """
+    rows = Rows(
+        np.array([0.1, 0.2]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"),
+        sigma=np.array([0.05, 0.2]), sigma_dot=np.array([0.5, 0.7]),
+    )  # fmt: skip
+    task = Task(np.ones((1, 1)), np.zeros(1))
+    phi, sigma, Lg = np.array([[0.1, 0.2]] * 2), np.array([[0.05, 0.2]] * 2), np.ones((2, 2, 1))
+    values = {}
+    for fading in (0.0, 0.2):
+        law = PredictiveControl(horizon=1, block=1)
+        law.fading = fading
+        plans = Planner(law, cast(Model, Given(rows, task, phi=phi, Lg=Lg, sigma=sigma)), 0.5, (1, 1))
+        plans.solve(rows, task)
+        values[fading] = plans.plans.value[:2].copy()
+    np.testing.assert_allclose(values[0.0], [[0.05, 0.2]] * 2)
+    np.testing.assert_allclose(values[0.2], [[0.05, 0.2], [0.05 + 0.4 * 0.2 * (1.0 - exp(-2.5)), 0.2]])
+
+
 def test_limits_of_a_plan() -> None:
     """One block of 1 s, T_s = 0.5 s, κ = 2 s. From q̇ = 1 with q̈ = 1 the joint brakes by 2 rad/s² for another second.
 
