@@ -43,6 +43,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "lookahead": (
         "src/vsconstraints/controllers/predictive.py",
+        "src/vsconstraints/controllers/robust_predictive.py",
         "src/vsconstraints/compiled/plan_program.py",
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/goal_governor.py",
