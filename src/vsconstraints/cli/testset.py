@@ -19,7 +19,7 @@ from .terminal import NOTHING_DONE, console, errors, note_processes, progress
 _FOLDER = "Folder of a test set; the one that comes with the package if not given."
 _SECRET = "Draw as many other scenes in the same way, with a seed that nobody knows before."
 _ENTRY = "A law besides the default ones. Can be repeated."
-_LAWS = "A campaign file, whose laws are run instead of the default ones."
+_LAWS = "A campaign or suite, whose laws are run instead of the default ones."
 _Folder = Annotated[Path | None, Argument(help=_FOLDER)]
 _Entries = Annotated[options.Names, Option(metavar="MODULE:CLASS", help=_ENTRY)]
 _Secret = Annotated[int | None, Option(min=0, metavar="SEED", help=_SECRET)]
@@ -47,11 +47,15 @@ def run(
     budget_us: options.Budget = None,
 ) -> None:
     """Run the default laws and one's own on the scenes of a test set, and write a report."""
+    from ..comparisons import Suite
     from ..comparisons.evidence import Campaign, Plan, processes
     from ..scenarios.families.frozen import V1, TestSet
+    from ..scenarios.toml import read_toml
 
     frozen = TestSet.load(folder or V1)
     chosen = frozen.chosen(family or (), half, scenes, secret_seed)
+    if laws and "scenarios" in read_toml(laws):
+        chosen["controllers"], laws = Suite.load(laws).controllers, None
     campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
