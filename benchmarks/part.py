@@ -128,6 +128,7 @@ class Part:
 OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
+    "robust-predictive": ("robust-predictive", {}),
     "goal-governor": ("goal-governor", {}),
     "barrier-governor": ("barrier-governor", {}),
 }

@@ -25,8 +25,7 @@ from scipy import ndimage
 from vsconstraints.comparisons.evidence import parquet
 from vsconstraints.comparisons.evidence.parquet import Column
 from vsconstraints.comparisons.evidence.work import Bench
-from vsconstraints.comparisons.metrics import score
-from vsconstraints.comparisons.metrics.measured import NEGLIGIBLE
+from vsconstraints.comparisons.metrics import NEGLIGIBLE, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
 from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace

@@ -16,10 +16,9 @@ from time import process_time
 from typing import Any
 
 from vsconstraints.comparisons import StoredComparison
-from vsconstraints.reports.drawing import draw_overview, draw_scenario, scenario_jobs
+from vsconstraints.reports.drawing import draw_overview, draw_scenario, scenario_jobs, shown_scenarios
 from vsconstraints.reports.page import html_page
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.selection import shown_scenarios
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:

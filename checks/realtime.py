@@ -1,7 +1,7 @@
 """A loop of 1 kHz on this machine: ``python -m checks.realtime [SECONDS]`` prints how punctual it is.
 
 The compiled step and a law run in the supervised loop, against a stand-in that answers at once, without and with
-SCHED_FIFO, and through the socket of ``loopback://``. Nothing is asserted: that depends on the machine, and on what
+SCHED_FIFO, and against the fake arm ``loopback://``. Nothing is asserted: that depends on the machine, and on what
 else runs there.
 """
 
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str]) -> int:
     for name, address, fifo in (
         ("without real time", "", False),
         ("with real time", "", True),
-        ("with real time, through a socket", "loopback://?patience=10", True),
+        ("with real time, a fake arm", "loopback://", True),
     ):
         found[name], said = measured(replace(scenario.setup()), address, fifo)
         print(f"{name}: {'; '.join(said)}")

@@ -88,7 +88,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.experiment.Own"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.controllers.laws.Part"),
+    ("py:class", "vsconstraints.controllers.ranges.Known"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
     ("py:class", "Random"),  # aliases of types

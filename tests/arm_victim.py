@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from socket_arm import SocketArm
 from test_arm_faults import SETUP, Fault, Law
-from vsconstraints.arms import Job, Supervision, driver_for, run_on_arm
+from vsconstraints.arms import Address, Job, Supervision, run_on_arm
 from vsconstraints.vision.measurement import Measurement
 
 where, what, port = sys.argv[1:]
@@ -38,7 +39,7 @@ def happens(value: Any) -> Any:
 
 
 fault = Fault(where, happens, np.inf)
-driver = driver_for(f"loopback://127.0.0.1:{port}?patience=20", SETUP)
+driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), SETUP)
 read, send = driver.read, driver.send
 driver.read = lambda: fault("read", read())  # type: ignore[method-assign]
 driver.send = lambda q, qd: (fault("send"), send(q, qd))[1]  # type: ignore[method-assign]

@@ -67,5 +67,5 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
             for key, arguments in calls.items():
                 yield key, self.function(*arguments)
 
-    monkeypatch.setattr("vsconstraints.comparisons.runner.Pool", Here)
+    monkeypatch.setattr("vsconstraints.comparisons.runs.pool.Pool", Here)
     monkeypatch.setattr("vsconstraints.paper.runner.run_all", run_all)

@@ -141,7 +141,7 @@ def _vsconstraints(arguments: list[str], folder: Path) -> None:
     given = command.make_context(name, rest).params
     if name == "compare":
         suite = Suite.load(given["suite"])
-        suite.select(given["scenario"] or (), given["controller"] or (), given["seed"], given["settings"] or ())
+        suite.select(given["scenarios"] or (), given["controllers"] or (), given["seed"], given["settings"] or ())
 
 
 def _pip(arguments: list[str], folder: Path) -> None:

@@ -15,8 +15,8 @@ from vsconstraints.compiled.samples import mark_acting
 from vsconstraints.compiled.workspace import RowArrays
 from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
+from vsconstraints.control import Prediction
 from vsconstraints.control.evaluator import CurrentState
-from vsconstraints.control.model import Prediction
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, Rows, Task
@@ -65,7 +65,7 @@ class Straight:
         self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """See :class:`vsconstraints.control.model.Model`."""
+        """See :class:`vsconstraints.control.Model`."""
         rows, task = self.rows, self.now
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from socket_arm import SocketArm, in_thread
 from vsconstraints.arms import (
     Address,
     ArmError,
@@ -25,11 +26,10 @@ from vsconstraints.arms import (
     Job,
     Joints,
     Supervision,
-    driver_for,
     run_on_arm,
     stream,
 )
-from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, in_thread
+from vsconstraints.arms.drivers.loopback import FakeArm
 from vsconstraints.arms.guardian import Guardian
 from vsconstraints.controllers import Controller, HierarchicalQP
 from vsconstraints.errors import ConfigurationError
@@ -234,7 +234,7 @@ def served() -> Iterator[tuple[FakeArm, int]]:
     arm = endless()
     # setpoints come late on a slow machine
     arm.limits.qd_max[:], arm.limits.acceleration[:] = 100.0, 1e4
-    port, end = in_thread(arm, Behaviour())
+    port, end = in_thread(arm)
     yield arm, port
     end()
 
@@ -329,7 +329,7 @@ def test_a_loop_whose_guardian_is_gone_brakes(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Guardian, "alive", once)
     with served() as (arm, port):
-        driver = driver_for(f"loopback://127.0.0.1:{port}?patience=20", SETUP)
+        driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), SETUP)
         patient = Supervision(late_s=10.0, hang_s=10.0)
         log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=patient))[1]
         assert "the process that would stop the arm in place of this one has ended" in log.cause

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from campaigns import campaign
 from test_evidence import HERE, here
 from vsconstraints.cli import app
-from vsconstraints.comparisons.evidence import MEASURED, CallTimes, Campaign, Evidence, call_times, collect
+from vsconstraints.comparisons.evidence import MEASURED, CallTimes, Campaign, Evidence, call_times, collect, work
 from vsconstraints.comparisons.evidence.call_times import time_calls
 from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.runs.pool import Failure
@@ -87,7 +87,7 @@ def test_the_least_of_equal_calls_counts_and_99_percent_of_them(
             times[0], times[np.random.default_rng().integers(1, 50)] = 1.0, 1e-3
             return SimpleNamespace(trajectory=SimpleNamespace(step_time=times))
 
-    monkeypatch.setitem(time_calls.__globals__, "Bench", Interrupted)
+    monkeypatch.setattr(work, "Bench", Interrupted)
     for _, family, call in time_calls(task):
         assert (family, call) == ("quick", pytest.approx(1e-4, abs=1e-9))
 

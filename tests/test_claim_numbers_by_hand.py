@@ -12,7 +12,7 @@ import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found, gives
 from vsconstraints.paper.claims import boundary
-from vsconstraints.paper.claims.planar import BOWL_ROW, HEART, OTHER_ROW
+from vsconstraints.paper.claims.simulations import BOWL_ROW, HEART, OTHER_ROW
 from vsconstraints.rows import Array
 
 LONG = 0.1 * np.arange(121)
@@ -81,12 +81,12 @@ def test_smoothly() -> None:
     finding = boundary.smoothly(run, ROW, "b")
     gives(finding, YES, share_left=0.08)
     assert finding.text == f"normal speed, at first and 3 K later: {ROW} 4 → 0.2 px/s; b 2 → -0.16 px/s"
-    assert [(one.start, one.first, one.later, one.greatest) for one in boundary.approaches(run, "b", 0.3)] == [
+    assert [(one.start, one.first, one.later, one.greatest) for one in boundary.approaches(run, "b")] == [
         (pytest.approx(0.5), 2.0, -0.16, 2.0)
     ]
     # the sample 3 K later counts among the greatest
     run = Told({ROW: during((0.2, 0.6))}, speed=at({20: 2.0, 50: 5.0, 51: 6.0}, 1.0))
-    (one,) = boundary.approaches(run, ROW, 0.3)
+    (one,) = boundary.approaches(run, ROW)
     assert (one.later, one.greatest) == (5.0, 5.0)
     run = Told({ROW: during((0.2, 0.3))}, speed=at({}, 0.5))
     gives(boundary.smoothly(run, ROW), NO)

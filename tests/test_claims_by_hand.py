@@ -9,8 +9,8 @@ import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, verdict
 from vsconstraints.paper.claims import boundary
+from vsconstraints.paper.claims.boundary import rounds_to
 from vsconstraints.paper.claims.experiments import exponentially, one_marker_slides
-from vsconstraints.paper.verdicts import rounds_to
 from vsconstraints.rows import Array
 
 # --- what several claims share ---

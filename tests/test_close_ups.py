@@ -1,4 +1,4 @@
-"""Close-ups beside tracks: where there is something to see, and said where there is not."""
+"""Close-ups beside tracks: where there is something to see."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from vsconstraints.comparisons import RunRecord
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
-from vsconstraints.reports.figures.tracks import NO_MARKER, CloseUp, close_up, draw_tracks, enters
+from vsconstraints.reports.figures.tracks import close_up
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.scenarios import Scenario
@@ -40,36 +40,6 @@ def moved(view: View, law: str, pixels: Any, clearance: float | None = None) -> 
         clear[:, trajectory.labels.index(ROW)] = clearance
     other = replace(run, trajectory=replace(trajectory, features_px=features, clearance=clear))
     return replace(view, runs={**view.runs, law: other})
-
-
-def remarks(view: View) -> list[bool]:
-    """Of each close-up, whether it says that nobody comes."""
-    sheet = draw_tracks(view)
-    assert sheet is not None
-    return [
-        NO_MARKER in [one.get_text() for one in ax.texts] for ax in sheet.figure.axes if not ax.get_title(loc="left")
-    ]
-
-
-def test_a_track_comes_into_a_window_between_its_samples_too() -> None:
-    def record(*pixels: tuple[float, float]) -> Any:
-        class Made:
-            class trajectory:  # noqa: N801
-                features_px = np.array(pixels)[:, None, :]
-
-        return Made
-
-    window = CloseUp(np.array([100.0, 50.0]), 10.0)
-    assert enters(record((100.0, 50.0), (101.0, 50.0)), window)
-    assert enters(record((0.0, 50.0), (300.0, 50.0)), window)
-    assert not enters(record((0.0, 61.0), (300.0, 61.0)), window)
-    assert not enters(record((0.0, 50.0), (89.0, 50.0)), window)
-    assert not enters(record((np.nan, np.nan), (np.nan, np.nan)), window)
-
-
-def test_a_law_that_stays_away_says_so(view: View) -> None:
-    assert remarks(view) == [False, False]
-    assert remarks(moved(view, "hierarchical-qp", (0.0, 0.0))) == [False, True]
 
 
 @settings(max_examples=60, deadline=None)

@@ -43,9 +43,6 @@ from vsconstraints.scenarios import shipped_scenarios
         ("replay example-2d-h", {"example-2d-heart-concave:", "example-2d-heart-convex:"}),
         ("replay mi", {f"mine.toml:{law}" for law in CONTROLLERS}),
         ("replay ur5-fov:tracking panda-fov:sl", {"panda-fov:sliding-mode", "panda-fov:sliding-mode-ahead"}),
-        # bash takes a colon for a word
-        ("replay ur5-fov :", set(CONTROLLERS)),
-        ("replay ur5-fov : tracking ur5-fov : sl", {"sliding-mode", "sliding-mode-ahead"}),
         ("replay ur5-fov : tracking panda", {f"panda-fov:{law}" for law in CONTROLLERS}),
         ("reproduce --figure 1", {"10", "11", "12", "14", "15", "16", "17", "18", "19"}),
         ("evidence --family no-such", set()),

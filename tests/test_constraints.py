@@ -34,7 +34,6 @@ from vsconstraints.constraints import (
     Shape,
     SpeedConstraint,
     Trace,
-    boundary,
     image_constraint,
     robot_points,
 )
@@ -335,13 +334,13 @@ def test_gradients_of_curves(shape: Shape) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Circle(0.0), "radius of a shape must be positive"),
-        (lambda: Circle(np.nan), "radius of a shape must be positive"),
-        (lambda: Hyperellipse(-1.0, 1.0), "a of a shape must be positive"),
-        (lambda: Hyperellipse(1.0, np.inf), "b of a shape must be positive"),
+        (lambda: Circle(0.0), "radius of a shape must be a positive number"),
+        (lambda: Circle(np.nan), "radius of a shape must be a positive number"),
+        (lambda: Hyperellipse(-1.0, 1.0), "a of a shape must be a positive number"),
+        (lambda: Hyperellipse(1.0, np.inf), "b of a shape must be a positive number"),
         (lambda: Hyperellipse(1.0, 1.0, 1.0), "2 or more"),
-        (lambda: Bowl(width=0.0), "width of a shape must be positive"),
-        (lambda: Heart(radius=-35.0), "radius of a shape must be positive"),
+        (lambda: Bowl(width=0.0), "width of a shape must be a positive number"),
+        (lambda: Heart(radius=-35.0), "radius of a shape must be a positive number"),
         (lambda: Curve(Circle(1.0), (0.0,)), "centre of circle"),
         (lambda: Curve(Circle(1.0), (0.0, np.nan)), "centre of circle"),
         (lambda: Curve(Circle(1.0), rotation=np.inf), "rotation of circle"),
@@ -453,7 +452,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
 ) -> None:
     """A heart's two sides, w u = r cos a and v = r sin a + |u|, meet in a corner at (0, r)."""
     if not compiled:
-        monkeypatch.setattr(boundary, "load", lambda name: polylines)
+        monkeypatch.setattr(image_constraint, "load", lambda name: polylines)
     heart = Occlusion(Curve(Heart(35.0, 0.8)), K=0.1, switching_gain=1.0)
     rng = np.random.default_rng(3)
     pixels = np.array([0.0, 35.0]) + rng.uniform(-6.0, 6.0, size=(800, 2))
@@ -470,7 +469,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
         share = np.linspace(0.0, 1.0, 20_001)[:, None]
         dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
         expected = np.minimum(expected, cKDTree(dense).query(points)[0])
-    np.testing.assert_allclose(boundary.Polylines(wedge).distance(points), expected, atol=3e-3)
+    np.testing.assert_allclose(image_constraint.Polylines(wedge).distance(points), expected, atol=3e-3)
 
 
 def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -565,8 +564,8 @@ def test_limits_that_are_not_given_are_the_robots() -> None:
     arm = viper()
     every = JointRange(arm, **GAINS)
     assert every.joints == (1, 2, 3, 4, 5, 6)
-    np.testing.assert_allclose(every.mid + every.half, arm.q_max)
-    np.testing.assert_allclose(every.mid - every.half, arm.q_min)
+    np.testing.assert_allclose(every.upper, arm.q_max)
+    np.testing.assert_allclose(every.lower, arm.q_min)
     speed = JointSpeed(arm, joints=[3], switching_gain=1.0)
     assert speed.upper[0] == arm.qd_max[2]
     partly = Robot.from_dh(np.ones((3, 4)), q_min=[-np.inf, -1, -2], q_max=[np.inf, 1, np.inf])

@@ -48,6 +48,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "sliding-mode-ahead": [{}],
     "robust-hierarchical-qp": [{}],
     "predictive": [{"horizon": 3}, {"horizon": 1, "block": 1}, {"horizon": 2, "block": 4}],
+    "robust-predictive": [{"horizon": 3}],
     "mppi": [{}, {"samples": 8, "horizon": 1, "block": 1}],
     "super-twisting": [{}],
     "implicit-super-twisting": [{}],

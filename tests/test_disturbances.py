@@ -364,7 +364,10 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"target__motion": {"known": "no"}}, "known must be true or false"),
         ({"constraints__0__motion": {"velocity": [1.0, 0.0, 0.0]}}, "fov moves by 2 coordinates, not 3"),
         ({"constraints__1__motion": {"velocity": [1.0, 0.0]}}, "range cannot move"),
-        ({"camera__fixed": {"xyz": [0, 0, 1]}, "camera__mount": {"xyz": [0, 0, 1]}}, "mount or fixed, not both"),
+        (
+            {"camera__fixed": {"xyz": [0, 0, 1]}, "camera__mount": {"xyz": [0, 0, 1]}},
+            "where a camera is, not mount and fixed",
+        ),
     ],
 )
 def test_disturbances_of_the_wrong_kind_or_size_are_refused(settings: dict[str, Any], words: str) -> None:

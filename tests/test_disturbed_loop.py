@@ -222,8 +222,8 @@ def test_predictions_are_believed_alike_in_both_forms(settings: str, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr("vsconstraints.control.evaluator.Evaluator.bound", lambda step: None)
         defined = Model(step, sensor, spoil)
-    assert compiled.compiled() is not None
-    assert defined.compiled() is None
+    assert compiled.step is not None
+    assert defined.step is None
     mine, theirs = compiled.along(t, q, qd), defined.along(t, q, qd)
     for part in ("phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate", "pixels"):
         np.testing.assert_allclose(getattr(mine, part), getattr(theirs, part), rtol=1e-9, atol=1e-9, err_msg=part)

@@ -17,7 +17,6 @@ import pytest
 
 from campaigns import assert_same, campaign, tables
 from vsconstraints.comparisons.evidence import (  # fmt: skip
-    KEYS,
     TABLES,
     TIMING,
     Batch,
@@ -32,6 +31,7 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
     work,
 )
 from vsconstraints.comparisons.evidence import folder as folders
+from vsconstraints.comparisons.evidence.parquet import KEYS
 from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
@@ -206,8 +206,8 @@ def test_what_is_done_is_not_done_again(
     cut.write_bytes(cut.read_bytes()[:-30])
     (tmp_path / "scenes" / "part-quick-0000005-0000005.parquet.part").write_bytes(b"half")
     drawn: list[int] = []
-    made = work.set_up
-    monkeypatch.setattr(work, "set_up", lambda task, number: (drawn.append(number), made(task, number))[1])
+    made = work.benches
+    monkeypatch.setattr(work, "benches", lambda task, number: (drawn.append(number), made(task, number))[1])
     finished = collect(replace(small, scenes=3), tmp_path, HERE)
     assert (sorted(drawn), finished.progress.stored_before) == ([0, 1, 2], 0)
     drawn.clear()
@@ -358,9 +358,9 @@ def test_noise_is_another_one_in_every_scene(tmp_path: Path) -> None:
 
 def test_a_campaign_none_of_whose_scenes_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = campaign(tmp_path, scenes=2)
-    monkeypatch.setattr(work, "set_up", lambda task, number: ("ValueError: no", {}))
+    monkeypatch.setattr(work, "benches", lambda task, number: ("ValueError: no", {}))
     finished = collect(small, tmp_path / "out", HERE)
-    assert (finished.progress.done, finished.progress.found, finished.progress.all_failed) == (2, 0, False)
+    assert (finished.progress.done, finished.progress.all_failed) == (2, False)
     evidence = Evidence.load(tmp_path / "out")
     assert (len(evidence.runs), len(evidence.rows), evidence.scenes["found"].sum()) == (0, 0, 0)
 
@@ -368,10 +368,12 @@ def test_a_campaign_none_of_whose_scenes_is_found(tmp_path: Path, monkeypatch: p
 def test_a_scene_that_cannot_be_drawn_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = campaign(tmp_path, scenes=2)
 
-    def drawn(task: Batch, number: int) -> Any:
-        return ("ValueError: no", {}) if number else task.family.set_up(number, task.half, task.seed)
+    made = work.benches
 
-    monkeypatch.setattr(work, "set_up", drawn)
+    def drawn(task: Batch, number: int) -> Any:
+        return ("ValueError: no", {}) if number else made(task, number)
+
+    monkeypatch.setattr(work, "benches", drawn)
     collect(small, tmp_path / "out", HERE)
     evidence = Evidence.load(tmp_path / "out")
     assert evidence.scenes["found"].tolist() == [True, False]

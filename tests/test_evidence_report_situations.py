@@ -20,14 +20,12 @@ from test_evidence_report import RATES, check, tables, written
 from vsconstraints.comparisons.statistics.judged import UNSUCCESSFUL
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.evidence import replayed
-from vsconstraints.reports.evidence.across import FEWEST, beyond
-from vsconstraints.reports.evidence.best import regrets
-from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.factorial import Factorial
+from vsconstraints.reports.evidence.across import FEWEST, beyond, regrets
+from vsconstraints.reports.evidence.dataset import Dataset, Factorial
+from vsconstraints.reports.evidence.failures import Cell
 from vsconstraints.reports.evidence.figures import draw_levels
-from vsconstraints.reports.evidence.ranking import ranking
+from vsconstraints.reports.evidence.ranking import Share, ranking
 from vsconstraints.reports.evidence.report import write_report_of
-from vsconstraints.reports.evidence.situations import Cell, Share
 from vsconstraints.reports.page import html_page, page_of
 from vsconstraints.reports.replay.runs import name_of
 from vsconstraints.scenarios.families import Family, families

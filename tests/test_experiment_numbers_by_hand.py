@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from told import NO, PARTLY, ROW, YES, T, Told, at, during, found
-from vsconstraints.comparisons.runs.spec import RunSpec
+from told import NO, PARTLY, ROW, YES, Told, at, during, found
 from vsconstraints.paper.claims import experiments
-from vsconstraints.paper.claims.experiments import (
-    CASES,
-    Difference,
-    in_unselected,
-    little_speed_difference,
-    very_similar,
-)
-from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.summary import RunSummary
 from vsconstraints.paper.studies.unselected_experiments import compared
 from vsconstraints.paper.verdicts import NotMeasured
 
 OTHER = "fov[marker 3]"
-MADE_UP = experiments.Experiment("made up", RunSpec("s"), "fov")
 
 
 class Long(Told):
@@ -148,8 +137,6 @@ def test_what_is_simulated_of_the_experiments() -> None:
     for spec in (experiments.PBVS, experiments.IBVS):
         assert spec.tables["task"]["Kp0"] == 0.6
         assert not spec.may_end_early
-    for spec in (experiments.FIRST.alone, experiments.SECOND.alone):
-        assert spec.tables["disturbances"]["gradient_error_in_phi"] is False
 
 
 def integrated(*off: float, faster: float = 0.0) -> Told:
@@ -183,121 +170,6 @@ def test_6m() -> None:
 
 
 # --- errors in the gradient ---
-
-
-class Imaged(Told):
-    """A run with an image of 640 × 480 px."""
-
-    setup = SimpleNamespace(
-        scene=SimpleNamespace(
-            camera=SimpleNamespace(size=(640.0, 480.0), sees=lambda pixels: np.abs(pixels[..., 0]) <= 100.0)
-        )
-    )
-
-
-def imaged(
-    far: tuple[float, float] = (0.0, 0.0), slower: float = 0.0, samples: int = 101, kind: str = "fov", **changed: Any
-) -> Imaged:
-    """One marker is so far off in one sample, and one joint slower; joints move at 0.5 rad/s, last at −4 rad/s."""
-    pixels, qd = np.full((samples, 2, 2), 5.0), np.full((samples, 3), 0.5)
-    pixels[7, 1] += far
-    qd[9, 2] -= slower
-    qd[90:, 1] = -4.0
-    row, other = f"{kind}[marker 1]", f"{kind}[marker 2]"
-    phi = {row: 0.0, other: -1.0}
-    t = T[:samples]
-    sigma = {row: at({3: changed.pop("sigma", -0.25)}, -5.0, t), other: -2.0}
-    run = Imaged(phi, sigma, t=t, features_px=pixels, qd=qd, **changed)
-    run.sampling_time = 0.1
-    return run
-
-
-def study(scenario: str, what: str, plus: float = 190.0, minus: float = 195.0, alone: float = 50.0) -> StudyResult:
-    numbers = {(scenario, case, what): x for case, x in zip(CASES, (plus, minus, alone), strict=True)}
-    numbers |= {(scenario, case, name): 200.0 for case in CASES for name in ("scenes", "applied")}
-    return StudyResult("made up", numbers, (), (), ())
-
-
-def test_difference() -> None:
-    """Of runs of which either ends first: what both have is compared, but all of the exact one is the fastest."""
-    short: Any = imaged((3.0, 4.0), 0.125, samples=60)
-    found = Difference.between(imaged(), short, "fov")  # type: ignore[arg-type]
-    assert found == Difference(5.0, 0.125, 4.0, -0.25, fine=True, same=True)
-    found = Difference.between(short, imaged(), "fov")  # type: ignore[arg-type]
-    assert found == Difference(5.0, 0.125, 0.5, -0.25, fine=True, same=True)
-    late: Any = imaged((3.0, 4.0), status="timeout", sigma=0.5)
-    assert Difference.between(imaged(), late, "fov") == Difference(5.0, 0.0, 4.0, 0.5, fine=False, same=True)  # type: ignore[arg-type]
-    for pair in ((imaged(), imaged((3.0, 4.0), status="timeout")), (imaged(status="timeout"), imaged((3.0, 4.0)))):
-        assert not Difference.between(*pair, "fov").fine  # type: ignore[arg-type]
-    origin, beside = imaged(), imaged()
-    origin.trajectory.features_px, beside.trajectory.features_px = np.zeros((101, 2, 2)), np.zeros((101, 2, 2))
-    beside.trajectory.features_px[7, 1, 0] = 0.01
-    with pytest.raises(NotMeasured, match=r"tracks differ by 0\.01 px"):
-        Difference.between(origin, beside, "fov")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("far", "expected"), [((18.0, 24.0), YES), ((19.3, 25.7), PARTLY)])
-def test_very_similar(far: tuple[float, float], expected: str) -> None:
-    """30 px are less than 5 % of the image's width, 32 px, but more than of its height, 24 px."""
-    alone = imaged((0.6, 0.8), sigma=0.75, status="timeout")
-    finding = very_similar(imaged(), imaged(far), alone, study("s", "similar"), of=MADE_UP)  # type: ignore[arg-type]
-    track = np.hypot(*far)
-    assert finding.verdict == expected
-    assert finding.values == {"track_difference_px": pytest.approx(track), "sigma_max": -0.25}
-    here = "holds" if expected == YES else "does not hold"
-    assert finding.text == (
-        f"{here} in this scene; in 190 of 200 unselected scenes, with reversed signs in 195 of 200, with ∇σ_e in "
-        f"L_gφ alone, the other reading of (49), in 50 of 200. Here tracks differ by up to {track:.2f} px, with errors "
-        "max σ = −0.25, converged; with ∇σ_e in L_gφ alone by 1.00 px, max σ = 0.75, timeout"
-    )
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_scenes_must_be_enough_in_every_case(case: str) -> None:
-    few = study("s", "x")
-    few = StudyResult("made up", few.numbers | {("s", case, "scenes"): 99.0}, (), (), ())
-    with pytest.raises(NotMeasured, match="has 99 scenes of s, fewer than 100"):
-        in_unselected(few, "s", "x", here=True)
-
-
-@pytest.mark.parametrize(("slower", "expected"), [(0.4, YES), (0.401, PARTLY)])
-def test_little_speed(slower: float, expected: str) -> None:
-    erroneous: Any = imaged((3.0, 4.0), slower)
-    finding = little_speed_difference(imaged(), erroneous, study("s", "little_speed"), of=MADE_UP)  # type: ignore[arg-type]
-    assert finding.verdict == expected
-    assert finding.values == {"share": pytest.approx(slower / 4.0)}
-    assert finding.text.endswith("Here by up to 4e+02 mrad/s, 10 % of the fastest joint's 4e+03 mrad/s")
-
-
-@pytest.mark.parametrize(
-    ("key", "kind", "scenario", "what"),
-    [
-        ("6d", "fov", "experiment-1-pbvs", "similar"),
-        ("6h", "occlusion", "experiment-2-ibvs", "similar"),
-        ("6j", "fov", "experiment-1-pbvs", "little_speed"),
-        ("6k", "occlusion", "experiment-2-ibvs", "little_speed"),
-    ],
-)
-def test_what_is_compared(key: str, kind: str, scenario: str, what: str) -> None:
-    runs = [imaged(kind=kind), imaged((3.0, 4.0), 0.1, kind=kind)]
-    runs += [imaged((3.0, 4.0), kind=kind)] * (what == "similar")
-    assert found(key, *runs, study(scenario, what)).verdict == YES
-    assert found(key, *runs, study(scenario, what, plus=189.0)).verdict == PARTLY
-
-
-def test_6i() -> None:
-    scenarios = ("experiment-1-pbvs", "experiment-2-ibvs")
-    numbers = {k: v for name in scenarios for k, v in study(name, "satisfactory").numbers.items()}
-    everywhere = StudyResult("made up", numbers, (), (), ())
-    runs = [imaged(far, sigma=sigma, kind=kind) for kind, sigma in (("fov", -0.5), ("occlusion", 0.0))
-            for far in ((0.0, 0.0), (3.0, 4.0))]  # fmt: skip
-    finding = found("6i", *runs, everywhere)
-    assert finding.verdict == YES
-    one, two = finding.text.split(". ")
-    assert one.startswith("experiment 1: holds in this scene; in 190 of 200")
-    assert one.endswith("here T_s = 0.1 s, converged, max σ = −0.5")
-    assert two.startswith("experiment 2: holds in this scene; in 190 of 200")
-    assert two.endswith("here T_s = 0.1 s, converged, max σ = 0")
 
 
 @pytest.mark.parametrize(("apart", "similar"), [(32.0, True), (33.0, False)])

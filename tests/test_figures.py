@@ -21,15 +21,13 @@ from vsconstraints.comparisons import RunRecord, Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.drawing import remove_stale
-from vsconstraints.reports.evidence.figures import Shown, draw_worst
 from vsconstraints.reports.figures.overview import typical
 from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.plots import WIDTH, Figure, Sheet, decades, formats_of, line, logarithmic, looks, shortened
 from vsconstraints.reports.plots.image import Plane
-from vsconstraints.reports.plots.marks import area, extremes, plain
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import LOOKS
+from vsconstraints.reports.plots.style import LOOKS, area, extremes, plain
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -186,15 +184,14 @@ def test_a_long_name_leaves_room_for_how_the_run_ended():
     setup = Scenario.load("example-2d-fov").setup()
     run = RunRecord.of(setup, simulate(setup, ControllerSpec("tracking").make()), "")
     names = ("hierarchical-qp-observer", "robust-hierarchical-qp-observer")
-    view, shown = View(setup, dict.fromkeys(names, run), names), [Shown(name, "a 1", setup, run, run) for name in names]
-    for sheet in (draw_tracks(view), draw_worst(shown, names)):
-        for ax in sheet.placed().axes:
-            law, status = (
-                next(text for text in ax.findobj(Text) if text.get_text() == ax.get_title(loc=side) != "")
-                for side in ("left", "right")
-            )
-            assert status.get_text().strip() == "converged"
-            assert law.get_window_extent().x1 + 5.0 < status.get_window_extent().x0
+    view = View(setup, dict.fromkeys(names, run), names)
+    for ax in draw_tracks(view).placed().axes:
+        law, status = (
+            next(text for text in ax.findobj(Text) if text.get_text() == ax.get_title(loc=side) != "")
+            for side in ("left", "right")
+        )
+        assert status.get_text().strip() == "converged"
+        assert law.get_window_extent().x1 + 5.0 < status.get_window_extent().x0
 
 
 def test_a_figure_is_written_in_the_formats_asked_for(tmp_path: Path) -> None:

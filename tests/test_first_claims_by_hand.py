@@ -12,10 +12,10 @@ import pytest
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.paper import verdicts
-from vsconstraints.paper.claims import general, planar
-from vsconstraints.paper.texts import shown_intervals
-from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged
+from vsconstraints.paper.claims import simulations
+from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 
 # --- verdicts ---
@@ -68,6 +68,9 @@ def test_a_claim_is_what_is_said_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
         "123b": Claim(123, "b", "where", "sentence", rule, "figure.png", ("a study",), measure),
         "4c": Claim(4, "c", "there", "other", "rule", "", (), measure),
     } == verdicts.CLAIMS
+    texts["5a"] = texts["4c"] | {"partyl": "true"}
+    with pytest.raises(ConfigurationError, match=r"unknown key in claims\.toml, 5a 'partyl'\. Did you mean 'partly'"):
+        claim("5a")(measure)
     with pytest.raises(ValueError, match="there are two claims 123b"):
         register(measure)
 
@@ -154,10 +157,10 @@ def test_scenes_differ_as_the_claims_say() -> None:
         setup = spec.load().setup()
         return setup.Ts, setup.constraints.constraints[0].switching_gain
 
-    Ts, gain = period_and_gain(planar.FOV)
-    assert period_and_gain(planar.HALVED) == (0.5 * Ts, gain)
-    assert period_and_gain(planar.HIGH_GAIN_FASTER_SAMPLING) == (pytest.approx(Ts / 5.0), 5.0 * gain)
-    assert [spec.load().setup().constraints.constraints[0].K for spec in general.APPROACHES] == [0.1, 0.2, 0.4]
+    Ts, gain = period_and_gain(simulations.FOV)
+    assert period_and_gain(simulations.HALVED) == (0.5 * Ts, gain)
+    assert period_and_gain(simulations.SAMPLED_FASTER) == (pytest.approx(Ts / 5.0), 5.0 * gain)
+    assert [spec.load().setup().constraints.constraints[0].K for spec in simulations.APPROACHES] == [0.1, 0.2, 0.4]
 
 
 def test_2a() -> None:
@@ -214,7 +217,7 @@ def test_7b_needs_a_row_that_acts() -> None:
     [((0.125, 0.25, 0.5), YES), ((0.125, 0.25, 0.51), PARTLY), ((0.2, 0.2, 0.4), NO), ((0.2, 0.21, 0.21), NO)],
 )
 def test_7b_of_time_constants(constants: tuple[float, ...], expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(general, "time_constant", lambda run: run)
+    monkeypatch.setattr(simulations, "time_constant", lambda run: run)
     assert found("7b", *constants).verdict == expected
 
 

@@ -161,7 +161,7 @@ def test_the_nearest_rotation_that_is_told_is_the_right_one() -> None:
 def test_a_camera_is_in_one_place() -> None:
     with pytest.raises(ConfigurationError, match="one key says where a camera is, not camera_in_tip and tip_in_camera"):
         camera_of(camera_in_tip=FORMS["rpy"], tip_in_camera=FORMS["rpy"])
-    with pytest.raises(ConfigurationError, match="mount or fixed, not both"):
+    with pytest.raises(ConfigurationError, match="where a camera is, not mount and fixed"):
         camera_of(mount=FORMS["rpy"], fixed=FORMS["rpy"])
 
 

@@ -17,11 +17,10 @@ from documents import ROOT
 from test_reports import made, result, row, whole
 from vsconstraints.comparisons import StoredComparison
 from vsconstraints.reports import report, write_report
-from vsconstraints.reports.drawing import Drawn, ScenarioJob
+from vsconstraints.reports.drawing import MAX_FIGURES, MAX_SCENARIOS, Drawn, ScenarioJob, shown_scenarios
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.markdown import MAX_COLUMNS, Table
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.selection import MAX_FIGURES, MAX_SCENARIOS, shown_scenarios
 
 PAGE = 1012
 """Width of a page on GitHub [px]."""

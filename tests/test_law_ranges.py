@@ -23,6 +23,7 @@ from vsconstraints.controllers import (
     law_ranges,
     make_controller,
 )
+from vsconstraints.controllers.observer import without_observer
 from vsconstraints.controllers.ranges import ROWS, Declared, default_of
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows.factors import FACTORS
@@ -40,7 +41,7 @@ LAWS: list[Any] = [
 ]
 """Every name, every demand and every resolver."""
 
-MODEL = ("predictive", "goal-governor", "barrier-governor", "mppi")
+MODEL = ("predictive", "robust-predictive", "goal-governor", "barrier-governor", "mppi")
 SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
 
 
@@ -61,12 +62,12 @@ def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> di
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_ends_of_ranges_are_options_and_defaults_lie_inside(name: str, options: dict[str, Any]) -> None:
-    law, ranges = make_controller(name, options), law_ranges(name, options)
+    law, ranges = without_observer(make_controller(name, options)), law_ranges(name, options)
     for option, one in ranges.items():
         assert default_of(law, option) in one
         for end in one:
             made = make_controller(name, {**options, option: end})
-            assert default_of(made, option) == end
+            assert default_of(without_observer(made), option) == end
     for side in (0, -1):
         make_controller(name, {**options, **{option: [*one][side] for option, one in ranges.items()}})
 
@@ -103,6 +104,7 @@ def test_what_is_searched_of_each_law() -> None:
         "implicit-super-twisting": {"rate"} | rows,
         "cbf-filter": {"alpha", "metric", "damping"} | barrier,
         "predictive": {"horizon", "block", "approach", "damping", "margin"},
+        "robust-predictive": {"horizon", "block", "approach", "damping", "margin"},
         "mppi": {"samples", "horizon", "block", "temperature", "noise", "penalty", "margin"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
         "barrier-governor": {"speed", "margin", "alpha", "sharpness", "horizon"},
@@ -125,6 +127,16 @@ def test_what_is_not_searched_of_the_rows_changes_nothing(name: str, options: di
     setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
     theirs, ours = (simulate(setup, make_controller(name, {**options, **factors})) for factors in ({}, left))
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_what_changes_nothing_is_said(name: str, options: dict[str, Any]) -> None:
+    """Factors that no range is declared of are those that the law says it ignores."""
+    law, ranges = make_controller(name, options), law_ranges(name, options)
+    assert {factor for factor in FACTORS if factor not in ranges} == {*FACTORS} & {*law.ignores}
+    assert law.unused() == ""
+    told = make_controller(name, {**options, **dict.fromkeys(FACTORS, 1.5)}).unused()
+    assert all((factor in told) == (factor in law.ignores) for factor in FACTORS)
 
 
 @pytest.mark.parametrize("factor", FACTORS)

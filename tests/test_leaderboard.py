@@ -11,8 +11,7 @@ import pytest
 from test_evidence import here
 from test_testset import quiet
 from vsconstraints.comparisons.evidence import Campaign, Plan, collect
-from vsconstraints.comparisons.rerun import differing
-from vsconstraints.comparisons.study import Study
+from vsconstraints.comparisons.study import Study, differing
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.leaderboard import leaderboard
 from vsconstraints.scenarios.families import Family
@@ -129,7 +128,7 @@ def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     study: Study, frozen: TestSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a start that is moved by a thousandth instead of rounding, every run is decided by that."""
-    monkeypatch.setattr("vsconstraints.comparisons.rerun.NUDGE", 1e-3)
+    monkeypatch.setattr("vsconstraints.comparisons.study.NUDGE", 1e-3)
     families = {family.name: family for family in frozen.families}
     own = only(study, "sliding-mode")
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)

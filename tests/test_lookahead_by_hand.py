@@ -16,8 +16,8 @@ import pytest
 from scenes import Straight
 from vsconstraints.compiled import goal_governor, plan_program, predictive
 from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
+from vsconstraints.control import Model, Prediction
 from vsconstraints.control.evaluator import CurrentState
-from vsconstraints.control.model import Model, Prediction
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
 from vsconstraints.controllers.goal_governor import Governor
 from vsconstraints.controllers.predictive import Planner
@@ -85,6 +85,29 @@ def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None
     np.testing.assert_allclose(plans.square[:, 0, 0], [49.0, 64.0])
     np.testing.assert_allclose(plans.pull[:, 0], [70.0, 48.0])
     np.testing.assert_allclose(plans.free[:, 0], [3.5, 2.5])
+
+
+def test_what_is_observed_beside_the_model_fades_along_the_plan() -> None:
+    """φ − σ of ``a`` is 0.05 with K = 0.5: σ̇ of the model is 0.1, and rows say 0.5. A drift of 0.4 fades in 0.2 s.
+
+    Half a second later it has moved σ by 0.4 · 0.2 · (1 − e^(−2.5)); a row on φ itself has none, nor has one of a law
+    without an observer.
+    """
+    rows = Rows(
+        np.array([0.1, 0.2]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"),
+        sigma=np.array([0.05, 0.2]), sigma_dot=np.array([0.5, 0.7]),
+    )  # fmt: skip
+    task = Task(np.ones((1, 1)), np.zeros(1))
+    phi, sigma, Lg = np.array([[0.1, 0.2]] * 2), np.array([[0.05, 0.2]] * 2), np.ones((2, 2, 1))
+    values = {}
+    for fading in (0.0, 0.2):
+        law = PredictiveControl(horizon=1, block=1)
+        law.fading = fading
+        plans = Planner(law, cast(Model, Given(rows, task, phi=phi, Lg=Lg, sigma=sigma)), 0.5, (1, 1))
+        plans.solve(rows, task)
+        values[fading] = plans.plans.value[:2].copy()
+    np.testing.assert_allclose(values[0.0], [[0.05, 0.2]] * 2)
+    np.testing.assert_allclose(values[0.2], [[0.05, 0.2], [0.05 + 0.4 * 0.2 * (1.0 - exp(-2.5)), 0.2]])
 
 
 def test_limits_of_a_plan() -> None:

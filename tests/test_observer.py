@@ -172,7 +172,7 @@ UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.kno
 def test_options_that_change_no_command_are_said_and_no_others(name: str, parts: dict[str, str]) -> None:
     setup = UNKNOWN.with_override("duration", 1.0).setup()
     plain = simulate(setup, make_controller(name, parts))
-    for options in ({"K": 2.0}, {"observer": 0.1}, {"observer": 0.1, "dead_time": 0.05}):
+    for options in ({"K": 2.0}, {"observer": 0.2}, {"observer": 0.2, "dead_time": 0.05}):
         run = simulate(setup, make_controller(name, {**parts, **options}))
         said = f"no command of the law depends on {' or '.join(options)}, which it is given" in run.reason
         assert said is np.array_equal(run.qdd_command, plain.qdd_command)
@@ -181,8 +181,9 @@ def test_options_that_change_no_command_are_said_and_no_others(name: str, parts:
 @pytest.mark.parametrize(
     ("name", "options", "names"),
     [
-        ("predictive", {"K": 2.0, "observer": 0.1}, "K or observer"),
         ("predictive", {"K": 2.0, "observer": 0.1, "dead_time": 0.05}, "K"),
+        ("mppi", {"K": 2.0, "observer": 0.1}, "K or observer"),
+        ("mppi", {"K": 2.0, "observer": 0.1, "dead_time": 0.05}, "K"),
         ("goal-governor", {"observer": 0.1, "dead_time": 0.05}, "observer or dead_time"),
         ("goal-governor", {"observer": 0.1, "demand": "barrier"}, ""),
         ("tracking", {"switching_gain": 2.0}, "switching_gain"),
@@ -193,6 +194,19 @@ def test_options_that_change_no_command_are_said_and_no_others(name: str, parts:
 def test_options_that_change_no_command_by_name(name: str, options: dict[str, Any], names: str) -> None:
     said = f"no command of the law depends on {names}, which it is given" if names else ""
     assert make_controller(name, options).unused() == said
+
+
+def test_a_plan_foresees_what_moves_unknown_to_the_model() -> None:
+    """The hand's depth in a sphere of which no law knows that it moves [m]; where it is known, there is no drift."""
+    laws = [("predictive", {}), ("predictive", {"observer": 0.1}), ("robust-predictive", {})]
+    runs = [simulate(UNKNOWN.setup(), make_controller(name, options)) for name, options in laws]
+    blind, observing, robust = (run.sigma[:, run.labels.index("sphere[hand]")].max() for run in runs)
+    assert blind > 5e-3
+    assert 0.0 < observing < 1e-4
+    assert robust < -1e-3
+    known = Scenario.load("moving-sphere").with_override("duration", 2.5).setup()
+    plain, observed = (simulate(known, make_controller(name, options)) for name, options in laws[:2])
+    np.testing.assert_allclose(observed.q, plain.q, atol=1e-4)
 
 
 def test_what_the_law_behind_it_is_told_and_uses() -> None:

@@ -22,6 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
+from socket_arm import Server, SocketArm, in_thread
 from vsconstraints.arms import (
     Address,
     ArmError,
@@ -43,7 +44,7 @@ from vsconstraints.arms import (
     trajectory_of,
 )
 from vsconstraints.arms.drivers import ur_rtde
-from vsconstraints.arms.drivers.loopback import PATIENCE, Behaviour, FakeArm, Fault, LoopbackArm, Server, in_thread
+from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
 from vsconstraints.arms.realtime import RealClock
@@ -75,7 +76,8 @@ def limits(n: int, acceleration: float = 5.0, jerk: float = np.inf, reach: float
 
 def on(address: str, law: Controller | None = None, **options: Any) -> ArmLog:
     setup = options.pop("setup", SETUP)
-    job = Job(setup, law or HierarchicalQP(), driver_for(address, setup), supervision=FAST)
+    driver = SocketArm(Address.parse(address), setup) if address.startswith("socket") else driver_for(address, setup)
+    job = Job(setup, law or HierarchicalQP(), driver, supervision=FAST)
     return run_on_arm(replace(job, **options))[1]
 
 
@@ -461,20 +463,15 @@ def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
         ("refuse", "the arm stopped by itself: protective stop", False),
     ],
 )
-def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[FakeArm] = []
-
-    def kept(arm: FakeArm, behaviour: Behaviour) -> Any:
-        made.append(arm)
-        return in_thread(arm, behaviour)
-
-    monkeypatch.setattr("vsconstraints.arms.drivers.loopback.in_thread", kept)
-    log = on(f"loopback://?time=simulated&fault={fault}&at=0.12&patience={0.3 if fault == 'stall' else 5.0}")
+def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool) -> None:
+    driver = driver_for(f"loopback://?time=simulated&fault={fault}&at=0.12&patience=0.3", SETUP)
+    assert isinstance(driver, LoopbackArm)
+    log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=FAST))[1]
     assert log.ended == "failed"
     assert told in log.cause
     assert log.at_rest == streamed
     assert ("braked to rest" if streamed else "told to stop by its own means") in log.stop
-    (arm,) = made
+    arm = driver.arm
     before = arm.state()[1]
     assert streamed or np.abs(before).max() > 0.01
     # braked by its own limit, and at rest
@@ -546,7 +543,6 @@ def test_an_arm_brakes_by_itself_where_python_is_held() -> None:
         return replace(command, qdd=np.zeros(6))  # on a slow machine setpoints come late, and motion would be refused
 
     law, patient = Own(hold, at=0), Supervision(late_s=10.0, hang_s=10.0)
-    # the server is a process of its own
     log = on("loopback://?patience=20", law, supervision=patient)
     assert log.ended == "failed"
     assert "the arm stopped by itself: its watchdog received nothing for 100 ms" in log.cause
@@ -660,7 +656,7 @@ def test_a_drivers_own_mistake_does_not_keep_an_arm_from_its_stop() -> None:
 
 
 def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None:
-    address, end = fake_arm_server("stall")
+    address, end = fake_arm_server(stalls=True)
     log = on(f"{address}?patience=1", supervision=Supervision(late_s=10.0, hang_s=0.05))
     end()
     assert log.ended == "failed"
@@ -670,7 +666,7 @@ def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None
 @pytest.mark.parametrize(("allowed", "told"), [(2.0, ""), (0.2, "the loop has not gone on for 300 ms")])
 def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Longer than the loop may later say nothing, while it stands."""
-    monkeypatch.setattr(LoopbackArm, "begin", lambda arm: time.sleep(0.5))
+    monkeypatch.setattr(SocketArm, "begin", lambda arm: time.sleep(0.5))
     address, end = fake_arm_server()
     bounds = Supervision(late_s=10.0, begin_s=allowed, hang_s=0.1)
     log = on(f"{address}?patience=5", supervision=bounds, setup=replace(SETUP, duration=0.1))
@@ -679,11 +675,11 @@ def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeyp
     assert told in log.cause
 
 
-def fake_arm_server(fault: Fault = "none") -> tuple[str, Any]:
+def fake_arm_server(stalls: bool = False) -> tuple[str, Any]:
     own = Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
     arm = FakeArm(SETUP.q0, replace(own, qd_max=10.0 * own.qd_max, acceleration=100.0 * own.acceleration), 2.0)
-    port, end = in_thread(arm, Behaviour(fault, 0.0))
-    return f"loopback://127.0.0.1:{port}", end
+    port, end = in_thread(arm, stalls)
+    return f"socket://127.0.0.1:{port}", end
 
 
 def test_missed_periods_of_a_real_loop_are_a_column(tmp_path: Path) -> None:
@@ -778,6 +774,7 @@ def test_a_law_without_a_command_at_the_start_moves_nothing() -> None:
         ("ur-rtde://host?gain=5", "a gain of 100 to 2000"),
         ("ur-rtde://host:30004", "ports of its own: ur-rtde://host, without :30004"),
         ("simulated://192.168.0.2", "is in this process, and at no address like '192.168.0.2'"),
+        ("loopback://:30004", "is in this process"),
         ("loopback://?patience=0", "patience of loopback must be positive"),
     ],
 )
@@ -788,10 +785,10 @@ def test_addresses_that_cannot_be_used(address: str, told: str) -> None:
 
 
 def test_nobody_listens() -> None:
-    server = Server(FakeArm(np.zeros(6), Envelope(*(np.ones(6),) * 5, period=Ts)), Behaviour())
+    server = Server(FakeArm(np.zeros(6), Envelope(*(np.ones(6),) * 5, period=Ts)))
     server.close()
     with pytest.raises(ArmError, match=r"no arm answers at 127\.0\.0\.1"):
-        on(f"loopback://127.0.0.1:{server.port}")
+        on(f"socket://127.0.0.1:{server.port}")
 
 
 # --- the fake arm ---

@@ -28,6 +28,7 @@ from vsconstraints.constraints.meshes import Mesh
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
+from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
 from vsconstraints.reports.replay.page import image_data
@@ -54,7 +55,6 @@ from vsconstraints.reports.replay.space import (
     standpoint,
 )
 from vsconstraints.reports.scene3d import JOINT, Part, bars_of, visuals
-from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -417,16 +417,6 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))
     assert count == 4 + 12
     assert seconds == pytest.approx(16 / 12, abs=0.1)
-
-
-def test_a_film_names_as_many_rows_as_there_is_room_for() -> None:
-    rows = ["fov[marker 2]", "range[joint 6].upper", "speed[joint 2].upper", "sphere[tip]"]
-    assert film.truncated_labels("active: ", rows[:1], 46) == "active: fov[marker 2]"
-    assert film.truncated_labels("violated: ", rows[:3], 80) == f"violated: {', '.join(rows[:3])}"
-    assert film.truncated_labels("violated: ", rows[:3], 46) == "violated: fov[marker 2] and 2 more"
-    assert film.truncated_labels("violated: ", rows, 90) == f"violated: {', '.join(rows[:3])} and 1 more"
-    assert film.truncated_labels("", [], 46) == ""
-    assert len(film.truncated_labels("active: ", ["x" * 60, "y"], 30)) <= 30
 
 
 # --- runs by their names, and what is refused ---

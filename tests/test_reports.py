@@ -27,15 +27,15 @@ from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import drawing, report, write_report
+from vsconstraints.reports.drawing import acting_in
 from vsconstraints.reports.figures import FIGURES
-from vsconstraints.reports.groups import KINDS, MAX_LAWS, grouped, kind_of
+from vsconstraints.reports.groups import MAX_LAWS, grouped
 from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
-from vsconstraints.reports.results import Cell, Results, comparable, marked
+from vsconstraints.reports.results import MAX_LANES, MAX_PHI, Cell, Results, RowsShown, comparable, marked
 from vsconstraints.reports.scenario import metric_table
-from vsconstraints.reports.selection import MAX_LANES, MAX_PHI, acting_in, hidden_lanes, lane_rows, phi_rows
-from vsconstraints.reports.summary import endings_table, law_table, score_table
+from vsconstraints.reports.summary import law_table, score_table
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -211,10 +211,11 @@ def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path
 
 def summary_of(folder: Path, lines: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
     """What the tables over all scenarios say of each controller; the report is written."""
-    write_report(made(folder, lines), figures=False)
+    text = whole(write_report(made(folder, lines), figures=False))
+    endings = text.partition("## All scenarios\n\n")[2].partition("\n\n")[0]
     results = Results(StoredComparison.load(folder))
     found: dict[str, dict[str, str]] = {}
-    for lines_of in tables_of("\n\n".join(one(results) for one in (law_table, endings_table, score_table))):
+    for lines_of in tables_of("\n\n".join((law_table(results), endings, score_table(results)))):
         for cells in lines_of:
             found.setdefault(cells["controller"], {}).update(cells)
     return {name: line for name, line in found.items() if name != "tracking"}
@@ -730,37 +731,14 @@ MANY = {
 }
 
 
-def test_many_laws_stand_together_by_what_they_use() -> None:
-    found = {group.suffix: group for group in grouped(MANY)}
+def test_many_laws_stand_in_groups_in_their_order() -> None:
     fields = [f"field-{k}" for k in range(9)]
-    assert {suffix: group.controllers for suffix, group in found.items()} == {
+    assert {group.suffix: group.controllers for group in grouped(MANY)} == {
         "--1": ("tracking", *fields[:6]),
-        "--2": ("tracking", *fields[6:], "active", "barrier", "mine"),
+        "--2": ("tracking", *fields[6:], "barrier", "mine", "active"),
     }
-    assert found["--2"].listed == (
-        "Laws without T_s, L_fφ, memory or model: field-6, field-7, field-8 and active; Laws that use L_fφ: barrier; "
-        "Own laws: mine"
-    )
     (only,) = grouped(dict(list(MANY.items())[: MAX_LAWS + 1]))
-    assert only.controllers == ("tracking", *fields[:MAX_LAWS])
-    assert only.title == only.suffix == ""
-
-
-@pytest.mark.parametrize(
-    ("used", "title"),
-    [
-        ((), "Laws without T_s, L_fφ, memory or model"),
-        (("σ", "K"), "Laws without T_s, L_fφ, memory or model"),
-        (("T_s", "σ"), "Laws that use T_s"),
-        (("L_fφ", "T_s"), "Laws that use L_fφ"),
-        (("T_s", "memory"), "Laws with memory"),
-        (("L_gφ q̈ of the last sample", "T_s"), "Laws with memory"),
-        (("model", "memory"), "Laws with a model"),
-        (None, "Own laws"),
-    ],
-)
-def test_a_law_stands_by_the_last_that_it_uses(used: Any, title: str) -> None:
-    assert KINDS[kind_of(used)][0] == title
+    assert only == (("tracking", *fields[:MAX_LAWS]), "")
 
 
 @settings(max_examples=50, deadline=None)
@@ -801,9 +779,6 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
     drawn = [f"example-2d-fov--{figure.name}" for figure in FIGURES]
     assert links(text) == {f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes}
     assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
-    for group in grouped(MANY):
-        assert text.count(f"{group.title}.*") == len(FIGURES) + 1
-        assert f"- {group.listed}." in text
     for first in ("controller", "challenged rows", "rows that limited the arm"):
         found = [t for t in tables_of(text) if first in t[0] and len(t) > 5]
         assert found
@@ -843,12 +818,11 @@ def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
         for k, label in enumerate(labels)
     ]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows)))
-    assert phi_rows(results, "one") == (labels[3], labels[17])
-    assert lane_rows(results, "one") == (labels[3], *labels[9:])
-    assert hidden_lanes(results, "one") == 19 - MAX_LANES
+    shown = RowsShown.of(results.every_row("one"))
+    assert shown == ((labels[3], labels[17]), (labels[3], *labels[9:]), 19 - MAX_LANES)
     unchallenged = [{**line, "challenged": False} for line in rows]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
-    assert phi_rows(results, "one") == tuple(labels[-MAX_PHI:])
+    assert RowsShown.of(results.every_row("one")).phi == tuple(labels[-MAX_PHI:])
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))

@@ -8,14 +8,10 @@ import pytest
 from matplotlib.image import imread
 
 from vsconstraints.cli.paper import reproduce
-from vsconstraints.comparisons.run import perform
-from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.paper import check, chosen_claims, chosen_figures, redraw, runner
 from vsconstraints.paper.figures import FIGURES
-from vsconstraints.paper.figures.case_study import details, tip_path
 from vsconstraints.paper.verdicts import Claim
-from vsconstraints.reports.plots import Sheet
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -90,10 +86,3 @@ def test_a_figure_that_cannot_be_drawn_is_named_and_removed(tmp_path: Path, monk
     path.write_text("an older one")
     assert "it exploded" in redraw([11], tmp_path)[path]
     assert not path.exists()
-
-
-def test_fig_12_shows_a_law_that_keeps_away_from_the_sphere() -> None:
-    barrier = ControllerSpec("hierarchical-qp", options={"rows": "barrier"})
-    run = perform(RunSpec("case-study-6r", barrier, {"constraints.3.radius": 0.001, "duration": 5.0}))
-    assert not (run.phi("sphere[tip]") >= 0.0).any(), "the sphere is out of the way"
-    details(Sheet(), run, tip_path(run), 0.0)

@@ -14,9 +14,8 @@ from campaigns import campaign
 from test_disturbances import case
 from test_evidence import HERE
 from vsconstraints.comparisons.evidence import TIMING, Campaign, Evidence, collect
-from vsconstraints.comparisons.evidence.work import Bench, set_up, tasks_of
-from vsconstraints.comparisons.metrics import score
-from vsconstraints.comparisons.metrics.measured import Measured
+from vsconstraints.comparisons.evidence.work import Bench, tasks_of
+from vsconstraints.comparisons.metrics import Measured, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import AS_THE_SCENE, ControllerSpec, RunSpec, RunTiming
@@ -130,8 +129,7 @@ def test_each_law_has_its_own_time_and_leaves_the_others_theirs(timed: tuple[Cam
 
 def test_a_bench_gives_every_law_the_scenes_time_limit(timed: tuple[Campaign, Path]) -> None:
     task = tasks_of(timed[0])[0]
-    scene, setups = set_up(task, 0)
-    assert not isinstance(scene, str)
+    scene, setups = task.family.set_up(0, task.half, task.seed)
     setup = replace(setups["nominal"], duration=4.0)
     bench, limit = Bench(scene, "nominal", setup), until_settled(setup).time_limit
     assert limit is not None

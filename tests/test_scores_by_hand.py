@@ -13,8 +13,7 @@ import pytest
 from scenes import acting
 from test_metrics import made
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics import Measured
-from vsconstraints.comparisons.metrics.measured import longest_run
+from vsconstraints.comparisons.metrics import Measured, longest_run
 
 CHATTERING = ("phi_band", "phi_band_bound", "sliding_lost_s", "switching_rate_hz", "acceleration_variation", "jerk_rms")
 TIMES = ("step_time_median_us", "step_time_p99_us", "step_time_max_us", "rows_time_median_us", "missed_periods")

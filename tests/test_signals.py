@@ -9,6 +9,7 @@ import subprocess
 import termios
 import time
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +18,9 @@ import pytest
 from processes import MAIN, left_over, marked, needs_proc
 from vsconstraints.cli.terminal import note_processes
 from vsconstraints.comparisons.runs import machine as resources
+from vsconstraints.comparisons.runs.files import write_arrays
 from vsconstraints.comparisons.tables import read_table
-from vsconstraints.paper.studies import RunSummary, run_studies
-from vsconstraints.paper.studies.potential_fields import ShrinkingRegion
+from vsconstraints.paper.studies import STUDIES, RunSummary, run_studies
 
 pytestmark = needs_proc
 
@@ -136,7 +137,7 @@ def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(com
 
 
 def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    few = ShrinkingRegion()
+    few = copy(STUDIES["shrinking-region"])
     runs = dict(list(few.runs(small=True).items())[:3])
     few.runs = lambda small=False: runs  # type: ignore[method-assign]
 
@@ -151,7 +152,7 @@ def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     assert len(kept) >= 2
     # they are taken as they are: so they can be told from new ones
     for file, summary in kept.items():
-        replace(summary, status="failed", reason="kept").save(file)
+        write_arrays(file, vars(replace(summary, status="failed", reason="kept")))
     results = run_studies(folder=tmp_path, workers=1, studies={"shrinking-region": few})
     assert sum(failure.endswith("failed, kept") for failure in results["shrinking-region"].failures) == 2
     assert not (tmp_path / "unfinished").exists()
@@ -159,7 +160,7 @@ def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
 
 def test_a_summary_survives_storing_and_a_damaged_one_is_none(tmp_path: Path) -> None:
     file = tmp_path / "summary.npz"
-    RunSummary("failed", "why — σ ≤ 0", {"a": float("nan"), "b": "x", "c": True}).save(file)
+    write_arrays(file, vars(RunSummary("failed", "why — σ ≤ 0", {"a": float("nan"), "b": "x", "c": True})))
     again = RunSummary.load(file)
     assert again is not None
     assert (again.status, again.reason, again.result["b"], again.result["c"]) == ("failed", "why — σ ≤ 0", "x", True)

@@ -8,7 +8,7 @@ import pytest
 
 from told import NO, PARTLY, YES
 from vsconstraints.paper.studies import StudyResult
-from vsconstraints.paper.studies.points import Numbers
+from vsconstraints.paper.studies.tables import Numbers
 from vsconstraints.paper.verdicts import CLAIMS, Finding
 
 ONE, OTHER = "example-2d-fov", "case-study-6r"

@@ -22,11 +22,9 @@ from vsconstraints.paper.studies import (
     data_file,
     figure_file,
     run_studies,
+    tables,
 )
-from vsconstraints.paper.studies.drawing import LAWS
-from vsconstraints.paper.studies.gains import SamplingTime, SwitchingGain
-from vsconstraints.paper.studies.gradient_errors import GradientErrors
-from vsconstraints.paper.studies.potential_fields import ShrinkingRegion, front, not_kept, scaled_gains, unused
+from vsconstraints.paper.studies.laws import LAWS, front, not_kept, scaled_gains, unused
 from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
 from vsconstraints.paper.studies.unselected_experiments import (
     compared,
@@ -200,7 +198,7 @@ class TestDrift:
 
 class TestEvaluation:
     def test_shrinking_region_on_a_field_that_approaches_and_one_that_does_not(self):
-        case = partial(ShrinkingRegion.Case, "example-2d-fov")
+        case = partial(STUDIES["shrinking-region"].Case, "example-2d-fov")
         runs = {case("sliding-mode"): summary(), case("halved"): summary(q=0.001)}
         for region, near, far in ((0.5, 1.0, 1.0), (0.01, 0.1, 0.5), (0.001, 0.0, 2.0)):
             runs[case("priority", region)] = summary(q=near)
@@ -217,10 +215,10 @@ class TestEvaluation:
             return summary(result={"violation_depth": depth}, **gains)
 
         runs = {
-            SwitchingGain.Case(50.0, 5.0): run(0.1, 1.0, 30),
-            SwitchingGain.Case(50.0, 10.0): run(0.0, 0.2, 20),
-            SwitchingGain.Case(50.0, 20.0): run(0.0, 0.06, 3),
-            SwitchingGain.Case(50.0, 40.0): run(0.0, 0.06, 1),
+            STUDIES["switching-gain"].Case(50.0, 5.0): run(0.1, 1.0, 30),
+            STUDIES["switching-gain"].Case(50.0, 10.0): run(0.0, 0.2, 20),
+            STUDIES["switching-gain"].Case(50.0, 20.0): run(0.0, 0.06, 3),
+            STUDIES["switching-gain"].Case(50.0, 40.0): run(0.0, 0.06, 1),
         }
         numbers = STUDIES["switching-gain"].evaluate(runs).numbers
         assert numbers[50.0, "smallest_allowed"] == 10.0
@@ -232,7 +230,7 @@ class TestEvaluation:
 
     def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
         made = {10.0: summary(phi_max=0.0), 20.0: summary("failed"), 40.0: summary(phi_max=0.0)}
-        runs = {SwitchingGain.Case(50.0, gain): run for gain, run in made.items()}
+        runs = {STUDIES["switching-gain"].Case(50.0, gain): run for gain, run in made.items()}
         assert STUDIES["switching-gain"].evaluate(runs).numbers[50.0, "smallest_allowed"] == 40.0
 
     def test_sampling_time_finds_the_exponent(self):
@@ -241,13 +239,13 @@ class TestEvaluation:
                 Ts=Ts, entry_push=4.0, longest_run=1, result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts}
             )
 
-        runs = {SamplingTime.Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
+        runs = {STUDIES["sampling-time"].Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
         numbers = STUDIES["sampling-time"].evaluate(runs).numbers
         assert numbers["example-2d-fov", "exponent"] == pytest.approx(2.0)
         assert numbers["example-2d-fov", "greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
 
     def test_gradient_error_compares_with_the_same_controllers_exact_run(self):
-        case = partial(GradientErrors.Case, "example-2d-fov")
+        case = partial(STUDIES["gradient-error"].Case, "example-2d-fov")
         runs = {
             case("sliding-mode", 0.0): summary(),
             case("sliding-mode", 0.3): summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
@@ -359,6 +357,26 @@ def test_gains_are_scaled_row_by_row():
     assert len(scaled_gains("case-study-6r", 2.0)) == 4
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "where"),
+    [
+        ("question = ", "questoin = ", "pareto"),
+        ("left = 0.8", "lefft = 0.8", "pareto.layout"),
+        ('by = "controller"', 'bye = "controller"', "pareto.layers"),
+        ("same = true", "some = true", "pareto.measures"),
+        ("samples = 2", "sample = 2", "pareto.limits"),
+        ("parameter = 1.0", "paramter = 1.0", "pareto.runs"),
+    ],
+)
+def test_a_misspelt_key_is_refused_by_name(right, wrong, where):
+    text = Path(tables.__file__).with_name("studies.toml").read_text(encoding="utf-8")
+    before, name, after = text.partition("[pareto]\n")
+    assert right in after
+    with pytest.raises(ConfigurationError, match=rf"key in {where} '{wrong.split()[0]}'.*{right.split()[0]}"):
+        tables.read_tables(before + name + after.replace(right, wrong, 1))
+    assert tables.read_tables(text).keys() == tables.TABLES.keys()
+
+
 def test_results_are_data():
     assert StudyResult("tiny").points == ()
 
@@ -443,7 +461,7 @@ class TestUnselectedExperiments:
             {**line, "case": "plus", "scene": scene, "track_px": 2.0, "speed_share": 5.0}
             for scene in ("shipped", "0", "1")
         ]
-        numbers = counted(points)["plus"]
+        numbers = counted(points)
         assert (numbers["scenes"], numbers["similar"], numbers["satisfactory"]) == (2.0, 2.0, 0.0)
 
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-import socket
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from distributed import Client, LocalCluster
 
@@ -20,10 +17,8 @@ from documents import DOCS
 from test_calibration import ros, written
 from test_urdf import TETRAHEDRON
 from vsconstraints import Camera, Robot
-from vsconstraints.arms import Envelope
-from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, Server
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.tuning.objectives import Judged
+from vsconstraints.comparisons.tuning.problem import Judged
 from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.compiled import prepare
 from vsconstraints.errors import VsconstraintsError
@@ -160,37 +155,12 @@ def dask(folder: Path) -> Seen:
     return found
 
 
-def arm(folder: Path) -> Seen:
-    """Random messages to the server, and its answers: it moves a fake arm, on this machine alone, and that is all."""
-    n = 2
-    limits, garbage = (
-        Envelope(*(np.ones(n),) * 5, period=0.01),
-        (b"[[[", b'["move"]', b'["move", [1], {}]', b"null", b"1"),
-    )
-    with watched() as began:
-        server = Server(FakeArm(np.zeros(n), limits), Behaviour(simulated_time=True))
-    assert began.network == {"(('127.0.0.1', 0),)"}
-    thread = threading.Thread(target=server.serve, daemon=True)
-    thread.start()
-    rng = np.random.default_rng(0)
-    with watched() as seen:
-        for message in (*garbage, *(rng.bytes(40) for _ in range(300)), b'["move", [0, NaN], [0, 1]]'):
-            with socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as connection:
-                connection.sendall(message + b"\n")
-                assert connection.recv(10_000)[:2] in (b"", b'["')
-    seen.network.clear()  # these were the test's own
-    server.close()
-    thread.join(5.0)
-    return seen
-
-
 ROWS: dict[str, Callable[[Path], Seen]] = {
     "scenario, suite, family or campaign (TOML)": toml,
     "calibration of a camera (YAML)": calibration,
     "URDF, SRDF or mesh": urdf,
     "journal of a tuning": journal,
     "port of a Dask scheduler or worker": dask,
-    "port of an arm: `loopback://`, `ur-rtde://`": arm,
 }
 
 

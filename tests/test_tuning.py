@@ -15,23 +15,24 @@ import numpy as np
 import pandas
 import pytest
 
-from vsconstraints.comparisons.evidence import Campaign
+from vsconstraints.comparisons.evidence import Batch, Campaign
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.tuning import Budget, Problem, Stage, Tuned, Tuning, tune
+from vsconstraints.comparisons.tuning import Budget, Problem, Tuned, Tuning, tune
 from vsconstraints.comparisons.tuning import tune as tune_function
-from vsconstraints.comparisons.tuning.objectives import (
-    FAILED,
+from vsconstraints.comparisons.tuning.problem import (
+    ALL,
     OBJECTIVES,
     REFERENCE,
     Judged,
     Outcome,
     Point,
+    Searched,
     choose,
+    evaluating,
     judged,
     loss,
     outcome,
 )
-from vsconstraints.comparisons.tuning.problem import ALL, Searched, evaluating
 from vsconstraints.comparisons.tuning.tune import Evaluation, Journal, Search
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
@@ -97,7 +98,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Tuning, MadeUp]]
         def evaluating(*_: Any) -> Iterator[Any]:
             yield evaluator.evaluate
 
-        monkeypatch.setattr(Problem, "stages", lambda self, *_: ())
+        monkeypatch.setattr(Problem, "tasks", lambda self, *_: ())
         monkeypatch.setitem(tune_function.__globals__, "evaluating", evaluating)
         tuning = tune(problem, folder)
         write_report(tuning, folder)
@@ -376,9 +377,6 @@ def test_budgets_that_are_none(arguments: dict[str, Any], words: str) -> None:
 def test_held_out_scenes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     family = Family.load("planar-arm")
     scene = family.scene(0, "training")
-    assert Stage(scene, "nominal").scene.half == "training"
-    with pytest.raises(ConfigurationError, match="of the held-out half: laws are tuned on training scenes alone"):
-        Stage(replace(scene, half="held-out"), "nominal")
     own = replace(campaign(tmp_path), half="held-out")
     asked = []
 
@@ -390,19 +388,22 @@ def test_held_out_scenes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
         return {key: function(*call) for key, call in calls.items()}
 
     monkeypatch.setattr(Family, "scene", drawn)
-    monkeypatch.setitem(Problem.stages.__globals__, "run_all", carried_out)
-    stages = Problem(own, Budget(scenes=2)).stages()
+    monkeypatch.setitem(Problem.tasks.__globals__, "run_all", carried_out)
+    tasks = Problem(own, Budget(scenes=2)).tasks()
     assert asked == [(0, "training", 0), (1, "training", 0)]
-    assert [(stage.scene.number, stage.condition) for stage in stages] == [(0, "nominal"), (1, "nominal")]
+    assert [(task.half, task.scenes, task.conditions) for task in tasks] == [
+        ("training", (number,), ("nominal",)) for number in (0, 1)
+    ]
+    assert [task.drawn and task.drawn.number for task in tasks] == [0, 1]
 
 
 def test_a_half_without_scenes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     family = Family.load("planar-arm")
     empty = replace(family.scene(0, "training"), tables={}, rejected={"not reachable": 200})
     monkeypatch.setattr(Family, "scene", lambda self, number, half, seed: empty)
-    monkeypatch.setitem(Problem.stages.__globals__, "run_all", lambda function, calls, **_: dict.fromkeys(calls, empty))
+    monkeypatch.setitem(Problem.tasks.__globals__, "run_all", lambda function, calls, **_: dict.fromkeys(calls, empty))
     with pytest.raises(ConfigurationError, match=r"family planar-arm: all of .* rejected: not reachable"):
-        Problem(campaign(tmp_path), Budget()).stages()
+        Problem(campaign(tmp_path), Budget()).tasks()
 
 
 def test_folders_of_something_else_are_refused(tmp_path: Path, run: Any) -> None:
@@ -466,7 +467,7 @@ def test_objectives_by_hand() -> None:
     assert outcome(result(acceleration_variation=1e9, settling_time_s=30.0), result()).point[1:] == (4.0, 2.0)
     nothing = outcome(result(utilization=math.nan), result(settling_time_s=math.nan))
     assert [math.isnan(value) for value in nothing.point] == [True, False, True]
-    means = judged([outcome(result(), result()), nothing, trapped, FAILED])
+    means = judged([outcome(result(), result()), nothing, trapped, Outcome("failed", False, REFERENCE)])
     assert means.point == pytest.approx(((0.1 + 1.0 + 1.0) / 3, (2 + 2 + 4 + 4) / 4, (1 + 2 + 2) / 3))
     assert (means.violations, means.runs, means.converged, means.successes) == (0.25, 4, 2, 2)
     assert judged([outcome(result(violated="fov[marker 1]"), result())])[1:] == (1.0, 1, 1, 0)
@@ -557,15 +558,18 @@ class Dying(Law):
 
 
 @pytest.fixture(scope="module")
-def stages() -> tuple[Stage, ...]:
-    family = Family.load("planar-arm")
-    return tuple(Stage(family.scene(number, "training"), "nominal") for number in (0, 1))
+def tasks() -> tuple[Batch, ...]:
+    family, baseline = Family.load("planar-arm"), ControllerSpec("tracking")
+    return tuple(
+        Batch(family, (number,), ("nominal",), (baseline,), "training", 0, drawn=family.scene(number, "training"))
+        for number in (0, 1)
+    )
 
 
 def test_the_same_by_one_process_and_by_two(
-    tmp_path: Path, stages: tuple[Stage, ...], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, tasks: tuple[Batch, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Problem, "stages", lambda self, *_: stages)
+    monkeypatch.setattr(Problem, "tasks", lambda self, *_: tasks)
     problem = Problem(campaign(tmp_path, ONE), Budget(3, 2))
     for jobs in (1, 2):
         tune(problem, tmp_path / f"{jobs}", workers=jobs)
@@ -573,10 +577,10 @@ def test_the_same_by_one_process_and_by_two(
     assert table(tmp_path / "1").converged.tolist() == [2] * 6
 
 
-def test_a_law_that_ends_its_process_fails_alone(tmp_path: Path, stages: tuple[Stage, ...]) -> None:
+def test_a_law_that_ends_its_process_fails_alone(tmp_path: Path, tasks: tuple[Batch, ...]) -> None:
     (tmp_path / "my_laws.py").write_text(DYING, encoding="utf-8")
     dying = [ControllerSpec("dying", "my_laws:Dying", {"alpha": alpha}, tmp_path) for alpha in (20.0, 50.0)]
-    with evaluating(stages[:1], ControllerSpec("tracking"), 1) as evaluate:
+    with evaluating(tasks[:1], 1) as evaluate:
         same, well, lost = evaluate([ControllerSpec("hierarchical-qp"), *dying])
         assert evaluate([]) == []
     assert well == same

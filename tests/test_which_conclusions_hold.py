@@ -19,12 +19,14 @@ from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Evidence
 from vsconstraints.comparisons.statistics import detectable, simultaneous
 from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.ranking import PairVerdict
+from vsconstraints.reports.evidence.ranking import PairVerdict, finite
+from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.evidence.robustness import (
     MEASURES,
-    conclusion_tables,
+    Conclusion,
+    Measure,
     conclusions,
-    power_table,
+    pairs,
     powers,
     robustness_findings,
 )
@@ -60,7 +62,7 @@ def outcomes(made_up: Dataset, measure: str = "success") -> dict[tuple[str, str,
     return {(one.better, one.worse, one.condition): one.outcome for one in every}
 
 
-def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
+def test_a_conclusion_holds_is_reversed_or_is_inconclusive(tmp_path: Path) -> None:
     made_up = material(
         {
             "nominal": {"a": AHEAD, "b": BEHIND},
@@ -88,18 +90,20 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     assert [found["short"][name] for name in counts] == [0, 0, 1, 1, 5, 1]
     assert "detectable" in found["over"]
     assert "detectable" not in found["short"]
-    tables = conclusion_tables(made_up)
-    assert [line.split(" | ")[3:] for line in tables["Success"].splitlines() if line.startswith("| a ")] == [
+    report = write_report_of(Dataset(made(made_up.evidence.runs, tmp_path), figures=False))
+    text = report.with_name("details.md").read_text(encoding="utf-8")
+    table = text.partition("### Success\n\n")[2].partition("\n\n")[0]
+    assert [line.split(" | ")[3:] for line in table.splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
     ]
-    assert tables["Violation"] == ""
+    assert pairs(made_up, MEASURES[1]) == {}
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
     made_up = material({"nominal": {"a": AHEAD, "b": AHEAD}, "over": {"a": AHEAD, "b": BEHIND}})
     assert conclusions(made_up) == []
     assert robustness_findings(made_up) == []
-    assert power_table(made_up) == ""
+    assert powers(made_up) == []
 
 
 def test_fewer_violations_are_better_and_who_only_fails_is_not_compared() -> None:
@@ -170,11 +174,15 @@ def test_the_margin_is_that_of_the_worse_side() -> None:
     success, violation, space, chattering = MEASURES
     narrow = {"p": 1.0, "scenes": 9, "differ": 9, "verdict": "not distinguishable", "difference": 0.0}
     better, worse = PairVerdict(low=-0.05, high=0.5, **narrow), PairVerdict(low=-0.5, high=0.05, **narrow)
-    assert (success.excludes(better), success.excludes(worse)) == (True, False)
-    assert (violation.excludes(better), violation.excludes(worse)) == (False, True)
-    assert not space.excludes(better)
-    assert chattering.excludes(PairVerdict(low=0.5, high=1.2, **narrow))
-    assert not chattering.excludes(PairVerdict(low=1.1, high=1.3, **narrow))
+
+    def excludes(measure: Measure, pair: PairVerdict) -> bool:
+        return Conclusion(measure, "a", "b", "other", "inconclusive", pair, pair).excluded
+
+    assert (excludes(success, better), excludes(success, worse)) == (True, False)
+    assert (excludes(violation, better), excludes(violation, worse)) == (False, True)
+    assert not excludes(space, better)
+    assert excludes(chattering, PairVerdict(low=0.5, high=1.2, **narrow))
+    assert not excludes(chattering, PairVerdict(low=1.1, high=1.3, **narrow))
 
 
 def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -> None:
@@ -185,7 +193,6 @@ def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -
     pairs = {(one.better, one.worse) for one in conclusions(made_up) if one.measure is SUCCESS}
     assert pairs == {("a", "b"), ("a", "c"), ("b", "c")}
     assert found[1:] == ("other", 3, 20, detectable(20, 8 / 20, simultaneous(0.95, 3)))
-    assert found.as_data()["detectable"] == found.detectable
 
 
 def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
@@ -212,8 +219,9 @@ def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
     """McNemar's test and the sign test by statsmodels and SciPy, from the runs and the report's data."""
     rates = {"nominal": {"a": 0.9, "b": 0.6, "c": 0.3}, "worse": {"a": 0.4, "b": 0.6, "c": 0.35}}
     made_up = Dataset(made(drawn_runs(rates, ["x", "y"], 60, seed=3), tmp_path), figures=False)
-    said = {"conclusions": conclusions(made_up), "power": powers(made_up)}
-    data = {name: [one.as_data() for one in every] for name, every in said.items()}
+    data = {"conclusions": [one.as_data() for one in conclusions(made_up)]}
+    names = ("measure", "condition", "conclusions", "scenes", "detectable")
+    data["power"] = [finite(dict(zip(names, one, strict=True))) for one in powers(made_up)]
     claims = json.loads(json.dumps(data, allow_nan=False))
     assert differing(made_up.runs, claims) == []
     assert len({one["outcome"] for one in claims["conclusions"]}) > 1

@@ -15,7 +15,7 @@ DOUBT = 0.05
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
-        "src/vsconstraints/comparisons/metrics",
+        "src/vsconstraints/comparisons/metrics.py",
         "src/vsconstraints/reports/results.py",
         "src/vsconstraints/reports/summary.py",
         "src/vsconstraints/compiled/samples.py",
@@ -43,10 +43,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "lookahead": (
         "src/vsconstraints/controllers/predictive.py",
+        "src/vsconstraints/controllers/robust_predictive.py",
         "src/vsconstraints/compiled/plan_program.py",
         "src/vsconstraints/compiled/predictive.py",
         "src/vsconstraints/controllers/goal_governor.py",
-        "src/vsconstraints/controllers/barrier_governor.py",
         "src/vsconstraints/compiled/goal_governor.py",
     ),
     "formulas": (

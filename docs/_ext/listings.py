@@ -12,6 +12,7 @@ import importlib
 import inspect
 import re
 from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import typer
@@ -20,6 +21,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from vsconstraints.cli import app
+from vsconstraints.controllers import CONTROLLERS, Law
 
 
 def imported(name: str) -> Any:
@@ -79,7 +81,7 @@ class Options(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """One line for each option."""
         made = imported(self.arguments[0])
-        described = parameters(inspect.getdoc(made) or "")
+        described = {**meanings(made), **parameters(inspect.getdoc(made) or "")}
         lines = []
         for name, option in inspect.signature(made).parameters.items():
             default = "none" if option.default is None else repr(option.default).strip("'")
@@ -117,6 +119,14 @@ def parameters(doc: str) -> dict[str, str]:
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", doc, flags=re.S | re.M)
     found = re.findall(r"^(\w.*)\n((?:[ \t]+.*\n?|\n)+)", section[1] if section else "", flags=re.M)
     return {name.strip(): text for names, text in found for name in names.split(",")}
+
+
+def meanings(made: Any) -> dict[str, str]:
+    """What the options of a dataclass, or of the demand and the resolver of a law, mean, as their fields say."""
+    law = made() if made in CONTROLLERS.values() else None
+    parts = [law.demand, law.resolver] if isinstance(law, Law) else [made]
+    found = {field.name: field for part in parts if is_dataclass(part) for field in fields(part)}
+    return {name: f"{field.metadata['meaning']}." for name, field in found.items() if "meaning" in field.metadata}
 
 
 def setup(sphinx: Sphinx) -> dict[str, bool]:

@@ -11,9 +11,11 @@ import pkgutil
 import re
 from collections.abc import Iterable, Iterator
 from functools import cache
+from inspect import signature
 from itertools import chain
 
 from docutils import nodes
+from listings import meanings
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -81,8 +83,13 @@ def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) ->
             annotation += nodes.Text(named)
 
 
-def as_written(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
-    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them."""
+def as_written(app: Sphinx, what: str, name: str, thing: object, settings: object, lines: list[str]) -> None:
+    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them. Add options."""
+    meant = meanings(thing) if what == "class" else {}
+    meant = {name: text for name, text in meant.items() if name in signature(thing).parameters}
+    if meant:
+        lines += [] if "Parameters" in lines else ["", "Parameters", "----------"]
+        lines += [line for name, text in meant.items() for line in (name, f"    {text}")]
     text = "\n".join(lines)
     text = re.sub(r"(``.*?``)|\|", lambda found: found[1] or r"\|", text)
     if isinstance(thing, dict):

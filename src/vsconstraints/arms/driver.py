@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal, NamedTuple
 from urllib.parse import parse_qsl, urlsplit
@@ -46,20 +47,21 @@ class Address:
         except ValueError as error:
             raise ConfigurationError(f"the address {shown(text)} cannot be read: {error}") from error
         if not parts.scheme or "://" not in text:
-            raise ConfigurationError(
-                f"an arm's address is like ur-rtde://192.168.0.2 or loopback://, not {shown(text)}"
-            )
+            raise ConfigurationError(f"an arm's address is like ur-rtde://HOST or loopback://, not {shown(text)}")
         if parts.path not in ("", "/") or parts.fragment or parts.username is not None:
             raise ConfigurationError(f"an arm's address is SCHEME://HOST:PORT?OPTION=VALUE, not {shown(text)}")
         return cls(parts.scheme, host, port, options)
 
+    def demand_none(self) -> None:
+        """Raise ConfigurationError if it says where an arm in this process is."""
+        if self.host or self.port is not None:
+            raise ConfigurationError(f"{self.scheme}:// is in this process, and at no address like {self.host!r}")
+
     def number(self, name: str, default: float) -> float:
         """An option that is a number of zero or more; raises ConfigurationError."""
-        text = self.options.get(name)
-        try:
-            value = default if text is None else float(text)
-        except ValueError:
-            value = -1.0
+        text, value = self.options.get(name, default), -1.0
+        with suppress(ValueError):
+            value = float(text)
         if not 0.0 <= value < float("inf"):
             raise ConfigurationError(f"option {name} of {self.scheme} must be a number of 0 or more, not {shown(text)}")
         return value
@@ -90,7 +92,6 @@ class Driver(ABC):
                 raise unknown_name(f"option of {address.scheme}", option, self.known)
         self.address, self.n, self.period = address, setup.scene.robot.n, setup.Ts
 
-    @abstractmethod
     def connect(self) -> None:
         """Reach the arm; nothing moves. Raises ArmError."""
 
@@ -115,12 +116,10 @@ class Driver(ABC):
     def stopper(self) -> Callable[[], None] | None:
         """What stops the arm as :meth:`halt` does, from another process; called once the arm is connected.
 
-        It is pickled and, where this process ends or falls silent, called in one that shares nothing with it: so it has
-        a connection of its own, and raises ArmError if the arm is not reached. None where there is no such way: then
-        only the arm itself can stop while Python is blocked.
+        It is pickled and called in a process that shares nothing with this one: so it has a connection of its own, and
+        raises ArmError if the arm is not reached. None where only the arm itself can stop while Python is blocked.
         """
         return None
 
-    @abstractmethod
     def close(self) -> None:
         """Leave the arm, which stands still; never raises ArmError. May be called more than once."""

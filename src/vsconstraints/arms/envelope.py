@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,7 @@ ROUNDING = 1e-6  #: Fraction of a limit by which a setpoint may exceed it: diffe
 AT_REST = 1e-9  #: Speed that counts as rest [rad/s or m/s].
 
 
-@dataclass(frozen=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """Where an arm is sent: (n,) coordinates, speeds and accelerations, the last being held during the period."""
 
     q: Array
@@ -66,12 +66,16 @@ class Envelope:
         numbers = np.concatenate([after.q, after.qd, after.qdd])
         if not np.isfinite(numbers).all():
             return "it is not finite"
+
+        def beyond(limit: Array) -> Array:
+            return limit * (1.0 + ROUNDING) + ROUNDING
+
         room = ROUNDING * np.maximum(1.0, np.abs(after.q))
         violations = (
             ("is outside its range", (after.q < self.q_min - room) | (after.q > self.q_max + room), after.q),
-            ("exceeds its speed", np.maximum(np.abs(after.qd), np.abs(moved)) > _beyond(self.qd_max), after.qd),
-            ("exceeds its acceleration", np.abs(changed) > _beyond(self.acceleration), changed),
-            ("exceeds its jerk", np.abs(after.qdd - before.qdd) / T > _beyond(self.jerk), after.qdd),
+            ("exceeds its speed", np.maximum(np.abs(after.qd), np.abs(moved)) > beyond(self.qd_max), after.qd),
+            ("exceeds its acceleration", np.abs(changed) > beyond(self.acceleration), changed),
+            ("exceeds its jerk", np.abs(after.qdd - before.qdd) / T > beyond(self.jerk), after.qdd),
             ("jumps", np.abs(moved - 0.5 * (before.qd + after.qd)) > ROUNDING + 0.01 * self.acceleration * T, moved),
         )
         for what, wrong, value in violations:
@@ -81,17 +85,11 @@ class Envelope:
         return ""
 
 
-def _beyond(limit: Array) -> Array:
-    """(n,) a limit with its rounding."""
-    return limit * (1.0 + ROUNDING) + ROUNDING
-
-
 def deceleration(speed: Array, jerk: Array, period: float) -> Array:
     """(n,) greatest deceleration now from which a joint comes to rest while it falls by j T in each period.
 
-    Decelerations x, x − jT, x − 2jT, … as long as they are positive take T Σ (x − i jT) off the speed. With n of them
-    behind x that is v = T ((n + 1) x − jT n (n + 1)/2), where n is the greatest with n (n + 1)/2 ≤ v/(jT²). Without a
-    limit of jerk x = v/T. Speeds v and jerks j are (n,), zero or more; the period is T [s].
+    With n periods behind x it takes v = T ((n + 1) x − jT n (n + 1)/2) off the speed, where n is the greatest with n (n
+    + 1)/2 ≤ v/(jT²); without a limit of jerk x = v/T. Speeds v and jerks j are (n,); the period is T [s].
     """
     step = np.where(np.isfinite(jerk), jerk * period, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -138,7 +136,6 @@ class Brake:
         return bool(still.all() and decided and slight.all())
 
     def _decide(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """(n,) deceleration and jerk of each joint."""
         limits, speed = self.envelope, np.abs(qd)
         each = limits.acceleration, limits.jerk
         moving = speed > AT_REST

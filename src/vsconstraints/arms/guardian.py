@@ -92,28 +92,21 @@ def watch() -> None:
         if not messages and patience is None:  # nothing was sent to the arm yet
             return
         if not messages:
-            _report(f"the loop has ended, and a process of its own {_stopped(stop)}")
-            return
+            why = "the loop has ended"
+            break
         (patience,) = HEARTBEAT.unpack(messages[-HEARTBEAT.size :])
         if not patience >= 0.0:
             return
-    _report(f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms, and a process of its own {_stopped(stop)}")
-
-
-def _stopped(stop: Callable[[], None]) -> str:
-    """Stop the arm; how that went."""
-    why = ""
+    else:
+        why = f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms"
+    how = ""
     for _ in range(ATTEMPTS):
         try:
             stop()
-            return "told the arm to stop by its own means"
+            how = "told the arm to stop by its own means"
+            break
         except BaseException as error:  # a driver's own mistake must not prevent another try
-            why = described(error)
-    return f"COULD NOT TELL THE ARM TO STOP ({why})"
-
-
-def _report(text: str) -> None:
-    """Write to the watched process, and to whoever started it, as far as they still run."""
-    for file in (1, 2):
+            how = f"COULD NOT TELL THE ARM TO STOP ({described(error)})"
+    for file in (1, 2):  # the watched process, and whoever started it, as far as they still run
         with suppress(OSError):
-            os.write(file, f"{text}\n".encode())
+            os.write(file, f"{why}, and a process of its own {how}\n".encode())

@@ -31,9 +31,8 @@ SOURCES = SIMULATED, MODEL = "simulated", "model"
 class SimulatedImages:
     """The scenario's camera: its noise, image period, delay and lost images, seen from where the arm is measured to be.
 
-    With ``sensor = "images"`` images are rendered and searched for tags, which takes longer than a period: that is for
-    dry runs in simulated time, and ``renders`` says so. Raises ConfigurationError if the scenario's camera is believed
-    to be another one than it is: on an arm that is not a setting.
+    With ``sensor = "images"`` images are rendered and searched for tags, which takes longer than a period, and
+    ``renders`` says so. Raises ConfigurationError if the scenario's camera is believed to be another one than it is.
     """
 
     def __init__(self, setup: Setup) -> None:

@@ -59,8 +59,8 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
 
     Returns the setup with the start that the arm had, and the log. Before anything moves, raises ArmError if the arm
-    cannot be reached, and ConfigurationError if it stands elsewhere or moves, cannot start there, or its accelerations
-    are not limited; if images would be rendered where time is real.
+    cannot be reached, and ConfigurationError if it cannot start there (:func:`.demand_start`), its accelerations are
+    not limited, or images would be rendered where time is real.
     """
     driver, setup = job.driver, job.setup
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
@@ -125,29 +125,18 @@ class _Run:
             missed=stream.missed,
             real_time=not stream.clock.simulated,
             Ts=self.Ts,
-            compiled=self._compiled(),
+            compiled=(step := self.control.bound()) is not None and step.bind(self.job.controller) is not None,
             bounds=asdict(self.bounds),
             remarks=tuple(self._remarks()),
         )
 
     def _remarks(self) -> list[str]:
-        """What a reader of the results should know."""
         stream, images, remarks = self.stream, self.job.images, []
         if stream.missed:
             remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
-        limited = sum(period.guarded for period in stream.periods)
-        if limited:
+        if limited := sum(period.guarded for period in stream.periods):
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")
         return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
-
-    def _compiled(self) -> bool:
-        """Whether rows, task and law all ran compiled."""
-        step = self.control.bound()
-        if step is None:
-            return False
-        size, now = step.packed.size, step.now
-        law = self.job.controller.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
-        return law is not None
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
@@ -212,7 +201,6 @@ class _Run:
             yield
 
     def _periods(self, requests: Requests) -> tuple[Ended, str]:
-        """All periods: how they ended and why."""
         k = 0
         try:
             self.driver.begin()
@@ -262,7 +250,6 @@ class _Run:
         stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
-        """Raise Halt if the arm is not where it was sent."""
         if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
             raise Halt("failed", "the arm's state is not finite")
         off = self.stream.strayed(state)
@@ -296,8 +283,7 @@ class _Run:
         """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
-        doubts = self.control.doubts(evaluation)
-        if doubts:
+        if doubts := self.control.doubts(evaluation):
             since = measured.get("taken", self.same_since) - self.same_since
             frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
             raise Halt("failed", f"{doubts}{frozen}")

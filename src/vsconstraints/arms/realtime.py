@@ -9,8 +9,8 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 PRIORITY = 80  #: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
 CURRENT_AND_FUTURE = 1 | 2  #: MCL_CURRENT and MCL_FUTURE of Linux' mlockall.
@@ -53,8 +53,16 @@ class SimulatedClock:
 Clock = RealClock | SimulatedClock
 
 
-@dataclass(frozen=True)
-class Permitted:
+#: What it means that each of the two is refused, and what would permit it.
+REFUSED = (
+    "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
+    f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
+    "memory is not locked ({}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
+    "(/etc/security/limits.conf: memlock)",
+)
+
+
+class Permitted(NamedTuple):
     """Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked for."""
 
     fifo: str | None
@@ -62,24 +70,17 @@ class Permitted:
 
     def sentences(self) -> list[str]:
         """One sentence each."""
-        fifo, locked = ("not asked for" if why is None else why for why in (self.fifo, self.locked))
+        fifo, locked = ("not asked for" if why is None else why for why in self)
+        loop = f"no real-time scheduling ({fifo}): other programs can delay the loop"
         return [
-            f"no real-time scheduling ({fifo}): other programs can delay the loop"
-            if fifo
-            else f"SCHED_FIFO with priority {PRIORITY}",
+            loop if fifo else f"SCHED_FIFO with priority {PRIORITY}",
             f"memory is not locked ({locked})" if locked else "memory is locked",
             "no garbage is collected meanwhile",
         ]
 
     def warnings(self) -> list[str]:
         """What was refused, and what would permit it."""
-        advice = (
-            "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
-            f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
-            "memory is not locked ({}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
-            "(/etc/security/limits.conf: memlock)",
-        )
-        return [text.format(why) for text, why in zip(advice, (self.fifo, self.locked), strict=True) if why]
+        return [text.format(why) for text, why in zip(REFUSED, self, strict=True) if why]
 
 
 @contextmanager

@@ -83,8 +83,7 @@ class ArmLog:
         write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})
 
 
-@dataclass(frozen=True)
-class Punctuality:
+class Punctuality(NamedTuple):
     """How late periods began, and how long their work took."""
 
     late: Array  #: (N,) [s].
@@ -94,26 +93,21 @@ class Punctuality:
 
     def numbers(self) -> dict[str, float]:
         """What is printed and stored: [s], but for counts."""
-        spread = {}
-        for name in ("late", "busy"):
-            values = getattr(self, name) if len(getattr(self, name)) else np.zeros(1)
-            spread[f"{name}_median_s"] = float(np.median(values))
-            spread[f"{name}_p99_s"] = float(np.percentile(values, 99))
-            spread[f"{name}_max_s"] = float(values.max())
-        return {"periods": len(self.late), "missed": self.missed, **spread}
+        found: dict[str, float] = {"periods": len(self.late), "missed": self.missed}
+        for name, values in (("late", self.late), ("busy", self.busy)):
+            for what, share in (("median", 50.0), ("p99", 99.0), ("max", 100.0)):
+                found[f"{name}_{what}_s"] = float(np.percentile(values if len(values) else 0.0, share))
+        return found
 
     def lines(self) -> list[str]:
         """For a terminal."""
         n = self.numbers()
         share = 100.0 * n["missed"] / max(n["periods"], 1.0)
-        return [
-            f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed ({share:.2g} %)",
-            *(
-                f"{what}: median {_time(n[f'{name}_median_s'])}, p99 {_time(n[f'{name}_p99_s'])}, "
-                f"maximum {_time(n[f'{name}_max_s'])}"
-                for what, name in (("late by", "late"), ("work of a period", "busy"))
-            ),
-        ]
+        said = [f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed ({share:.2g} %)"]
+        for what, name in (("late by", "late"), ("work of a period", "busy")):
+            median, p99, most = (_time(n[f"{name}_{which}_s"]) for which in ("median", "p99", "max"))
+            said.append(f"{what}: median {median}, p99 {p99}, maximum {most}")
+        return said
 
 
 def punctuality(log: ArmLog) -> Punctuality:
@@ -140,19 +134,13 @@ def _draw(runs: dict[str, Punctuality]) -> Sheet | None:
         ax.set_xlim(least, most)
         logarithmic(ax.xaxis, decades(least, most))
         logarithmic(ax.yaxis, decades(0.0, max(len(run.late), 1)), linear_below=1.0)
-        n = run.numbers()
-        ax.set_title(
-            f"{name}: {n['missed']:.0f} of {n['periods']:.0f} missed, p99 {_time(n['late_p99_s'])}", fontsize=8
-        )
+        p99 = _time(run.numbers()["late_p99_s"])
+        ax.set_title(f"{name}: {run.missed} of {len(run.late)} missed, p99 {p99}", fontsize=8)
     return sheet
 
 
-LATENESS = Figure(
-    "lateness",
-    "How late periods began",
-    "Periods by their delay; the line is a whole period: what is right of it was missed.",
-    _draw,
-)
+_LEGEND = "Periods by their delay; the line is a whole period: what is right of it was missed."
+LATENESS = Figure("lateness", "How late periods began", _LEGEND, _draw)
 
 
 class _Recorded(Plant):
@@ -173,25 +161,23 @@ class _Recorded(Plant):
 
 
 class _Repeated(Controller):
-    """Repeats recorded commands."""
-
     name = "recorded"
 
     def __init__(self, qdd: Array) -> None:
         self._commands = iter(qdd)
 
-    def command(self, rows: Rows, task: Task) -> Command:
+    def solve(self, rows: Rows, task: Task) -> Command:
         """The next command."""
         return Command(next(self._commands).copy(), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
 
-    define = solve = command
+    command = define = solve
 
 
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
     """The trajectory of a run on an arm of at least two periods, scored as a simulation is; ``where`` names the arm.
 
-    The robot is where it was measured, the start is the arm's; rows, markers and camera are those of the model there. A
-    run that was ended includes the periods of its stop. Status and reason say that it was on an arm.
+    The robot is where it was measured; rows, markers and camera are those of the model there. A run that was ended
+    includes the periods of its stop. Status and reason say that it was on an arm.
     """
 
     class Recorded(Setup):
@@ -230,8 +216,8 @@ def store(
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run as a comparison's, with tracking alone simulated beside it.
 
-    The suite is of one scenario and one controller; see :func:`trajectory_of` for the others. Returns the run's
-    trajectory, None if there are less than two periods, and the comparison.
+    The suite is of one scenario and one controller. Returns the run's trajectory, None if there are less than two
+    periods, and the comparison.
     """
     (folder / ARM).mkdir(parents=True, exist_ok=True)
     (folder / "trajectories").mkdir(exist_ok=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -65,7 +64,7 @@ class Stream:
         if self.driver.takes == "speed":
             # speeds do not say where: positions are those that were measured
             self._filter.q = state.q
-            self.sent = replace(self.sent, q=state.q)
+            self.sent = self.sent._replace(q=state.q)
         return off
 
     def within_limits(self, qdd: Array) -> tuple[Array, bool]:
@@ -90,29 +89,20 @@ class Stream:
 
     def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
         """Bring the arm to rest by setpoints, ``alive`` being called in each period, or ``by_arm`` itself; see stop."""
-        trouble, self.safe = "", False
+        trouble, tries, self.safe = "", 0, False
         try:
             if not by_arm:
                 self.stop, self.safe = (self._stream_stop(alive), True), True
         except BaseException as error:  # whatever a driver raises, SystemExit too, the arm must stop
             trouble = f"while braking, {_why(error)}; "
-        finally:
-            if not self.safe:
-                self._halt(trouble)
-
-    def _halt(self, trouble: str) -> None:
-        """Have the arm stop by its own means."""
-        for _ in range(HALTS):
+        while not self.safe and tries < HALTS:
+            tries += 1
             try:
                 self.driver.halt(float(self.envelope.acceleration.min()))
                 self.stop, self.safe = (f"{trouble}told to stop by its own means", False), True
-                return
             except BaseException as error:  # as above: then it is reported
-                self.stop = (
-                    f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)}): its own watchdog, or the emergency stop, "
-                    "must do so",
-                    False,
-                )
+                failed = f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)})"
+                self.stop = f"{failed}: its own watchdog, or the emergency stop, must do so", False
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
         """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
@@ -137,10 +127,8 @@ class Stream:
                 rested += 1
                 if rested * self.Ts > SETTLING:
                     j = int(np.argmax(np.abs(state.qd)))
-                    raise ArmError(
-                        f"joint {j + 1} still moves at {state.qd[j]:.3g} rad/s, {SETTLING:g} s after it was sent to "
-                        "rest"
-                    )
+                    moves = f"joint {j + 1} still moves at {state.qd[j]:.3g} rad/s"
+                    raise ArmError(f"{moves}, {SETTLING:g} s after it was sent to rest")
             if k * self.Ts > MAX_STOP:
                 raise ArmError(f"the stop has taken {MAX_STOP:g} s")
             qdd = brake.step(self._filter.q, self._filter.qd) if not rested else np.zeros_like(state.q)

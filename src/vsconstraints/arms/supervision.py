@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import FrameType
 
 import numpy as np
@@ -33,9 +33,9 @@ class Supervision(Plausible):
     hang_s: float = 0.05
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not 0.0 < getattr(self, field.name) < np.inf:
-                raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
+        for name, bound in vars(self).items():
+            if not 0.0 < bound < np.inf:
+                raise ConfigurationError(f"{name} must be positive, not {bound}")
 
 
 def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
@@ -50,18 +50,14 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
         raise ConfigurationError("the arm's state is not finite")
     if setup.gradient_error().any:
-        raise ConfigurationError(
-            "disturbances.gradient_error is for simulations: an arm's law gets the rows as they are known"
-        )
+        raise ConfigurationError("disturbances.gradient_error is for simulations: on an arm rows are as they are known")
     if setup.qd0.any():
         raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")
-    fast = np.abs(state.qd)
-    if fast.max() > supervision.rest_rad_s:
-        j = int(np.argmax(fast))
-        raise ConfigurationError(f"the arm moves: joint {j + 1} at {state.qd[j]:.3g} rad/s; it must stand still")
-    off = np.abs(state.q - setup.q0)
-    if not from_arm and off.max() > supervision.start_rad:
-        j = int(np.argmax(off))
+    fast, off = np.abs(state.qd), np.abs(state.q - setup.q0)
+    i, j = int(np.argmax(fast)), int(np.argmax(off))
+    if fast[i] > supervision.rest_rad_s:
+        raise ConfigurationError(f"the arm moves: joint {i + 1} at {state.qd[i]:.3g} rad/s; it must stand still")
+    if not from_arm and off[j] > supervision.start_rad:
         raise ConfigurationError(
             f"the arm does not stand at the scenario's start: joint {j + 1} is at {state.q[j]:.4g}, not at "
             f"{setup.q0[j]:.4g}, {off[j]:.3g} away. Move it there, or let the run start where it stands (--from-arm)"

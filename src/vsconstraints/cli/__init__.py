@@ -13,19 +13,15 @@ import typer
 from .. import __version__
 from ..comparisons.runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 from ..errors import StorageError, VsconstraintsError, WorkersLost
-from . import advice, arm, campaigns, options, paper, results, scenes, testset
+from . import arm, campaigns, options, paper, results, scenes, testset
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 
 _HELP = "Compare controllers that keep visual servoing inside its limits."
 app = typer.Typer(help=_HELP, no_args_is_help=True, pretty_exceptions_enable=False)
 
-_WHAT = "A kind, such as laws, constraints or metrics, or a name; the names of all kinds if not given."
-_KINDS = options.completed("cli.listing:KINDS")
-_What = Annotated[list[str] | None, typer.Argument(metavar="[KIND|NAME]...", help=_WHAT, autocompletion=_KINDS)]
 
-
-def list_(what: _What = None) -> None:
-    """Show what comes with the package: the names of each kind; of a kind or a name, what it is."""
+def list_(what: options.Names = None) -> None:
+    """List what the package contains, or describe a kind or a name."""
     from .listing import print_listing
 
     print_listing(what or ())
@@ -54,7 +50,7 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "families": (campaigns.families, "six-axis --scenes 20"),
         "evidence": (campaigns.evidence, "--family six-axis --scenes 50"),
         "merge": (campaigns.merge, "whole part-1 part-2"),
-        "advise": (advice.advise, "ur5-fov"),
+        "advise": (campaigns.advise, "ur5-fov"),
         "tune": (campaigns.tune, "--family six-axis --controller cbf-filter"),
         "testset run": (testset.run, "--family planar-arm --entry my_law:MyLaw"),
         "testset verify": (testset.verify, "--redraw 0.01"),
@@ -62,7 +58,7 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "testset make": (testset.make, "--scenes 50 --seed 7 --out my-testset"),
     },
 }
-_TESTSET = "Run laws on frozen scenes, the same for everyone, check these, or make a test set."
+_TESTSET = "Run laws on a frozen test set, check it, or make one."
 _testset = typer.Typer(no_args_is_help=True, help=f"Example: vsconstraints testset run --scenes 20\n\n{_TESTSET}")
 
 for _panel, _commands in GROUPS.items():
@@ -71,7 +67,8 @@ for _panel, _commands in GROUPS.items():
         _help = f"Example: vsconstraints {_name} {_arguments}\n\n{_text}"
         _group, _, _word = _name.rpartition(" ")
         _to, _panel_of = (_testset, None) if _group else (app, _panel)
-        _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)(_command)
+        _declare = _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)
+        _declare(options.described(_name, _command))
 app.add_typer(_testset, name="testset", short_help=_TESTSET, rich_help_panel=_panel)
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from typer import Option
 
 from ..errors import ConfigurationError
-from . import options
+from .options import Names
 from .results import ReportOptions, write_report
 from .terminal import NOTHING_DONE, console, errors, note, typed_command
 
@@ -18,30 +16,21 @@ SIMULATED_ARM = "simulated://"
 NO_WATCHDOG = "the driver knows of no watchdog in the arm"
 
 
-_ROBOT = "ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given."
-_IMAGES = "What sees the markers: simulated, model (nothing does), or one's own module:function."
-_robots, _sources = options.completed("arms:DRIVERS", "://"), options.completed("arms.images:SOURCES")
-_Robot = Annotated[str, Option(metavar="ADDRESS", help=_ROBOT, autocompletion=_robots)]
-_Images = Annotated[str | None, Option(help=_IMAGES, autocompletion=_sources)]
-_Real = Annotated[bool, Option("--real-time/--no-real-time", help="Whether to ask the system for real time.")]
-_Log = Annotated[Path | None, Option(help="Folder for log and results; one of its own for each run.")]
-
-
 def run(
     context: typer.Context,
-    scenario: options.Scenario,
-    controller: options.Controller = "hierarchical-qp",
-    robot: _Robot = SIMULATED_ARM,
-    images: _Images = None,
-    yes: Annotated[bool, Option("--yes", help="Yes, move a real arm.")] = False,
-    from_arm: Annotated[bool, Option("--from-arm", help="Start where the arm stands.")] = False,
-    rate: Annotated[float | None, Option(min=1.0, metavar="HZ", help="Instead of the scenario's.")] = None,
-    settings: options.Settings = None,
-    priority: _Real = True,
-    out: _Log = None,
-    figures: options.Figures = True,
+    scenario: str,
+    controller: str = "hierarchical-qp",
+    robot: str = SIMULATED_ARM,
+    images: str | None = None,
+    yes: bool = False,
+    from_arm: bool = False,
+    rate: float | None = None,
+    settings: Names = None,
+    priority: bool = True,
+    out: Path | None = None,
+    figures: bool = True,
 ) -> None:
-    """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
+    """Run a law on an arm, supervised; without --robot a dry run."""
     from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
     from ..arms.record import demand_own_folder, punctuality

@@ -1,46 +1,34 @@
-"""``families``, ``evidence``, ``merge`` and ``tune``: laws on thousands of drawn scenes."""
+"""``families``, ``evidence``, ``merge``, ``advise`` and ``tune``: laws on thousands of drawn scenes."""
 
 from __future__ import annotations
 
+import json
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import count
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
-from typer import Argument, Option
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, unknown_name
 from ..plugins.extras import demand
-from . import options
+from .options import Names
 from .results import ReportOptions, write_report
-from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
+from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, say, stop, typed_command
 
 if TYPE_CHECKING:
+    from ..comparisons.advice import Advice
     from ..comparisons.evidence import Campaign, Plan
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
 
-_FAMILIES = "Names or paths of families to draw from; if not given, all are listed."
-_CAMPAIGN = "A campaign file, or real-world; all families with the default comparison's controllers if not given."
-_TUNED = "A campaign file; all shipped families with the default laws if not given."
-_CLUSTER = "Of a Dask scheduler, whose workers make the runs: tls://10.0.0.1:8786."
-_SHARD = "Only this part of the scenes, for machines that share no folder."
-_Families = Annotated[options.Names, Argument(help=_FAMILIES, autocompletion=options.family_names)]
-_Drawn = Annotated[int, Option(min=1, max=10_000_000, help="How many scenes are drawn of each.")]
-_Scenes = Annotated[int | None, Option(help="How many of each family, instead of the campaign's.")]
-_Evaluations = Annotated[int, Option(help="Settings of each law and tuner seed, the default included.")]
+ROWS = "rows"  # what every law uses
 
 
-def families(
-    names: _Families = None,
-    scenes: _Drawn = 100,
-    half: options.Half = "held-out",
-    seed: options.Seed = 0,
-) -> None:
-    """List the families of scenes; draw scenes of those that are named, and describe them."""
+def families(names: Names = None, scenes: int = 100, half: str = "held-out", seed: int = 0) -> None:
+    """List the families of scenes, or draw and describe scenes of the named ones."""
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped
 
@@ -60,48 +48,29 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
     with progress() as show:
         summary = summarised(family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes))
     accepted, attempts = len(summary.found), sum(scene.attempts for scene in summary.scenes)
-    console.print(f"{family.name}: {family.title}\n  conditions: {', '.join(family.conditions)}")
-    console.print(
-        f"  {accepted} of {scenes} scenes found in {attempts} attempts ({summary.acceptance:.0%} accepted), "
-        f"{summary.seconds / scenes * 1e3:.0f} ms a scene"
-    )
-    for what, counts, of, unit in (
-        ("rejected", summary.rejected, attempts, "attempts"),
-        ("violated by tracking alone", summary.challenged, accepted, "scenes"),
-    ):
-        console.print(f"  {what}{'' if counts else ': nothing'}")
-        for name, number in counts.most_common():
-            console.print(f"    {number:6d}  {number / of:4.0%} of {unit}  {name}")
-    if not isnan(summary.beyond_limits):
-        console.print(
-            f"  under its limits, no law could satisfy a row from where tracking alone first meets it in "
-            f"{summary.beyond_limits:.0%} of the scenes"
-        )
-    if summary.timed:
-        late = sum(scene.too_far for scene in summary.timed)
-        console.print(f"  under its limits, no law can arrive in time in {late} of {len(summary.timed)} scenes")
+    say("family", family=family, scenes=scenes, summary=summary, accepted=accepted, attempts=attempts)
     return accepted
 
 
 def evidence(
-    campaign: Annotated[Path | None, Argument(help=_CAMPAIGN)] = None,
-    out: options.Out = Path("vsconstraints-evidence"),
-    scenes: _Scenes = None,
-    family: options.Families = None,
-    controller: options.Controllers = None,
-    jobs: options.Jobs = None,
-    cluster: Annotated[str | None, Option(metavar="ADDRESS", help=_CLUSTER)] = None,
-    keep: options.Keep = "none",
-    shard: Annotated[str, Option(metavar="I/N", help=_SHARD)] = "1/1",
-    settings: options.Settings = None,
-    fresh: options.Fresh = False,
-    figures: options.Figures = True,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    run_limit: options.RunLimit = None,
-    time_passes: options.TimePasses = None,
-    slower: options.Slower = None,
-    budget_us: options.Budget = None,
+    campaign: Path | None = None,
+    out: Path = Path("vsconstraints-evidence"),
+    scenes: int | None = None,
+    families: Names = None,
+    controllers: Names = None,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    keep: str = "none",
+    shard: str = "1/1",
+    settings: Names = None,
+    fresh: bool = False,
+    figures: bool = True,
+    formats: Names = None,
+    latex: bool = False,
+    run_limit: float | None = None,
+    time_passes: str | None = None,
+    slower: float | None = None,
+    budget_us: float | None = None,
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
     from ..comparisons.evidence import MEASURED, Campaign, Plan, Shard, processes
@@ -109,7 +78,7 @@ def evidence(
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
-    chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
+    chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes, settings or ())
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
         raise ConfigurationError("call times are measured on this machine: with --cluster, give a file of them")
@@ -178,14 +147,9 @@ def run_campaign(
 
 
 def merge(
-    out: Annotated[Path, Argument(help="Folder for all of it.")],
-    shards: Annotated[list[Path], Argument(help="Folders that `evidence --shard` has written.")],
-    figures: options.Figures = True,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    trust: options.Trust = False,
+    out: Path, shards: list[Path], figures: bool = True, formats: Names = None, latex: bool = False, trust: bool = False
 ) -> None:
-    """Merge the parts of a campaign that were run apart, and write its report."""
+    """Merge parts of a campaign and write its report."""
     from ..comparisons.evidence import merge as merge_shards
 
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=trust)
@@ -195,18 +159,79 @@ def merge(
     console.print(write_report(out, wanted))
 
 
-def tune(
-    campaign: Annotated[Path | None, Argument(help=_TUNED)] = None,
-    out: options.Out = Path("vsconstraints-tuning"),
-    evaluations: _Evaluations = 40,
-    seeds: Annotated[int, Option(help="How often tuning is repeated with another seed.")] = 3,
-    scenes: Annotated[int, Option(help="Training scenes of each family.")] = 10,
-    family: options.Families = None,
-    controller: options.Controllers = None,
-    settings: options.Settings = None,
-    jobs: options.Jobs = None,
+def advise(
+    scenario: str | None = None,
+    joints: int | None = None,
+    latency_ms: float | None = None,
+    noise_px: float | None = None,
+    rows: Names = None,
+    unknown_motion: bool | None = None,
+    may_use: Names = None,
+    study: Path | None = None,
+    keep: Path | None = None,
+    as_json: bool = False,
+    trust: bool = False,
 ) -> None:
-    """Tune every law with the same budget on training scenes, and write settings that a campaign can take over."""
+    """Recommend a law for a scene, with settings, confidence, and what other choices lose."""
+    demand("evidence", "advice")
+    from ..comparisons.advice import advise as advice_for
+    from ..comparisons.statistics import rate_text, with_interval
+    from ..comparisons.study import SHIPPED, Situation, Study
+    from ..scenarios import CONSTRAINTS, Scenario
+    from ..scenarios.toml import toml_items, toml_text
+
+    for kind in {*(rows or ())} - {*CONSTRAINTS}:
+        raise unknown_name("type of constraints", kind, CONSTRAINTS)
+    delay = None if latency_ms is None else latency_ms / 1e3
+    types = tuple(sorted({*rows})) if rows else None
+    asked = Situation(joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion)
+    if scenario is not None:
+        if asked.said:
+            raise ConfigurationError(f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers")
+        asked = Situation.of(Scenario.load(scenario))
+    elif not asked.said and keep is None:
+        raise ConfigurationError("advise takes a scenario, or answers such as --joints 6 --latency-ms 30")
+    with progress() as show:
+        runs = Study.load(study or SHIPPED, trust, lambda done, scenes: show("scenes", done, scenes))
+    known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
+    for word in {*(may_use or ())} - known:
+        raise unknown_name("information", word, known)
+    if keep is not None:
+        runs.keep(keep)
+        console.print(f"{len(runs.runs)} runs: {keep}")
+    if asked.said:
+        found = advice_for(runs, asked, may_use or None)
+        if as_json:
+            console.print(_json(found))
+        else:
+            texts = {"rate_text": rate_text, "with_interval": with_interval, "toml_items": toml_items}
+            say("advice", advice=found, best=found.laws[0], toml_text=toml_text, **texts)
+
+
+def _json(advice: Advice) -> str:
+    """All of it."""
+    laws = [
+        {**law._asdict(), "law": law.law.name, "settings": law.law.table}
+        | {"success": {"share": law.success.share, **asdict(law.success)}}
+        | {"tolerant": asdict(law.tolerant), "loss": law.loss._asdict()}
+        | {"call_us": None if isnan(law.call_us) else law.call_us}
+        for law in advice.laws
+    ]
+    return json.dumps({**advice._asdict(), "laws": laws}, ensure_ascii=False, indent=1)
+
+
+def tune(
+    campaign: Path | None = None,
+    out: Path = Path("vsconstraints-tuning"),
+    evaluations: int = 40,
+    seeds: int = 3,
+    scenes: int = 10,
+    families: Names = None,
+    controllers: Names = None,
+    settings: Names = None,
+    jobs: int | None = None,
+) -> None:
+    """Tune every law with the same budget on training scenes, and write settings for campaigns."""
     demand("tune")
     from ..comparisons.evidence import Campaign
     from ..comparisons.tuning import Budget, Problem
@@ -220,7 +245,7 @@ def tune(
         if key in ("half", "scenes"):
             why = "laws are tuned on training scenes alone, and --scenes says on how many"
             raise ConfigurationError(f"--set {key}: {why}")
-    chosen = Campaign.load(campaign).select(family or (), controller or (), settings=settings or ())
+    chosen = Campaign.load(campaign).select(families or (), controllers or (), settings=settings or ())
     problem = Problem(chosen, Budget(evaluations, seeds, scenes))
     note_processes(jobs)
     with progress(out) as show:

@@ -72,19 +72,14 @@ KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
     "metrics": lambda: (_metric(metric) for metric in METRICS if metric.value is not None),
 }
 
-ALSO_CALLED = {"controllers": "laws"}
-
 
 def print_listing(words: Sequence[str]) -> None:
-    """Print the names of all kinds, or what the kinds and names in ``words`` are.
-
-    Raises ConfigurationError for a word that is neither a kind nor a name; it has the closest one.
-    """
+    """Print the names of all kinds, or what ``words`` are; raises ConfigurationError for one that is nothing."""
     if not words:
         _print_table((kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items())
         console.print("\nDetails: vsconstraints list KIND, for example list laws; or vsconstraints list NAME")
     for word in words:
-        kind = ALSO_CALLED.get(word, word)
+        kind = "laws" if word == "controllers" else word
         if kind in KINDS:
             _print_table((name, text) for name, text, *_ in KINDS[kind]())
             continue

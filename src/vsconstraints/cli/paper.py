@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from typer import Argument, Option
 
 from ..errors import ConfigurationError, unknown_name
 from ..reports.plots import formats_of
-from . import options
 from .campaigns import evidence
-from .terminal import NOTHING_DONE, console, errors, note_processes, progress, typed_command
+from .options import Names
+from .terminal import NOTHING_DONE, console, errors, note_processes, progress, say, typed_command
 
 
 def claim_names() -> list[str]:
@@ -23,25 +21,14 @@ def claim_names() -> list[str]:
     return [*dict.fromkeys(f"{claim.number}" for claim in all_claims()), *(claim.key for claim in all_claims())]
 
 
-_figures, _claims = options.completed("paper.figures:FIGURES"), options.completed("cli.paper:claim_names")
-_studies = options.completed("paper.studies:STUDIES")
-_FIGURE = "Only this figure of the paper. Can be repeated."
-_CLAIM = "Only these claims: 5, or 5d for one of them. Can be repeated."
-_LAW = "With --figure: a law instead of the paper's, a name or module:Class."
-_Figure = Annotated[list[int] | None, Option(metavar="NUMBER", help=_FIGURE, autocompletion=_figures)]
-_Claim = Annotated[options.Names, Option(metavar="NUMBER", help=_CLAIM, autocompletion=_claims)]
-_Law = Annotated[str | None, Option(help=_LAW, autocompletion=options.controller_names)]
-_Studies = Annotated[options.Names, Argument(help="Which studies; all if not given.", autocompletion=_studies)]
-
-
 def reproduce(
-    figure: _Figure = None,
-    claim: _Claim = None,
-    controller: _Law = None,
-    out: options.Out = Path("vsconstraints-paper"),
-    jobs: options.Jobs = None,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
+    figure: list[int] | None = None,
+    claim: Names = None,
+    controller: str | None = None,
+    out: Path = Path("vsconstraints-paper"),
+    jobs: int | None = None,
+    formats: Names = None,
+    latex: bool = False,
 ) -> None:
     """Check every claim of the paper, redraw its figures, and write a report; or only one of them."""
     from ..paper import check, chosen_claims, chosen_figures, redraw
@@ -70,11 +57,8 @@ def reproduce(
         console.print(result.summary())
         if latex:
             console.print(f"Tables for LaTeX: {write_tables(result.report)}")
-    for checked, finding in findings.items():
-        console.print(f"{checked.key} ({checked.where}): {finding.verdict}")
-        console.print(f"  the paper says  {checked.sentence}")
-        console.print(f"  measured        {finding.text}")
-        console.print(f"  it holds if     {checked.rule}")
+    if findings:
+        say("claims", findings=findings)
     for path, why in drawn.items():
         if why:
             errors.print(f"{path} could not be drawn: {why}")
@@ -85,19 +69,15 @@ def reproduce(
 
 
 def study(
-    names: _Studies = None,
-    out: options.Out = Path("vsconstraints-studies"),
-    jobs: options.Jobs = None,
-    formats: options.Formats = None,
+    names: Names = None, out: Path = Path("vsconstraints-studies"), jobs: int | None = None, formats: Names = None
 ) -> None:
-    """Answer a general question about the controllers with many runs and one figure; real-world is a whole campaign."""
+    """Answer a general question about controllers with many runs and one figure; real-world is a campaign."""
     from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 
     written = formats_of(formats or ())
     chosen = dict.fromkeys(names or STUDIES)
-    for name in chosen:
-        if name not in STUDIES and name not in CAMPAIGNS:
-            raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
+    for name in [name for name in chosen if name not in (*STUDIES, *CAMPAIGNS)]:
+        raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
     for name in chosen:
         if name in CAMPAIGNS:
             evidence(Path(name), out / name, jobs=jobs, formats=formats)

@@ -8,34 +8,21 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.text import Text
-from typer import Argument, Option
 
 from ..comparisons.runs.signals import INTERRUPTS, signal_of
 from ..errors import ConfigurationError, shown
 from ..plugins.extras import demand
 from ..reports.plots import formats_of
-from . import options
+from .options import Names
 from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
 
 if TYPE_CHECKING:
     from ..comparisons import RunSpec
     from ..comparisons.metrics import Score
-
-GOT_WORSE = 1
-Folder = Annotated[Path, Argument(help="Folder of a comparison, or of a campaign.")]
-_SUITE = "A suite file; the default comparison if not given."
-_TUNING = "Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."
-_STRICT = (
-    "Whether each lost run counts, or only rates that are significantly worse. If not given, each run counts in a "
-    "suite's scenes, rates in drawn ones."
-)
-_Metrics = Annotated[options.Names, Option(help="Only this metric, a column of results.csv. Can be repeated.")]
-_Names = Annotated[options.Names, Option(metavar="OLD=NEW", help="What B calls a controller of A. Can be repeated.")]
-_Share = Annotated[float | None, Option(min=0.0, help="Share by which a value may move; a millionth if not given.")]
 
 
 @dataclass(frozen=True)
@@ -85,21 +72,21 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
 
 def compare(
     context: typer.Context,
-    suite: Annotated[Path | None, Argument(help=_SUITE)] = None,
-    scenario: options.Scenarios = None,
-    controller: options.Controllers = None,
-    out: options.Out = Path("vsconstraints-results"),
-    jobs: options.Jobs = None,
-    seed: Annotated[int | None, Option(min=0, help="Instead of the suite's.")] = None,
-    settings: options.Settings = None,
-    fresh: options.Fresh = False,
-    keep: options.Keep = "all",
-    figures: options.Figures = True,
-    all_figures: options.AllFigures = False,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    replays: options.Replays = False,
-    run_limit: options.RunLimit = None,
+    suite: Path | None = None,
+    scenarios: Names = None,
+    controllers: Names = None,
+    out: Path = Path("vsconstraints-results"),
+    jobs: int | None = None,
+    seed: int | None = None,
+    settings: Names = None,
+    fresh: bool = False,
+    keep: str = "all",
+    figures: bool = True,
+    all_figures: bool = False,
+    formats: Names = None,
+    latex: bool = False,
+    replays: bool = False,
+    run_limit: float | None = None,
 ) -> None:
     """Run every scenario with every controller, and write a report."""
     from ..comparisons import Suite, keep_trajectories
@@ -109,7 +96,7 @@ def compare(
 
     kept = demand_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
-    chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
+    chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed, settings or ())
     note(*chosen.remarks())
     total = len(chosen.with_baseline().runs())
     note_processes(jobs)
@@ -123,9 +110,10 @@ def compare(
             if status in ("failed", "aborted"):
                 # the first time for each scenario, law and kind of reason
                 name = f"{spec.name} · {spec.controller.name}"
-                failures[f"{name}: {status}, {reason_kind(reason)}"] += 1
-                if failures[f"{name}: {status}, {reason_kind(reason)}"] == 1:
+                failure = f"{name}: {status}, {reason_kind(reason)}"
+                if failure not in failures:
                     errors.print(f"{name} · trial {spec.trial}: {status}, {reason}")
+                failures[failure] += 1
 
         show("comparing", 0, total)
         command = typed_command()
@@ -151,27 +139,27 @@ def compare(
 
 
 def report(
-    folder: Folder,
-    figures: options.Figures = True,
-    all_figures: options.AllFigures = False,
-    formats: options.Formats = None,
-    latex: options.Latex = False,
-    replays: options.Replays = False,
-    trust: options.Trust = False,
-    tuning: Annotated[Path | None, Option(help=_TUNING)] = None,
+    folder: Path,
+    figures: bool = True,
+    all_figures: bool = False,
+    formats: Names = None,
+    latex: bool = False,
+    replays: bool = False,
+    trust: bool = False,
+    tuning: Path | None = None,
 ) -> None:
-    """Write the report of a comparison, or of a campaign, again from what is stored."""
+    """Write the report of stored results again."""
     console.print(write_report(folder, ReportOptions(figures, all_figures, formats, latex, replays, trust), tuning))
 
 
 def diff(
-    a: Annotated[Path, Argument(help="Folder of a comparison: before.")],
-    b: Annotated[Path, Argument(help="Another one of the same scenes: after.")],
-    metric: _Metrics = None,
-    out: Annotated[Path | None, Option(help="File for the whole page; printed if not given.")] = None,
-    rename: _Names = None,
-    tolerance: _Share = None,
-    strict: Annotated[bool | None, Option("--strict/--rates", help=_STRICT)] = None,
+    a: Path,
+    b: Path,
+    metric: Names = None,
+    out: Path | None = None,
+    rename: Names = None,
+    tolerance: float | None = None,
+    strict: bool | None = None,
 ) -> None:
     """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they are not comparable."""
     demand("evidence", "a difference of two folders")
@@ -194,10 +182,10 @@ def diff(
             raise ConfigurationError(f"{out} cannot be written: {error}") from error
         console.print(f"{verdict(changes)}\nPage: {out}")
     if changes.worse:
-        raise typer.Exit(GOT_WORSE)
+        raise typer.Exit(1)  # something got worse
 
 
-def verify(folder: Folder) -> None:
+def verify(folder: Path) -> None:
     """Check that stored results are complete and unchanged: every file as stored, every planned run, and no other.
 
     Exit code 1 if something was changed, is missing, unfinished or carries no checksum; 2 if the folder cannot be read.
@@ -265,11 +253,11 @@ def print_laws(folder: Path) -> None:
     results = Results(StoredComparison.load(folder))
     if not results.competitors:
         return
-    laws = law_table(results)
     table = Table(box=None, padding=(0, 1, 0, 0))
-    for k, header in enumerate(laws.header):
+    laws = law_table(results)
+    for k, (header, *cells) in enumerate(zip(laws.header, *laws.lines, strict=True)):
         # headers are broken at spaces, values stay whole
-        widest = max(map(len, (*header.split(), *(_emphasised(line[k]).plain for line in laws.lines))))
+        widest = max(map(len, (*header.split(), *(_emphasised(cell).plain for cell in cells))))
         table.add_column(header, justify="right" if k else "left", min_width=widest, no_wrap=not k)
     for line in laws.lines:
         table.add_row(*map(_emphasised, line))
@@ -280,8 +268,5 @@ def print_laws(folder: Path) -> None:
 
 def _emphasised(text: str) -> Text:
     """Bold where Markdown has stars; where nothing can be bold the stars stay."""
-    before, star, rest = text.partition("**")
-    if not star or not console.is_terminal:
-        return Text(text)
-    inside, _, after = rest.partition("**")
-    return Text.assemble(before, (inside, "bold"), after)
+    parts = text.split("**") if console.is_terminal else [text]
+    return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))

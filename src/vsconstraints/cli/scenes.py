@@ -4,43 +4,27 @@ from __future__ import annotations
 
 from itertools import count
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from typer import Argument, Option
 
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
 from ..reports.plots import FORMATS
-from . import options
 from .terminal import USAGE_ERROR, console, errors, note, progress
-
-_FAMILY = "Instead of a scenario: a family, of which one scene."
-_RUN = (
-    "SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or of a campaign "
-    "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
-    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario."
-)
-_SCENARIO = "A name, or the path of a file."
-_Scenario = Annotated[str | None, Argument(help=_SCENARIO, autocompletion=options.scenario_names)]
-_Family = Annotated[str | None, Option(help=_FAMILY, autocompletion=options.family_names)]
-_Picture = Annotated[Path | None, Option(help="The picture; preview-NAME.png if not given.")]
-_Runs = Annotated[list[str], Argument(metavar="RUN...", help=_RUN, autocompletion=options.run_names)]
-_Page = Annotated[Path | None, Option(help="The page; replay-SCENARIO.html if neither this nor a film is asked for.")]
 
 
 def preview(
-    scenario: _Scenario = None,
-    family: _Family = None,
-    scene: Annotated[int, Option(min=0, help="Of a family: which one.")] = 0,
-    half: options.Half = "held-out",
-    condition: Annotated[str, Option(help="Of a family.")] = "nominal",
-    trial: options.Trial = 0,
-    seed: options.Seed = 0,
-    out: _Picture = None,
-    figure: Annotated[bool, Option("--figure/--no-figure", help="Whether there is a picture.")] = True,
+    scenario: str | None = None,
+    family: str | None = None,
+    scene: int = 0,
+    half: str = "held-out",
+    condition: str = "nominal",
+    trial: int = 0,
+    seed: int = 0,
+    out: Path | None = None,
+    figure: bool = True,
 ) -> None:
-    """Draw image and arm at the start and at each goal, and say which rows are near, before simulating anything."""
+    """Draw image and arm at the start and at each goal, and list the nearest rows, without a simulation."""
     from ..reports.preview import FIGURE, Preview, lines
     from ..scenarios import Scenario
     from ..scenarios.families import Family
@@ -68,12 +52,12 @@ def preview(
 
 
 def replay(
-    runs: _Runs,
-    out: _Page = None,
-    gif: Annotated[Path | None, Option(help="A film as GIF, for pages that show pictures.")] = None,
-    mp4: Annotated[Path | None, Option(help="A film as MP4.")] = None,
-    seed: options.Seed = 0,
-    trust: options.Trust = False,
+    runs: list[str],
+    out: Path | None = None,
+    gif: Path | None = None,
+    mp4: Path | None = None,
+    seed: int = 0,
+    trust: bool = False,
 ) -> None:
     """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a film."""
     from ..reports.replay import write_film, write_replay
@@ -97,13 +81,7 @@ def replay(
         console.print(f"Replay: {page}")
 
 
-def frames(
-    scenario: options.Scenario,
-    out: Annotated[Path, Option(help="A film (.gif or .mp4), or a folder for PNGs.")],
-    controller: options.Controller = "sliding-mode",
-    trial: options.Trial = 0,
-    seed: options.Seed = 0,
-) -> None:
+def frames(scenario: str, out: Path, controller: str = "sliding-mode", trial: int = 0, seed: int = 0) -> None:
     """Run a scenario by rendered images, whatever its sensor, and write them with the tags that are detected."""
     from ..comparisons.runs.spec import ControllerSpec
     from ..reports.frames import kind_of, write_frames

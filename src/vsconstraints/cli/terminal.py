@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -20,6 +21,17 @@ errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_w
 NOTHING_DONE, USAGE_ERROR = 1, 2
 
 Show = Callable[..., None]  #: shows progress: of what, how many are done, and of how many if that is known
+
+
+TEXTS: dict[str, str] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
+
+
+def say(text: str, **values: Any) -> None:
+    """Print a template of ``texts.toml`` with values."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    console.print(environment.from_string(TEXTS[text]).render(values).strip("\n"))
 
 
 def note(*remarks: str) -> None:

@@ -4,69 +4,53 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from typer import Argument, Option
 
 from ..errors import ConfigurationError
 from ..plugins.extras import demand
-from . import options
 from .campaigns import run_campaign, with_call_times
+from .options import Names
 from .results import ReportOptions
 from .terminal import NOTHING_DONE, console, errors, note_processes, progress
 
-_FOLDER = "Folder of a test set; the one that comes with the package if not given."
-_SECRET = "Draw as many other scenes in the same way, with a seed that nobody knows before."
-_ENTRY = "A law besides the default ones. Can be repeated."
-_LAWS = "A campaign file, whose laws are run instead of the default ones."
-_Folder = Annotated[Path | None, Argument(help=_FOLDER)]
-_Entries = Annotated[options.Names, Option(metavar="MODULE:CLASS", help=_ENTRY)]
-_Secret = Annotated[int | None, Option(min=0, metavar="SEED", help=_SECRET)]
-_Most = Annotated[int | None, Option(min=1, help="How many of each family; all if not given.")]
-_Held = Annotated[int, Option(min=1, help="Held-out scenes of each family; a fifth as many for training.")]
-_Share = Annotated[float, Option(min=0.0, max=1.0, help="Share of the scenes that is drawn again and compared.")]
-_TABLES = "Tables that `advise --keep` has written, or folders of `testset run`."
-_Rerun = Annotated[float, Option(min=0.0, max=1.0, help="Share of the runs that is made again and compared.")]
-
 
 def run(
-    folder: _Folder = None,
-    half: options.Half = "held-out",
-    laws: Annotated[Path | None, Option(help=_LAWS)] = None,
-    entry: _Entries = None,
-    secret_seed: _Secret = None,
-    family: options.Families = None,
-    scenes: _Most = None,
-    out: options.Out = Path("vsconstraints-testset"),
-    jobs: options.Jobs = None,
-    settings: options.Settings = None,
-    figures: options.Figures = True,
-    time_passes: options.TimePasses = None,
-    slower: options.Slower = None,
-    budget_us: options.Budget = None,
+    folder: Path | None = None,
+    half: str = "held-out",
+    laws: Path | None = None,
+    entry: Names = None,
+    secret_seed: int | None = None,
+    families: Names = None,
+    scenes: int | None = None,
+    out: Path = Path("vsconstraints-testset"),
+    jobs: int | None = None,
+    settings: Names = None,
+    figures: bool = True,
+    time_passes: str | None = None,
+    slower: float | None = None,
+    budget_us: float | None = None,
 ) -> None:
-    """Run the default laws and one's own on the scenes of a test set, and write a report."""
+    """Run the default laws and your own on a test set, and write a report."""
+    from ..comparisons import Suite
     from ..comparisons.evidence import Campaign, Plan, processes
     from ..scenarios.families.frozen import V1, TestSet
+    from ..scenarios.toml import read_toml
 
     frozen = TestSet.load(folder or V1)
-    chosen = frozen.chosen(family or (), half, scenes, secret_seed)
+    chosen = frozen.chosen(families or (), half, scenes, secret_seed)
+    if laws and "scenarios" in read_toml(laws):
+        chosen["controllers"], laws = Suite.load(laws).controllers, None
     campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
     campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
-    run_campaign(
-        with_call_times(campaign, out, jobs, time_passes, slower, budget_us),
-        out,
-        Plan(),
-        nullcontext(processes(jobs)),
-        ReportOptions(figures, trust=True),
-    )
+    campaign = with_call_times(campaign, out, jobs, time_passes, slower, budget_us)
+    run_campaign(campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True))
 
 
-def verify(folder: _Folder = None, redraw: _Share = 0.0, seed: options.Seed = 0) -> None:
-    """Check every scene of a test set against its hash, and name what was changed, added or is missing."""
+def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> None:
+    """Check every scene of a test set against its hash; name changed, added and missing ones."""
     from ..scenarios.families.frozen import V1, TestSet
 
     frozen = TestSet.load(folder or V1)
@@ -81,32 +65,27 @@ def verify(folder: _Folder = None, redraw: _Share = 0.0, seed: options.Seed = 0)
 
 
 def make(
-    scenes: _Held = 100,
-    seed: options.Seed = 0,
-    family: options.Families = None,
-    version: Annotated[str, Option(help="Its name, on which the draws depend.")] = "own",
-    out: options.Out = Path("vsconstraints-testset"),
+    scenes: int = 100,
+    seed: int = 0,
+    families: Names = None,
+    version: str = "own",
+    out: Path = Path("vsconstraints-testset"),
 ) -> None:
-    """Draw scenes of all families, or those that are named, and freeze them with their hashes in a new folder."""
-    from ..scenarios.families import Family, families
+    """Draw scenes of all or the named families, and freeze them with their hashes in a new folder."""
+    from ..scenarios.families import Family
+    from ..scenarios.families import families as shipped
     from ..scenarios.families.frozen import TestSet
 
     counts = {"training": -(-scenes // 5), "held-out": scenes}
     with progress() as show:
-        made = TestSet.make(out, [Family.load(name) for name in family or families()], version, counts, seed, show)
+        made = TestSet.make(out, [Family.load(name) for name in families or shipped()], version, counts, seed, show)
     console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
 
 
-def leaderboard(
-    tables: Annotated[list[Path], Argument(help=_TABLES)],
-    rerun: _Rerun = 0.0,
-    seed: options.Seed = 0,
-    trust: options.Trust = False,
-) -> None:
-    """Check tables of runs on all held-out scenes, and print their laws in order as a table in Markdown."""
+def leaderboard(tables: list[Path], rerun: float = 0.0, seed: int = 0, trust: bool = False) -> None:
+    """Check tables of runs on all held-out scenes, and print a ranking in Markdown."""
     demand("evidence", "the leaderboard")
-    from ..comparisons.rerun import differing
-    from ..comparisons.study import Study
+    from ..comparisons.study import Study, differing
     from ..reports.leaderboard import leaderboard as board
     from ..scenarios.families.frozen import TestSet
 

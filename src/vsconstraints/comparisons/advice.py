@@ -52,10 +52,7 @@ class Advice(NamedTuple):
 
 
 def distance(name: str, asked: Any, there: Any) -> int:
-    """0 of two values that are alike, 1 of those that are near, 2 of others.
-
-    Near is one joint more or less, half of the types of constraints in common, or a number within the factor.
-    """
+    """0 of values that are alike, 1 of near ones (a joint more, half of the constraints in common), 2 of others."""
     if name == "constraints":
         shared, every = len({*asked} & {*there}), len({*asked} | {*there})
         return 0 if shared == every else 1 if 2 * shared >= every else 2
@@ -96,10 +93,10 @@ def advise(
 ) -> Advice:
     """The law for a situation, of those that require (:attr:`.Controller.uses`) nothing that is not in ``may_use``.
 
-    Laws are ordered by success in similar scenes, to which those of the whole study add as much as :data:`ENOUGH`
-    scenes. Of laws that are not distinguishable from the first, and no more than ``margin`` standard errors of the
-    difference behind it, the one is recommended that requires least: no model, no L_fφ, the shortest call. Intervals of
-    differences hold for all pairs of laws at once. Raises ConfigurationError if no law may be used.
+    Laws are ordered by success in similar scenes, to which those of the whole study add as much as :data:`ENOUGH`. Of
+    laws not distinguishable from the first, and no more than ``margin`` standard errors of the difference behind it,
+    that one is recommended which requires least: no model, no L_fφ, the shortest call. Raises ConfigurationError if
+    none may be used.
     """
     requires = {name: law.make().uses for name, law in study.laws.items()}
     names = [name for name in requires if may_use is None or {*requires[name]} <= {*may_use}]

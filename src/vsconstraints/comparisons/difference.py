@@ -14,8 +14,9 @@ import numpy as np
 
 from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
-from .evidence import RUNS, SCENES, Evidence
-from .evidence.campaign import in_words
+from .evidence import Evidence
+from .evidence.campaign import different, in_words
+from .evidence.parquet import RUNS, SCENES
 from .metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
 from .runs.folder import kind_of
 from .runs.spec import BASELINE
@@ -49,8 +50,7 @@ class Side:
 
     ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, scene and controller, then those of
     results.csv; those of ``group`` separate results, and ``unit`` is what the manifest counts. ``drawn``
-    (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios. ``remarks`` are what a reader
-    should know of what is stored.
+    (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios.
     """
 
     folder: Path
@@ -110,12 +110,11 @@ class Pairs:
     def of(cls, a: Side, b: Side) -> Pairs:
         """Pair two sides; ConfigurationError if only one has drawn scenes, seeds differ, or there is no pair."""
         seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
-        why, otherwise = "", []
-        if a.key != b.key:
-            why = "only one of them has drawn scenes"
-        elif seeds[0] != seeds[1]:
+        why = "" if a.key == b.key else "only one of them has drawn scenes"
+        if not why and seeds[0] != seeds[1]:
             why = f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs"
-        else:
+        otherwise: Any = []
+        if not why:
             runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
             common = runs_a.index.intersection(runs_b.index, sort=False)
             only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
@@ -143,9 +142,9 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Pairs of a law that are judged together: in one family and condition, its ``place``, if they are drawn.
+    """Pairs of a law in one family and condition, its ``place``, if they are drawn, and their runs (pandas.DataFrames).
 
-    ``positions`` (n,) are those among all pairs; ``a`` and ``b`` (pandas.DataFrames) their runs.
+    ``positions`` (n,) are those among all pairs.
     """
 
     law: str
@@ -171,10 +170,7 @@ def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
 
 @dataclass(frozen=True)
 class Change:
-    """A difference of two manifests: which ``part``, and which key, with dots, of which scenarios, families or laws.
-
-    ``before`` and ``after`` are None where it is missing.
-    """
+    """A difference of two manifests: which ``part`` and key, with dots, of which names; None where it is missing."""
 
     part: str
     what: str
@@ -187,7 +183,7 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
     """Differences of two manifests; the same change of several scenarios or controllers is one."""
     found: dict[tuple[str, str, str], Change] = {}
     for key, part in PARTS.items():
-        for path, before, after in _different(a.get(key), b.get(key), ()):
+        for path, before, after in different(a.get(key), b.get(key)):
             names: tuple[str, ...] = ()
             if key == "configuration" and path and path[0] in NAMED and len(path) > 1:
                 names, path = (path[1],), (path[0], *(step for step in path[2:] if step != "tables"))
@@ -198,24 +194,12 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
     return list(found.values())
 
 
-def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Paths to what differs, as deep as both have the same tables, or lists of as many tables."""
-    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
-    if lists and all(isinstance(entry, dict) for entry in (*a, *b)):
-        a, b = (dict(enumerate(side)) for side in (a, b))
-    if isinstance(a, dict) and isinstance(b, dict):
-        for key in dict.fromkeys((*a, *b)):
-            yield from _different(a.get(key), b.get(key), (*path, str(key)))
-    elif a != b:
-        yield path, a, b
-
-
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`.
+    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`; ``lost``, ``gained``: only A, only B.
 
-    ``lost`` and ``gained`` are positions of the pairs in which only A does, only B. ``p`` is of the exact sign test
-    (McNemar), uncorrected; None if too few differ for a test, :data:`.judged.MIN_SCENES`.
+    ``p`` is of the exact sign test (McNemar), uncorrected; None if too few differ for a test,
+    :data:`.judged.MIN_SCENES`.
     """
 
     group: Group
@@ -259,10 +243,7 @@ class Shift:
 
 
 def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
-    """All metrics in which pairs differ by more than the tolerance, a share of the greater value.
-
-    Remaining errors that reports round to the same are the same, too.
-    """
+    """All metrics in which pairs differ by more than the tolerance, a share of the greater value, and reports show."""
     for group, metric in ((group, metric) for group in groups for metric in metrics):
         a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
         exist = np.isfinite(a) & np.isfinite(b)
@@ -322,18 +303,10 @@ def difference(
 ) -> Difference:
     """Compare two folders of results, before and after: both of ``compare``, or both of ``evidence``.
 
-    Parameters
-    ----------
-    a, b
-        The folders; ConfigurationError if one of them holds no results, or they cannot be compared.
-    metrics
-        Columns of results.csv; all that can be judged if empty.
-    strict
-        Whether every run counts that B lost; if None, those of chosen scenarios do, those of drawn scenes do not.
-    tolerance
-        Share of a value by which it may move.
-    renamed
-        Controllers of A, and what they are called in B.
+    ``metrics`` are columns of results.csv, all that can be judged if empty; ``strict`` says whether every run counts
+    that B lost: if None, those of chosen scenarios do, those of drawn scenes do not; ``tolerance`` is the share of a
+    value by which it may move, ``renamed`` what controllers of A are called in B. Raises ConfigurationError if they are
+    not comparable.
     """
     columns = [judged_metric(name) for name in metrics or judged_metrics()]
     if not tolerance >= 0.0:

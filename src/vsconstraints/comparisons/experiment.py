@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, shown, unknown_name
@@ -18,34 +19,43 @@ from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
 MAX_NAME_BYTES = 100  #: Bytes that the name of a scenario or controller may have; files are named after both.
 Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
 
-Own = TypeVar("Own", bound="Experiment")
-
 
 class Experiment:
     """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen dataclasses."""
 
     controllers: Entries
+    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys besides names of scenarios and controllers.
     whole_numbers: ClassVar[tuple[str, ...]]
-    """Attributes that ``KEY=VALUE`` sets to whole numbers."""
-
     settings: ClassVar[tuple[str, ...]]
-    """All keys that ``KEY=VALUE`` may begin with besides names of scenarios and controllers."""
 
-    def changed(self: Own, **attributes: Any) -> Own:
+    def changed(self, **attributes: Any) -> Self:
         """The same with other values of attributes."""
         return replace(self, **attributes)  # type: ignore[type-var]
 
-    def with_settings(self: Own, settings: Iterable[str]) -> Own:
-        """The same with what ``KEY=VALUE`` says; raises ConfigurationError for unknown keys and wrong values.
+    def _selected(
+        self, what: str, load: Callable[[str], Any], names: Sequence[str], controllers: Sequence[str]
+    ) -> Self:
+        """The same with scenes and controllers of these names, or paths, if any."""
+        own = {each.name: each for each in getattr(self, what)}
+        chosen = tuple(own.get(name) or load(name) for name in dict.fromkeys(names or own))
+        return self.changed(**{what: chosen, "controllers": chosen_entries(self.controllers, controllers)})
 
-        KEY is an attribute, or the name of a controller, or of another part, and a key in it; VALUE as in TOML.
+    def with_settings(self, settings: Iterable[str]) -> Self:
+        """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for what is wrong.
+
+        KEY is an attribute, or the name of a controller, or of another part, and a key in it.
         """
         experiment = self
         for setting in settings:
             key, equals, text = (part.strip() for part in setting.partition("="))
             if not equals:
                 raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
-            value = _value(text)
+            try:
+                value = parse_toml(f"value = {text}", "--set")["value"]
+            except ConfigurationError as error:
+                if not isinstance(error.__cause__, tomllib.TOMLDecodeError):
+                    raise
+                value = text
             if key not in self.whole_numbers:
                 experiment = experiment._with(key, value)
             elif isinstance(value, int) and not isinstance(value, bool):
@@ -54,8 +64,7 @@ class Experiment:
                 raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
         return experiment
 
-    def _with(self: Own, key: str, value: Any) -> Own:
-        """The same with another value of a key that is not a whole number: here, of a controller's option."""
+    def _with(self, key: str, value: Any) -> Self:
         name, option = self._target(key)
         entries = (entry.changed(option, value) if entry.name == name else entry for entry in self.controllers)
         return self.changed(controllers=tuple(entries))
@@ -71,7 +80,7 @@ class Experiment:
             raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
         return target, rest
 
-    def with_baseline(self: Own) -> Own:
+    def with_baseline(self) -> Self:
         """The same with unconstrained tracking first; raises ConfigurationError if its name is another law's."""
         baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
         if baseline.law != BASELINE or baseline.run != AS_THE_SCENE:
@@ -84,10 +93,6 @@ class Experiment:
         demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
-
-    def resolved_controllers(self) -> dict[str, Any]:
-        """Laws and options by name, as data."""
-        return {entry.name: entry.table for entry in self.controllers}
 
 
 def entries_of(tables: Table, where: str, folder: Path) -> Entries:
@@ -104,44 +109,20 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     by_name = {entry.name: entry for entry in entries}
     for name in names:
         if name not in by_name and name not in CONTROLLERS and ":" not in name:
-            known = unknown_name("controller", name, {*by_name, *CONTROLLERS})
-            raise ConfigurationError(
-                f"{known}; a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
-            )
+            others = "a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
+            raise ConfigurationError(f"{unknown_name('controller', name, {*by_name, *CONTROLLERS})}; {others}")
     chosen = tuple(by_name.get(name) or ControllerSpec.called(name, folder=Path()) for name in dict.fromkeys(names))
     demand_names("controller", [entry.name for entry in chosen])
     return chosen or entries
 
 
-def demand_names(what: str, names: Sequence[str]) -> None:
+def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
     """Raise ConfigurationError unless files can be named after these names, and each is there once."""
-    for name in names:
+    for name, count in Counter(iter(names)).items():
+        named = f"{where}{what} name {shown(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
-            raise ConfigurationError(
-                f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
-                "',' and single '-'"
-            )
+            raise ConfigurationError(f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'")
         if len(name.encode()) > MAX_NAME_BYTES:
-            raise ConfigurationError(
-                f"{what} name {shown(name)} is used in file names and longer than {MAX_NAME_BYTES} bytes"
-            )
-        if names.count(name) > 1:
-            raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
-
-
-def demand_stored_names(names: Mapping[str, Iterable[str]], where: str) -> None:
-    """The same of names in a folder of results, by what they name: figures are named after them."""
-    for what, stored in names.items():
-        try:
-            demand_names(what, list(stored))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{where}: {error}") from error
-
-
-def _value(text: str) -> Any:
-    try:
-        return parse_toml(f"value = {text}", "--set")["value"]
-    except ConfigurationError as error:
-        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
-            return text
-        raise
+            raise ConfigurationError(f"{named} and longer than {MAX_NAME_BYTES} bytes")
+        if count > 1:
+            raise ConfigurationError(f"{where}{what} {name!r} appears more than once; give each its own name")

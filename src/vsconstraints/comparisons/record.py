@@ -37,18 +37,10 @@ SHAPES = {
     "goal_begins": "g",
 }
 
-TEXTS = ("labels", "kinds", "units")
-FLAGS = ("active", "saturated", "settled")
-#: Arrays that are no numbers, and what else a record holds.
-FACTS: dict[str, Any] = {
-    **dict.fromkeys(("status", "reason", "fingerprint"), str),
-    "fallbacks": int,
-    "compiled": bool,
-    "files": dict,
-    "Ts": float,
-    "common": int,
-    "missed": (int, type(None)),
-}
+TEXTS, FLAGS = ("labels", "kinds", "units"), ("active", "saturated", "settled")
+#: What else a record holds.
+FACTS: dict[str, Any] = dict.fromkeys(("status", "reason", "fingerprint"), str)
+FACTS |= {"fallbacks": int, "compiled": bool, "files": dict, "Ts": float, "common": int, "missed": (int, type(None))}
 
 TRAJECTORY = [f.name for f in fields(Trajectory)]
 
@@ -83,21 +75,11 @@ class RunRecord:
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:
         """The record of a run of this setup."""
-        constraints = setup.constraints
-        return cls(
-            replace(trajectory, reason=one_line(trajectory.reason)),
-            constraints.kinds,
-            constraints.units,
-            constraints.characteristic_length,
-            constraints.switching_gain,
-            constraints.approach_time,
-            constraints.sampling_band(setup.Ts),
-            setup.reached(trajectory.t, trajectory.camera_error, trajectory.feature_error_px, trajectory.qd),
-            setup.goal_begins,
-            setup.samples,
-            setup.Ts,
-            fingerprint,
-        )
+        told, own = replace(trajectory, reason=one_line(trajectory.reason)), setup.constraints
+        rows = own.kinds, own.units, own.characteristic_length, own.switching_gain, own.approach_time
+        settled = setup.reached(told.t, told.camera_error, told.feature_error_px, told.qd)
+        goals = settled, setup.goal_begins, setup.samples
+        return cls(told, *rows, own.sampling_band(setup.Ts), *goals, setup.Ts, fingerprint)
 
     @classmethod
     def failed(cls, reason: str, fingerprint: str) -> RunRecord:
@@ -123,10 +105,7 @@ class RunRecord:
 
     @classmethod
     def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
-        """What the file holds; None if there is none or it is not a whole record of this version.
-
-        What has more than ``samples``, or would take more memory than these, is not expanded.
-        """
+        """What the file holds, unless it is no whole record of this version, or has more samples; else None."""
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             values |= {name: tuple(map(str, values[name])) for name in TEXTS}

@@ -138,10 +138,7 @@ class Run:
         return needed
 
     def needed_share(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, which (12) requires to be below 1.
-
-        (12) is about one u⁺ for all rows; a row divided by its own has the gain 1.
-        """
+        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, each by its own u⁺: (12) requires it to be below 1."""
         share: Array = (self.drift / self.record.switching_gain).sum(axis=1)
         return share
 
@@ -149,8 +146,7 @@ class Run:
 def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False) -> Run:
     """Make a run; raises what the scenario, the controller or the simulation raise.
 
-    ``by_public_call`` is that of :func:`vsconstraints.simulation.simulate`; with ``to_the_goal`` a run that has not
-    settled goes on: see :func:`vsconstraints.simulation.until_settled`.
+    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see :func:`.until_settled`.
     """
     scenario = spec.load()
     # own parts may change the working directory, and import what lies beside them whenever they like
@@ -179,10 +175,7 @@ def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
 
 @contextmanager
 def unfinished(folder: Path | None) -> Iterator[Path]:
-    """The folder ``unfinished`` below a command's own, or a temporary one if None; removed when the block is complete.
-
-    Raises ConfigurationError if it cannot be made.
-    """
+    """The folder ``unfinished`` below a command's, or a temporary one if None; removed when the block is complete."""
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:
             yield Path(temporary)

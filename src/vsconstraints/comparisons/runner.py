@@ -18,8 +18,8 @@ from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
-from .runs.machine import loaded_versions, process_count, provenance, run_limit, used_versions
-from .runs.pool import Failure, Pool
+from .runs.machine import loaded_versions, provenance, run_limit, used_versions
+from .runs.pool import Failure, run_all
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
@@ -34,7 +34,7 @@ Key = tuple[str, str, int]  # scenario, controller and trial
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a comparison: its folder, and a score per run, fewer if it was ended by the signal ``interrupted``.
+    """The result of a comparison: a score per run, fewer if it was ended by the signal ``interrupted``.
 
     ``stored_before`` runs were not made again; it took ``wall_time`` [s].
     """
@@ -64,14 +64,12 @@ def compare(
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
-    Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
-    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is always run, since it
-    defines which rows a scenario challenges. A run that fails in any way, even by ending its process or by never
-    ending, becomes a row with its reason.
+    Runs stored there before with the same scenario, controller, trial, seed, code and files are kept, unless ``fresh``,
+    which also replaces another comparison. The unconstrained baseline is always run. A run that fails in any way, even
+    by ending its process or by never ending, becomes a row with its reason.
 
-    ``workers`` is the maximum number of processes (:func:`.process_count`), 0 for this one, which also runs what no
-    other can; ``limit`` how long a run may take [s], by its number of samples if None (:func:`.run_limit`);
-    ``command`` what the user typed, for the manifest. ``on_finished`` is called with every finished run. Raises
+    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can; ``limit`` how
+    long a run may take [s], by its number of samples if None. ``on_finished`` is called with every finished run. Raises
     ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
     lost, and StorageError if the tables cannot be written; what could be stored stays.
     """
@@ -115,8 +113,14 @@ def compare(
             on_finished(runs[key], *answer)
 
         interrupted = 0
+        # baselines first, since the others are scored against them; in other processes, where those can make the run
+        baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
+        calls = {key: (run, folder, fresh, baselines[run.name, run.trial]) for key, run in runs.items()}
+        batches = ({key: calls[key] for key in runs if (key[1] == BASELINE) == first} for first in (True, False))
+        limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+        here = {key for key, run in runs.items() if workers == 0 or run.here}
         try:
-            _baselines_first(runs, (folder, fresh), workers, limit, done)
+            run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         # in the suite's order, whatever order they finished in
@@ -134,33 +138,8 @@ def compare(
         return Finished(folder, scores, stored_before, wall_time, interrupted)
 
 
-def _baselines_first(
-    runs: Mapping[Key, RunSpec],
-    storage: tuple[Path, bool],
-    workers: int | None,
-    limit: float | None,
-    done: Callable[[Key, tuple[Score, bool] | Failure], None],
-) -> None:
-    """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
-    baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
-    calls = {key: (run, *storage, baselines[run.name, run.trial]) for key, run in runs.items()}
-    limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    here = {key for key, run in runs.items() if workers == 0 or run.here}
-    with Pool(run_stored, process_count(workers)) as pool:
-        for of_baseline in (True, False):
-            batch = [key for key in runs if (key[1] == BASELINE) == of_baseline]
-            for key in batch:
-                if key in here:
-                    done(key, run_stored(*calls[key]))
-            for key, answer in pool.run({key: calls[key] for key in batch if key not in here}, limits):
-                done(key, answer)
-
-
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
-    """Make a run, or take it from the folder, and score it against its baseline, which has been made.
-
-    Whatever goes wrong, while it is simulated, scored or stored, becomes a failed run with its reason.
-    """
+    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes a failed run."""
 
     def scored(record: RunRecord) -> Score:
         # the baseline of an earlier comparison does not count
@@ -184,7 +163,6 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
 
 
 def _simulated(spec: RunSpec) -> RunRecord:
-    """Make a run; whatever goes wrong becomes a failed one with its reason."""
     files: Files = {}
     # own parts may change the working directory
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
@@ -200,7 +178,6 @@ def _simulated(spec: RunSpec) -> RunRecord:
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:
-    """Lines of the :data:`TABLES`."""
     runs = [(dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
     results = [{**own, **score.result} for own, score in runs]
     return dict(zip(TABLES, (results, [{**own, **row} for own, each in runs for row in each.constraints]), strict=True))

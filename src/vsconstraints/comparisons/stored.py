@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,14 +13,13 @@ from typing import Any
 
 from ..controllers import CONTROLLERS
 from ..errors import ConfigurationError, StorageError, VsconstraintsError, shown
-from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
-from ..scenarios.reading import NOTHING, Table, checked, demand_table
-from .experiment import demand_stored_names
+from ..scenarios.reading import Table, checked
+from .experiment import demand_names
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file, stored_run
 from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
-from .runs.folder import MANIFEST, Keep, demand_inside, kept_lines, manifest_of, read_manifest
+from .runs.folder import MANIFEST, Keep, StoredResults, entries, kept_lines, manifest_of
 from .runs.machine import most_samples
 from .runs.spec import ControllerSpec, RunSpec
 from .suite import Suite
@@ -40,10 +40,7 @@ def stored_files(folder: Path) -> list[Path]:
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
-    """Raise ConfigurationError if finished runs in a folder are no part of a suite, or have other settings in it.
-
-    Runs that are repeated because code, machine or a file has changed are not lost.
-    """
+    """Raise ConfigurationError if finished runs are no part of a suite, or have other settings in it."""
     earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
     planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
@@ -54,10 +51,9 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             why = "has other settings in this one"
         else:
             continue
-        raise ConfigurationError(
-            f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}, "
-            f"{why}. Give another folder with --out, or --fresh to replace what is there"
-        )
+        lost = f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}"
+        instead = "Give another folder with --out, or --fresh to replace what is there"
+        raise ConfigurationError(f"{lost}, {why}. {instead}")
 
 
 def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
@@ -69,24 +65,21 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
     for key, reason in _finished(folder).items():
         driven, run = ON_ARM.match(reason), planned.get(key)
         if driven and (fresh or run is None or stored_run(run, folder) is None):
-            raise ConfigurationError(
-                f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace: "
-                "code, settings or files have changed, or --fresh was given. Give another folder with --out"
-            )
+            why = "code, settings or files have changed, or --fresh was given. Give another folder with --out"
+            lost = f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace"
+            raise ConfigurationError(f"{lost}: {why}")
 
 
-def _settings(configuration: object) -> dict[tuple[str, str], Any]:
+def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
     """What results depend on: the seed, and scenarios and controllers by their names, of whatever a manifest holds."""
-
-    def table(data: object, key: str) -> dict[str, Any]:
-        inner = data.get(key) if isinstance(data, dict) else None
-        return inner if isinstance(inner, dict) else {}
-
-    settings = {("controller", name): entry for name, entry in table(configuration, "controllers").items()}
-    for name, entry in table(configuration, "scenarios").items():
-        own = table(entry, "tables")
-        settings["scenario", name] = {key: own[key] for key in own if key not in ("title", "description")}
-    return {**settings, ("seed", ""): configuration.get("seed")} if isinstance(configuration, dict) else {}
+    settings: dict[tuple[str, str], Any] = {}
+    with suppress(KeyError, TypeError, AttributeError):
+        settings["seed", ""] = configuration["seed"]
+        settings |= {("controller", name): entry for name, entry in configuration["controllers"].items()}
+        for name, entry in configuration["scenarios"].items():
+            own = entry["tables"].items()
+            settings["scenario", name] = {key: value for key, value in own if key not in ("title", "description")}
+    return settings
 
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
@@ -101,10 +94,9 @@ def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
-    """Remove the trajectories of all other runs of a stored comparison; how many stay.
+    """Remove the trajectories of all other runs of a stored comparison but those on an arm; how many stay.
 
-    The same command would repeat those runs. Runs on an arm stay, since no command repeats them. Raises
-    ConfigurationError if there is no comparison in the folder, StorageError if a trajectory cannot be removed.
+    Raises ConfigurationError if there is no comparison in the folder, StorageError if one cannot be removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
@@ -121,34 +113,20 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
 
 
 @dataclass(frozen=True)
-class StoredComparison:
-    """The results of a comparison in their folder: manifest, and lines of results.csv and constraints.csv.
+class StoredComparison(StoredResults):
+    """The results of a comparison in their folder."""
 
-    Where it is ``trusted``, code that scenarios name as ``module:Class`` may run. ``remarks`` are what a reader should
-    know: that there are no checksums, or that code is not run.
-    """
+    with_code = ("scenarios",)
 
-    folder: Path
-    manifest: Mapping[str, Any]
-    results: Sequence[Mapping[str, Any]]
-    constraints: Sequence[Mapping[str, Any]]
-    trusted: bool = False
-    remarks: tuple[str, ...] = ()
+    @cached_property
+    def results(self) -> Sequence[Mapping[str, Any]]:
+        """Lines of results.csv."""
+        return read_table(self.folder / "results.csv", RESULT_COLUMNS)
 
-    @classmethod
-    def load(cls, folder: Path, trust: bool = False) -> StoredComparison:
-        """Read a folder; nothing that is named in it is imported unless it is trusted.
-
-        Raises ConfigurationError that says what is missing in it, or is not what a comparison has stored.
-        """
-        for name in (MANIFEST, *TABLES):
-            if not (folder / name).is_file():
-                raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
-        manifest, remarks = read_folder(folder, stored_files(folder), _demand_readable, trust, ("scenarios",))
-        results, constraints = (read_table(folder / name, columns) for name, columns in TABLES.items())
-        for name, lines in zip(TABLES, (results, constraints), strict=True):
-            _demand_planned(lines, manifest["configuration"], folder / name)
-        return cls(folder, manifest, results, constraints, trust, remarks)
+    @cached_property
+    def constraints(self) -> Sequence[Mapping[str, Any]]:
+        """Lines of constraints.csv."""
+        return read_table(self.folder / "constraints.csv", CONSTRAINT_COLUMNS)
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
@@ -160,89 +138,55 @@ class StoredComparison:
             for name, entry in stored.items()
         }
 
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """Names of the controllers, the unconstrained baseline first."""
-        return tuple(self.manifest["configuration"]["controllers"])
-
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
         """A stored run; None if its trajectory is not there, or longer than its scenario allows."""
         file = run_file(self.folder, scenario, controller, trial)
         return RunRecord.load(file, most_samples(self.scenarios[scenario].tables))
 
+    @classmethod
+    def _files(cls, folder: Path) -> Sequence[Path]:
+        for name in (MANIFEST, *TABLES):
+            if not (folder / name).is_file():
+                raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
+        return stored_files(folder)
 
-def _demand_planned(lines: Iterable[Mapping[str, Any]], configuration: Mapping[str, Any], path: Path) -> None:
-    """Raise ConfigurationError if a line is there twice, or of a run that is not in the manifest."""
-    seen = set()
-    for line in lines:
-        scenario, controller, trial = line["scenario"], line["controller"], line["trial"]
-        key = scenario, controller, trial, line.get("constraint")
-        known = scenario in configuration["scenarios"] and controller in configuration["controllers"]
-        planned = known and trial < configuration.get("trials", 1)
-        if key in seen or not planned:
-            named = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
-            why = " twice" if planned else f", which {MANIFEST} beside it does not have"
-            raise ConfigurationError(f"{path} has {named}{why}")
-        seen.add(key)
+    def _demand_planned(self) -> None:
+        configuration = self.manifest["configuration"]
+        for name, lines in zip(TABLES, (self.results, self.constraints), strict=True):
+            seen = set()
+            for line in lines:
+                scenario, controller, trial = line["scenario"], line["controller"], line["trial"]
+                key = scenario, controller, trial, line.get("constraint")
+                known = scenario in configuration["scenarios"] and controller in configuration["controllers"]
+                planned = known and trial < configuration.get("trials", 1)
+                if key in seen or not planned:
+                    named = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
+                    why = " twice" if planned else f", which {MANIFEST} beside it does not have"
+                    raise ConfigurationError(f"{self.folder / name} has {named}{why}")
+                seen.add(key)
 
-
-def read_folder(
-    folder: Path,
-    files: Iterable[Path],
-    demand_readable: Callable[[Mapping[str, Any], str], None],
-    trust: bool,
-    with_code: Sequence[str],
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The manifest of a folder of results whose files are as they were stored, and remarks for the reader.
-
-    ``demand_readable`` raises ConfigurationError for a manifest, with its name, of something else; ``trust`` says
-    whether code may run that the tables ``with_code`` of the configuration name. Raises ConfigurationError for links
-    that lead out of the folder, changed files, and a manifest that cannot be read.
-    """
-    demand_inside(folder)
-    remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
-    path = folder / MANIFEST
-    try:
-        manifest = read_manifest(path)
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    demand_readable(manifest, str(path))
-    code = [] if trust else list(code_named([manifest["configuration"][name] for name in with_code]))
-    remarks = (remark, str(untrusted("some of what is drawn", code)) if code else "")
-    return dict(manifest), tuple(filter(None, remarks))
-
-
-def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
-    """Raise ConfigurationError if something in a manifest is not what a comparison writes there."""
-    others = {"machine": Table, "packages": Table, "command": Texts, "wall_time_s": Number, "stored_before": Number}
-    manifest = entries(manifest, where, {"configuration": Table}, others)
-    where += ".configuration"
-    tables = {"scenarios": Table, "controllers": Table}
-    configuration = entries(
-        manifest["configuration"], where, tables, {"suite": str, "title": str, "trials": int, "seed": int}
-    )
-    for key, least in (("trials", 1), ("seed", 0)):
-        if configuration.get(key, least) < least:
-            raise ConfigurationError(f"{where}: {key} must be {least} or more")
-    demand_stored_names({"scenario": configuration["scenarios"], "controller": configuration["controllers"]}, where)
-    for name, scenario in configuration["scenarios"].items():
-        at = f"{where}.scenarios.{name}"
-        own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]
-        checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
-    for name, controller in configuration["controllers"].items():
-        entry = ControllerSpec.from_table(name, controller, f"{where}.controllers")
-        if entry.law in CONTROLLERS:  # own laws may be elsewhere
-            try:
-                entry.make()
-            except VsconstraintsError as error:
-                raise ConfigurationError(f"{where}.controllers.{name}: {error}") from error
-
-
-def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:
-    """The entries of a table that readers need, by what they are; raises ConfigurationError for wrong ones."""
-    table = demand_table(value, where)
-    for name in needed:
-        if name not in table:
-            raise ConfigurationError(f"{where}: the key {name!r} is missing")
-    kinds = {**needed, **others}
-    return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}
+    @classmethod
+    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+        others = {"machine": Table, "packages": Table, "command": Texts, "wall_time_s": Number, "stored_before": Number}
+        manifest = entries(manifest, where, {"configuration": Table}, others)
+        where += ".configuration"
+        tables = {"scenarios": Table, "controllers": Table}
+        configuration = entries(
+            manifest["configuration"], where, tables, {"suite": str, "title": str, "trials": int, "seed": int}
+        )
+        for key, least in (("trials", 1), ("seed", 0)):
+            if configuration.get(key, least) < least:
+                raise ConfigurationError(f"{where}: {key} must be {least} or more")
+        for what in ("scenario", "controller"):  # figures are named after them
+            demand_names(what, configuration[f"{what}s"], f"{where}: ")
+        for name, scenario in configuration["scenarios"].items():
+            at = f"{where}.scenarios.{name}"
+            own = entries(scenario, at, {"folder": str, "tables": Table})["tables"]
+            checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
+        for name, controller in configuration["controllers"].items():
+            entry = ControllerSpec.from_table(name, controller, f"{where}.controllers")
+            if entry.law in CONTROLLERS:  # own laws may be elsewhere
+                try:
+                    entry.make()
+                except VsconstraintsError as error:
+                    raise ConfigurationError(f"{where}.controllers.{name}: {error}") from error

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from itertools import product
@@ -14,26 +13,23 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import beside
 from ..scenarios import Scenario
-from ..scenarios.reading import Table, from_table
+from ..scenarios.reading import NOTHING, Table, from_table
 from ..scenarios.toml import read_toml
-from .experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
+from .experiment import Entries, Experiment, demand_names, entries_of
+from .runs.files import plain
 from .runs.spec import BASELINE, RunSpec
 
 __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
-NO_CHANGES: Table = {}
 MAX_VARIANTS = 10_000  # that one entry of a suite may stand for
 MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
 
 
 @dataclass(frozen=True)
 class Suite(Experiment):
-    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts.
-
-    ``name`` is that of the file without its ending, ``title`` is for reports, ``seed`` that of the random deviations.
-    """
+    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts."""
 
     name: str
     title: str
@@ -48,17 +44,16 @@ class Suite(Experiment):
     def load(cls, path: Path | str | None = None) -> Suite:
         """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
 
-        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
-        ``scenario`` (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys of the scenario and
-        their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
-        keys and lists of values: one variant for every combination, with the values added to name and title). Raises
-        ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be built or started.
+        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table: ``scenario`` (name or path),
+        ``name`` and ``title`` of the variant, ``set`` (dotted keys and values, ``{ "task.Kp0" = 5.0, duration = 4.0
+        }``; a table replaces the scenario's), and ``each`` (dotted keys and lists of values: one variant for every
+        combination). Raises ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be
+        built or started.
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
-            raise ConfigurationError(
-                f"{source} is a folder of results, not a suite: vsconstraints report {source} makes its report again"
-            )
+            again = f"vsconstraints report {source} makes its report again"
+            raise ConfigurationError(f"{source} is a folder of results, not a suite: {again}")
 
         def suite(
             scenarios: Sequence[Any], controllers: Table, title: str = "", trials: int = 1, seed: int = 0
@@ -83,16 +78,10 @@ class Suite(Experiment):
         KEY of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name and a key in it, a
         controller's name and an option, ``trials`` or ``seed``.
         """
-        own = {scenario.name: scenario for scenario in self.scenarios}
-        suite = replace(
-            self,
-            scenarios=tuple(own.get(name) or Scenario.load(name) for name in dict.fromkeys(scenarios or own)),
-            controllers=chosen_entries(self.controllers, controllers),
-            seed=self.seed if seed is None else seed,
-        )
+        suite = self if seed is None else replace(self, seed=seed)
+        suite = suite._selected("scenarios", Scenario.load, scenarios, controllers)
         if (suite.scenarios, suite.controllers) != (self.scenarios, self.controllers):
-            # the title speaks of all of them
-            suite = replace(suite, title=f"{suite.title}: a selection")
+            suite = replace(suite, title=f"{suite.title}: a selection")  # the title speaks of all of them
         return suite.with_settings(settings).checked()
 
     def _with(self, key: str, value: Any) -> Suite:
@@ -111,15 +100,12 @@ class Suite(Experiment):
             missing = "scenario" if self.controllers else "controller"
             raise ConfigurationError(f"suite {self.name}: there is nothing to compare: it has no {missing}")
         if self.trials < 1 or self.seed < 0 or self.trials % 1 or self.seed % 1:
-            raise ConfigurationError(
-                f"trials must be a whole number from 1, and seed one from 0 on: {self.trials}, {self.seed}"
-            )
-        count = len(self.scenarios) * len(self.controllers) * self.trials
-        if count > MAX_RUNS:
-            raise ConfigurationError(
-                f"suite {self.name}: {len(self.scenarios)} scenarios × {len(self.controllers)} controllers × "
-                f"{self.trials} trials are {count:.3g} runs; a comparison may have {MAX_RUNS}"
-            )
+            raise ConfigurationError(f"trials must be an integer from 1, and seed from 0: {self.trials}, {self.seed}")
+        counts = {"scenarios": len(self.scenarios), "controllers": len(self.controllers), "trials": self.trials}
+        if prod(counts.values()) > MAX_RUNS:
+            what = " × ".join(f"{count} {of}" for of, count in counts.items())
+            are = f"{what} are {prod(counts.values()):.3g} runs; a comparison may have {MAX_RUNS}"
+            raise ConfigurationError(f"suite {self.name}: {are}")
         demand_names("scenario", [scenario.name for scenario in self.scenarios])
         self.demand_controllers()
         self.remarks()
@@ -129,10 +115,7 @@ class Suite(Experiment):
         return self
 
     def remarks(self) -> list[str]:
-        """What a reader should know of the scenarios' starts; raises what keeps one from being started.
-
-        What an own constraint raises is a remark: its runs fail, and the others do not.
-        """
+        """What a reader should know of starts, and of own constraints that raise; raises why one cannot be started."""
         remarks = []
         for scenario in self.scenarios:
             with chdir("."):  # own parts may change the working directory
@@ -160,13 +143,10 @@ class Suite(Experiment):
             "title": self.title,
             "trials": self.trials,
             "seed": self.seed,
-            "controllers": self.resolved_controllers(),
+            "controllers": {entry.name: entry.table for entry in self.controllers},
             "scenarios": {
-                scenario.name: {
-                    "folder": "" if scenario.shipped else str(scenario.folder.resolve()),
-                    "tables": copy.deepcopy(scenario.tables),
-                }
-                for scenario in self.scenarios
+                each.name: {"folder": "" if each.shipped else str(each.folder.resolve()), "tables": plain(each.tables)}
+                for each in self.scenarios
             },
         }
 
@@ -176,9 +156,8 @@ def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
     if isinstance(value, str):
         return [Scenario.load(value, folder)]
     if not isinstance(value, dict):
-        raise ConfigurationError(
-            f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
-        )
+        kinds = "a name, a path, or a table with the key 'scenario'"
+        raise ConfigurationError(f"{where} must be {kinds}, not {shown(value)}")
     return from_table(_variants, value, where, {"where": where, "folder": folder})
 
 
@@ -188,8 +167,8 @@ def _variants(
     scenario: str,
     name: str,
     title: str = "",
-    set: Table = NO_CHANGES,
-    each: Table = NO_CHANGES,
+    set: Mapping[str, Any] = NOTHING,
+    each: Mapping[str, Any] = NOTHING,
 ) -> list[Scenario]:
     base = Scenario.load(scenario, folder)
     for key, candidates in each.items():
@@ -214,8 +193,7 @@ def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
         first, second = scenario.setup(0, seed), scenario.setup(1, seed)
     drawn = first.disturbances.random or (first.images is not None and first.images.random)
     if not drawn and (first.q0 == second.q0).all():
-        raise ConfigurationError(
-            f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
-            "or pixel_noise, lost_frames or acceleration_noise in disturbances, for example with "
-            f"--set {scenario.name}.start_deviation=0.01; or trials = 1"
-        )
+        same = f"{trials} trials of {scenario.name} would be the same run: nothing in it is random"
+        keys = "start_deviation, or pixel_noise, lost_frames or acceleration_noise in disturbances"
+        example = f"--set {scenario.name}.start_deviation=0.01"
+        raise ConfigurationError(f"{same}. Set {keys}, for example with {example}; or trials = 1")

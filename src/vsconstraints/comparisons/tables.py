@@ -60,10 +60,7 @@ def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, A
 
 
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
-    """Lines of a table: text as str, flags as bool, ``trial`` and everything else as float, NaN where empty.
-
-    Raises ConfigurationError, with file and line, if it cannot be read, has no such columns, or holds a wrong value.
-    """
+    """Lines of a table: text, flags and floats, NaN where empty; raises ConfigurationError with file and line."""
     lines = []
     try:
         with path.open(newline="", encoding="utf-8") as file:

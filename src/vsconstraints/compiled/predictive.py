@@ -35,6 +35,7 @@ class PlanArrays(NamedTuple):
     loop: int
     step: int
     frozen: int  #: Whether all is predicted at the present time.
+    fading: float  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade; 0 at once.
     #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of rows' scales.
     period: float
     length: float
@@ -112,7 +113,7 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
 def _example() -> PlanArrays:
     one, counts = np.zeros(1), np.zeros(1, dtype=np.int64)
     return PlanArrays(
-        1, 1, 1, 1.0, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
+        1, 1, 1, *(1.0,) * 6, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
         by_speed=counts, **plan_space(1, 2, 1, 1),
     )  # fmt: skip
 
@@ -234,9 +235,13 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
         if rows.sigma.size and not on_phi:
             now = rows.sigma[i]
         now += plans.margin * rows.scale[i]
-        by = 1.0 if on_phi else 1.0 / plans.K[i]
+        by, drift = 1.0 if on_phi else 1.0 / plans.K[i], 0.0
+        if plans.fading > 0.0 and not on_phi:
+            drift = plans.fading * (rows.sigma_dot[i] - by * (plans.seen[0, plans.at[PHI] + i] - first))
         for t in range(count):
             value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)
+            if drift != 0.0:
+                value -= drift * math.expm1(-plans.times[t] / plans.fading)
             for j in range(n):
                 plans.gradient[t, i, j] = by * plans.seen[t, plans.at[GRADIENT] + i * n + j]
                 value -= plans.gradient[t, i, j] * plans.space.moved[1 if on_phi else 0, t, j]

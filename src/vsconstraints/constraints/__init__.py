@@ -1,14 +1,13 @@
 """Constraints: what must hold, as labelled rows φ ≤ 0."""
 
 from .base import Constraint, RowBlock, Trace
-from .bodies import Body, attached_body, fixed_body, link_bodies, mesh
+from .bodies import Body, LinkPoints, attached_body, fixed_body, link_bodies, link_points, mesh
 from .collision import BodyDistance, Collision, SelfCollision
 from .constraint_set import ConstraintSet, robot_points
 from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Occlusion, Shape
 from .field_of_view import FieldOfView
 from .image_constraint import ImageConstraint
 from .joint_limits import JointConstraint, JointRange, JointSpeed, SpeedConstraint
-from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
 from .meshes import Mesh
 from .performance_funnel import PerformanceFunnel

@@ -63,6 +63,7 @@ class Constraint(ABC):
     unit: ClassVar[str]  #: Natural unit of its clearance.
     scale: float = 1.0  #: Size of the allowed range in units of φ: 1 for normalised constraints.
     points: Sequence[RobotPoint] = ()  #: Robot points whose motion the rows need.
+    length: float  #: Of all rows, where :meth:`characteristic_length` says nothing else.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
@@ -101,9 +102,9 @@ class Constraint(ABC):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(T, r) signed distance to each row's boundary in the natural unit; positive where allowed."""
 
-    @abstractmethod
     def characteristic_length(self, scene: Scene) -> Array:
-        """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""
+        """(r,) L by which usage is 1 − clearance/L: half an allowed range, an obstacle's radius; ``length`` for all."""
+        return np.full(len(self.labels(scene)), self.length)
 
     def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
         """Why a run cannot start with σ (r,) of rows of these labels; empty if it can, as outside most constraints."""
@@ -114,10 +115,7 @@ class Constraint(ABC):
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
-        """What it forbids in space at time ``t`` [s], in the base frame: none if it is about something else.
-
-        Of what is unbounded, a part of half side ``reach`` [m]; nothing if that is not finite.
-        """
+        """What it forbids at ``t`` [s], in the base frame; of what is unbounded a part of half side ``reach`` [m]."""
         return []
 
     def says(self, word: str, methods: Sequence[str]) -> bool:
@@ -130,10 +128,7 @@ class Constraint(ABC):
         return False
 
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
-        """(r,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit.
-
-        Nothing, to first order: φ = σ + K σ̇ ≤ T_s u⁺ (eq. 43) reaches the clearance smoothed over K.
-        """
+        """(r,) how far outside sampling with ``Ts`` [s] puts each row, in its natural unit; nothing, to first order."""
         return np.zeros(len(self.labels(scene)))
 
     def block(self, sigma: Array, sigma_dot: Array, gradient: Array, drift: Array) -> RowBlock:
@@ -145,8 +140,7 @@ class PositionConstraint(ByFormula, Constraint):
     """σ as a function of coordinates y: what own constraints derive from, through a subclass.
 
     A formula says all about it, for arrays and for the compiled step: see :class:`.ByFormula`. A subclass that gives
-    :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled
-    ones. What it forbids may move (section 5.4): see :meth:`moving`.
+    :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows are made in NumPy.
     """
 
     margin: float = 0.0  #: σ is the formula's value plus this.
@@ -195,10 +189,7 @@ class PositionConstraint(ByFormula, Constraint):
         return self.value(y) + self.margin
 
     def curvature(self, y: Array, velocity: Array) -> Array:
-        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless something better is known.
-
-        Only L_fφ depends on it, which the sliding-mode law does not use.
-        """
+        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless something better is known."""
         if self.formula is not None and self.says("formula", ("gradient",)):
             return super().curvature(y, velocity)
         return curvature_by_differences(self.gradient, y, velocity)

@@ -1,24 +1,36 @@
-"""Solid bodies that move with a robot's links, or stand still: what collision constraints measure between."""
+"""A robot's links as solid bodies, which collision constraints measure between, and as characteristic points.
+
+Points are finitely many that stand for the links' whole surface (section 4.3.6).
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, unknown_name
+from ..qp.decomposition import svd
 from ..robots.geometry import Pose, Vector3, vector
+from ..robots.kinematics import RobotPoint
 from ..robots.meshes import mesh_files
 from ..robots.robot import Robot
+from ..rows import Array
 from .base import demand_positive
 from .by_formula import Keyed
-from .link_points import FIXED, segments
-from .meshes import convex
+from .meshes import convex, surface
+
+MAX_POINTS = 60  #: Points along a link: each is a row, and covering its surface takes the square of their number.
+FIXED = 1e-9  #: A point that no joint moves faster than this [m per rad or m] does not move.
+#: By link: points (k, 3) in its frame, and how far its surface is from them [m].
+Points = dict[str, tuple[Array, float]]
 
 
 @dataclass(frozen=True)
@@ -80,7 +92,6 @@ def _made_of(robot: Robot) -> tuple[object, ...]:
 
 @lru_cache(maxsize=16)
 def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, ...]:
-    """The mesh files of a URDF of that date."""
     return tuple(mesh_files(urdf, folders))
 
 
@@ -115,3 +126,167 @@ def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
         raise ConfigurationError(f"{str(srdf)!r} cannot be read as an SRDF: {error}") from error
     pairs = root.iter("disable_collisions")
     return frozenset(frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs)
+
+
+class LinkPoints(NamedTuple):
+    """Characteristic points of a robot's links, link by link.
+
+    No point of a link's surface is farther than the enlargement [m] from the nearest one, except around points that
+    were left out because nothing moves them.
+    """
+
+    points: tuple[RobotPoint, ...]
+    enlargement: float
+
+
+def link_points(
+    robot: Robot, *, spacing: float = 0.1, link_radius: float | None = None, links: Sequence[str] | None = None
+) -> LinkPoints:
+    """Characteristic points along a robot's links, and by how much obstacles must be enlarged for them.
+
+    Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across its longest
+    direction into slices as thick as the ``spacing`` [m], with a point in the middle of each. With it they are capsules
+    of that radius [m] around the straight lines between the joints' origins (and the tip's), with points along these
+    lines; what slides out of a prismatic joint is not covered. Links and points that no joint moves are left out.
+    ``links`` are the names of those concerned, all if not given.
+
+    Raises ConfigurationError if there is no collision geometry and no radius, a mesh cannot be read, no point of a link
+    moves, or a link would have more than :data:`MAX_POINTS` points.
+    """
+    demand_positive(spacing, "spacing of points along the links")
+    if link_radius is None:
+        along = _along_geometry(robot, spacing)
+    else:
+        demand_positive(link_radius, "radius of the links")
+        along = _along_segments(robot, spacing, link_radius, links)
+    for link in links or ():
+        if link not in along:
+            raise unknown_name(f"link with characteristic points of {robot.name}", link, along)
+    if links is not None:
+        along = {link: along[link] for link in along if link in links}
+    points: list[RobotPoint] = []
+    enlargement = 0.0
+    for link, (offsets, reach) in along.items():
+        own = [point for point in _points(link, offsets) if _moves(robot, point)]
+        if own:
+            enlargement = max(enlargement, reach)
+        points += [
+            RobotPoint(link, point.offset, f"{link} point {i}" if len(own) > 1 else link)
+            for i, point in enumerate(own, start=1)
+        ]
+    if not points:
+        raise ConfigurationError(f"no joint of {robot.name} moves a point of the links {', '.join(along) or 'it has'}")
+    return LinkPoints(tuple(points), enlargement)
+
+
+def _points(link: str, offsets: Array) -> list[RobotPoint]:
+    return [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
+
+
+def _moves(robot: Robot, point: RobotPoint) -> bool:
+    rng = np.random.default_rng(0)
+    qs = rng.uniform(-1.0, 1.0, (3, robot.n))
+    return max(float(np.abs(robot.kinematics(q, q, [point]).point_J).max()) for q in qs) > FIXED
+
+
+def _demand_few(link: str, length: float, spacing: float) -> None:
+    if length > MAX_POINTS * spacing:
+        raise ConfigurationError(
+            f"spacing of points along the links: {link} is {length:.3g} m long, {length / spacing:.3g} points with a "
+            f"spacing of {spacing:g} m; a link may have {MAX_POINTS}"
+        )
+
+
+class Segment(NamedTuple):
+    """The straight part of a link between two joints' origins, from start to end (3,) [m] in the axes of its joint.
+
+    The link is a frame that moves with it; ``shared`` is whether the start is also the end of the link before, in every
+    configuration.
+    """
+
+    link: str
+    joint: int
+    start: Array
+    end: Array
+    shared: bool
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+def segments(robot: Robot) -> Iterator[Segment]:
+    """The straight lines between joints' origins, from base to tip; the last ends at the tip."""
+    model = robot.model
+    tip = model.frames[robot.frame_id("tip")]
+    for joint in range(1, model.njoints):
+        last = joint == model.njoints - 1
+        end = np.array(tip.placement.translation if last else model.jointPlacements[joint + 1].translation)
+        link = next((f.name for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY), tip.name)
+        slides = model.joints[joint].shortname().startswith("JointModelP")
+        yield Segment(link, joint, np.zeros(3), end, joint > 1 and not slides)
+
+
+def _along_segments(robot: Robot, spacing: float, radius: float, links: Sequence[str] | None) -> Points:
+    along: Points = {}
+    # whether the last point of a wanted link is also the first of the next one, and so needs no second point
+    covered = False
+    for segment in segments(robot):
+        covered = covered and segment.shared
+        if segment.length < FIXED:
+            continue
+        _demand_few(segment.link, segment.length, spacing)
+        count = int(np.ceil(segment.length / spacing - 1e-9))
+        parts = np.arange(1 if covered else 0, count + 1) / count
+        covered = links is None or segment.link in links
+        inverse = robot.model.frames[robot.model.getFrameId(segment.link)].placement.inverse()
+        start, end = (np.asarray(inverse.act(point)) for point in (segment.start, segment.end))
+        reach = float(np.hypot(radius, 0.5 * (segment.length / count)))
+        along[segment.link] = (start + parts[:, None] * (end - start), reach)
+    return along
+
+
+def _along_geometry(robot: Robot, spacing: float) -> Points:
+    patches: dict[str, list[tuple[Array, float]]] = {}
+    for body in robot.collision_geometry().geometryObjects:
+        if body.parentJoint == 0:
+            continue
+        frame = robot.model.frames[body.parentFrame]
+        placement = frame.placement.inverse() * body.placement
+        R, t = np.array(placement.rotation), np.array(placement.translation)
+        body.geometry.computeLocalAABB()
+        _demand_few(frame.name, float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)), spacing)
+        corners, slack = surface(body.geometry, 0.5 * spacing)
+        patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
+    along: Points = {}
+    for link, own in patches.items():
+        # the fewest slices whose middles all move, since a wrist's may stand where its axes meet
+        options = (_slices(own, spacing, more) for more in range(3))
+        moving = (each for each in options if all(_moves(robot, point) for point in _points(link, each[0])))
+        along[link] = next(moving, None) or _slices(own, spacing, 0)
+    return along
+
+
+def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tuple[Array, float]:
+    """Points (k, 3) in the middle of slices across the longest direction, and how far the surface is from them.
+
+    ``more`` is by how many there are more slices than the spacing asks for.
+    """
+    vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
+    middle = vertices.mean(axis=0)
+    axes = svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
+    x = (vertices - middle) @ axes.T
+    low, high = x.min(axis=0), x.max(axis=0)
+    main = int(np.argmax(high - low))
+    count = max(1, int(np.ceil((high[main] - low[main]) / spacing))) + more
+    part = (x[:, main] - low[main]) / max(high[main] - low[main], 1e-300)
+    slice_of = np.minimum((part * count).astype(int), count - 1)
+    slices = [x[slice_of == i] for i in np.unique(slice_of)]
+    points: Array = np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
+    # the distance to one point is convex: on a patch it is greatest at a corner
+    reach = max(
+        float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max()) + slack
+        for corners, slack in patches
+    )
+    return points, reach

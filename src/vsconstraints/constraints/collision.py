@@ -31,17 +31,11 @@ class BodyDistance(Constraint):
 
     d is negative where they penetrate: the shortest way out. Its gradient follows from the points where they are
     nearest, p_a and p_b, and the direction n from the first to the second body: ∂d/∂q = nᵀ (J_b − J_a). Where the
-    nearest points are not unique (parallel faces, changing edges) d has kinks, and the gradient is that of one side.
-    The curvature is taken from differences of the gradient along q̇, and so is smeared over a kink.
+    nearest points are not unique d has kinks, and the gradient is that of one side. The curvature is taken from
+    differences of the gradient along q̇, and so is smeared over a kink.
 
-    Parameters
-    ----------
-    pairs
-        Bodies of the robot, first and second of each row.
-    margin, length
-        Safety margin, and characteristic length [m].
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
+    ``pairs`` are the first and second body of each row; ``margin`` and the characteristic ``length`` are in metres, K
+    is the approach time constant [s] and ``switching_gain`` u⁺ [m/s].
     """
 
     unit = "m"
@@ -102,12 +96,7 @@ class BodyDistance(Constraint):
         """Distance less the margin."""
         return np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs)) - self.margin
 
-    def characteristic_length(self, scene: Scene) -> Array:
-        """The same length for every pair."""
-        return np.full(len(self.pairs), self.length)
-
     def _measure(self, q: Array) -> tuple[Array, Array]:
-        """Distances (r,) and the gradients of σ (r, n)."""
         J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
         placed: dict[int, list[Placed]] = {}
         for key, body in self._bodies.items():
@@ -139,18 +128,9 @@ class BodyDistance(Constraint):
 class Collision(BodyDistance):
     """Bodies of the robot keep clear of an obstacle; bodies are those of the URDF, capsules, or given ones.
 
-    See :class:`BodyDistance` for value and gradient.
-
-    Parameters
-    ----------
-    bodies
-        The robot's, for example ``link_bodies(robot)``; those that no joint moves are left out.
-    obstacle
-        What stands in the way, for example ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``.
-    links
-        Names of the bodies concerned; all if not given.
-    K, switching_gain, margin, length
-        As of :class:`BodyDistance`.
+    ``bodies`` are the robot's, for example ``link_bodies(robot)``, of which those that no joint moves are left out, the
+    obstacle one like ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``; ``links`` names the bodies concerned, all if
+    not given. The rest is as of :class:`BodyDistance`.
     """
 
     kind = "collision"
@@ -190,19 +170,9 @@ class Collision(BodyDistance):
 class SelfCollision(BodyDistance):
     """Bodies of the robot keep clear of each other; bodies are those of the URDF, capsules, or given ones.
 
-    See :class:`BodyDistance` for value and gradient.
-
-    Parameters
-    ----------
-    bodies
-        The robot's, for example ``link_bodies(robot)``.
-    pairs
-        Names of the bodies of each pair. If not given, all pairs except those of one joint or of neighbouring ones,
-        which always touch, and those that the SRDF file disables.
-    srdf
-        Path of an SRDF file.
-    K, switching_gain, margin, length
-        As of :class:`BodyDistance`.
+    ``pairs`` names the bodies of each pair. If not given, they are all pairs except those of one joint or of
+    neighbouring ones, which always touch, and those that the SRDF file disables. The rest is as of
+    :class:`BodyDistance`.
     """
 
     kind = "self-collision"

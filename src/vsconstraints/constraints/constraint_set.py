@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..rows.factors import RowFactors
 from ..rows.readable import counted, enumerated, in_one_line
 from ..vision.scene import Scene
-from .base import Constraint, RowBlock, Trace
+from .base import Constraint, Trace
 from .joint_limits import SpeedConstraint
 
 
@@ -27,11 +27,8 @@ class ConstraintSet:
 
     Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances, ``switching_gain``,
     ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and ``characteristic_length`` in its unit.
-
-    Raises
-    ------
-    ConfigurationError
-        if two rows have the same label, or the scene was not built with these constraints' robot points.
+    Raises ConfigurationError if two rows have the same label, or the scene was not built with these constraints' robot
+    points.
     """
 
     def __init__(self, constraints: Sequence[Constraint], scene: Scene) -> None:
@@ -100,23 +97,6 @@ class ConstraintSet:
         """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
         parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
-
-
-def misshapen(
-    constraints: Sequence[Constraint], counts: Sequence[int], blocks: Sequence[RowBlock], n: int
-) -> InvalidInput:
-    """The error that names the constraints whose rows, ``counts`` of each, are of the wrong shape for n joints."""
-    wrong = [
-        f"{constraint.kind} has {r} labels for {n} joints, but the shapes {shapes}"
-        for constraint, r, block in zip(constraints, counts, blocks, strict=True)
-        if (shapes := [part.shape for part in block]) != shapes_of(r, n)
-    ]
-    return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
-
-
-def shapes_of(r: int, n: int) -> list[tuple[int, ...]]:
-    """Shapes of a block of r rows for n joints."""
-    return [(r,), (r,), (r, n), (r,)]
 
 
 def _unchangeable(values: Array) -> Array:

@@ -7,6 +7,7 @@ image whose v points down, positive is clockwise. To stay out of one is :class:`
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas import curves as formulas
 from ..robots.geometry import Vector2, vector
+from .base import demand_positive
 from .by_formula import ByFormula, Formula, demand_own_curvature
 from .image_constraint import ImageConstraint
 
@@ -25,46 +27,47 @@ class Shape(ByFormula):
     radius: float
     coordinates = 2
 
+    def __post_init__(self) -> None:
+        vars(self).update({name: demand_positive(value, f"{name} of a shape") for name, value in vars(self).items()})
+        self.parameters = tuple(vars(self).values())
 
+
+@dataclass(eq=False)
 class Circle(Shape):
     """1 − ‖p‖²/r²."""
 
-    name = "circle"
-    formula = staticmethod(formulas.circle)
-    curvature_formula = staticmethod(formulas.circle_curvature)
-
-    def __init__(self, radius: float) -> None:
-        self.radius = _positive(radius, "radius")
-        self.parameters = (self.radius,)
+    name, formula, curvature_formula = "circle", staticmethod(formulas.circle), staticmethod(formulas.circle_curvature)
+    radius: float
 
 
+@dataclass(eq=False)
 class Hyperellipse(Shape):
     """1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
 
     name = "hyperellipse"
     formula = staticmethod(formulas.hyperellipse)
     curvature_formula = staticmethod(formulas.hyperellipse_curvature)
+    a: float
+    b: float
+    n: float = 4.0
 
-    def __init__(self, a: float, b: float, n: float = 4.0) -> None:
-        self.half_size = np.array([_positive(a, "a"), _positive(b, "b")])
-        self.n = _positive(n, "n")
-        if n < 2.0:
-            raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {n}")
-        self.radius = float(self.half_size.min())
-        self.parameters = (*self.half_size.tolist(), self.n)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.n < 2.0:
+            raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {self.n}")
+        self.radius = min(self.a, self.b)
 
 
+@dataclass(eq=False)
 class Bowl(Shape):
     """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r = 45, w = 0.7."""
 
-    name = "bowl"
-    formula = staticmethod(formulas.bowl)
-    curvature_formula = staticmethod(formulas.bowl_curvature)
-
-    def __init__(self, radius: float = 45.0, width: float = 0.7) -> None:
-        self.parameters = self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
+    name, formula, curvature_formula = "bowl", staticmethod(formulas.bowl), staticmethod(formulas.bowl_curvature)
+    radius: float = 45.0
+    width: float = 0.7
 
 
+@dataclass(eq=False)
 class Heart(Shape):
     """1 − r⁻² (w² u² + (v − |u|)²): eq. (46); r = 35, w = 0.8.
 
@@ -72,12 +75,9 @@ class Heart(Shape):
     gradient is the mean of both sides.
     """
 
-    name = "heart"
-    formula = staticmethod(formulas.heart)
-    curvature_formula = staticmethod(formulas.heart_curvature)
-
-    def __init__(self, radius: float = 35.0, width: float = 0.8) -> None:
-        self.parameters = self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
+    name, formula, curvature_formula = "heart", staticmethod(formulas.heart), staticmethod(formulas.heart_curvature)
+    radius: float = 35.0
+    width: float = 0.8
 
 
 #: Shapes by the name scenario files use.
@@ -87,14 +87,8 @@ SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hypere
 class Curve(ByFormula):
     """A shape put somewhere in the image.
 
-    Parameters
-    ----------
-    shape
-        What.
-    centre_px
-        (2,) where its origin is, from the image's centre [px].
-    rotation
-        By how much it is turned about its origin, u towards v [rad].
+    ``centre_px`` (2,) is where its origin is, from the image's centre [px], ``rotation`` by how much it is turned about
+    its origin, u towards v [rad].
     """
 
     coordinates = 2
@@ -110,29 +104,12 @@ class Curve(ByFormula):
         self.formula, self.curvature_formula, self.parameters = shape.formula, shape.curvature_formula, shape.parameters
 
 
-def _positive(value: float, what: str) -> float:
-    if not (np.isfinite(value) and value > 0.0):
-        raise InvalidInput(f"{what} of a shape must be positive, not {value}")
-    return float(value)
-
-
 class Occlusion(ImageConstraint):
     """Markers stay outside an implicit curve in the image.
 
-    Keeps markers outside an implicit curve: σ is the curve's value, positive inside.
-
-    Parameters
-    ----------
-    curve
-        The curve, or a shape that stands at the image's centre.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [1/s].
-    margin
-        σ at which the boundary is drawn instead: the constraint is value + margin ≤ 0.
-    name
-        Name of the obstacle in labels; the shape's if empty.
-    markers
-        Numbers of the markers concerned, counted from 1; all if None.
+    σ is the value of the ``curve``, positive inside, plus ``margin``; a shape stands at the image's centre. K is the
+    approach time constant [s], ``switching_gain`` u⁺ [1/s]; the obstacle's ``name`` in labels is the shape's if empty,
+    and ``markers`` are the numbers of those concerned, counted from 1, all if None.
     """
 
     kind = "occlusion"

@@ -24,25 +24,11 @@ class FieldOfView(ImageConstraint):
     Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24). Where the lens has distortion
     it is one on the sensor, which is bent in ideal pixels; clearances then are distances on the sensor.
 
-    Parameters
-    ----------
-    camera
-        Whose image.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [1/s].
-    margin
-        Safety margin as a fraction of the image: a = W/2 (1 − margin), b = H/2 (1 − margin).
-    margin_px
-        Safety margin in pixels instead: a = W/2 − margin_px, b = H/2 − margin_px.
-    n
-        Smoothing: 2 is an ellipse, large values come close to the rectangle.
-    markers
-        Numbers of the markers concerned, counted from 1; all if None.
-
-    Raises
-    ------
-    ConfigurationError
-        if the margin leaves no image, or leaves a part of it in which the lens cannot be inverted.
+    ``margin`` is a fraction of the image, a = W/2 (1 − margin), or ``margin_px`` in pixels instead, a = W/2 −
+    margin_px, and likewise b. n smooths: 2 is an ellipse, large values come close to the rectangle. K is the approach
+    time constant [s], ``switching_gain`` u⁺ [1/s]; ``markers`` are the numbers of those concerned, counted from 1, all
+    if None. Raises ConfigurationError if the margin leaves no image, or leaves a part of it in which the lens cannot be
+    inverted.
     """
 
     kind = "fov"
@@ -101,7 +87,6 @@ class FieldOfView(ImageConstraint):
         return [self._camera.undistort(line) for line in self._on_sensor.boundary(self._camera.size_px, t)]
 
     def _invertible(self, half: Array) -> bool:
-        """Whether the lens can be inverted on the hyperellipse of these half axes."""
         assert self._camera.distortion is not None
         turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
         along = np.stack((np.cos(turn), np.sin(turn)), axis=-1)

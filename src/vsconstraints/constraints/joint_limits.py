@@ -29,6 +29,10 @@ class RowsOfJoints(Constraint):
     def gradient(self, y: Array) -> Array:
         """(..., r, n) gradient at y (..., n)."""
 
+    @abstractmethod
+    def characteristic_length(self, scene: Scene) -> Array:
+        """(r,) half the allowed range of each row."""
+
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows that say that they are linear, as they are at rest."""
         rows, value = self._compiled
@@ -141,10 +145,20 @@ class OfJoints:
             raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
         self.margin = float(margin)
 
-    def _set_gradient(self, n: int, upper: Array, lower: Array) -> None:
-        """Keep the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
+    def _keep(self, n: int, mid: Array | float, upper: Array, lower: Array) -> None:
+        """Keep from where, and by what, coordinates or speeds count in the upper and in the lower rows."""
+        self.mid, self._by = mid, (upper, lower)
         chosen = np.eye(n, dtype=np.bool_)[self._at]
-        self._gradient: Array = np.concatenate([np.where(chosen, a[:, None], 0.0) for a in (upper, -lower)])
+        self._gradient: Array = np.concatenate([np.where(chosen, (1.0 / size)[:, None], 0.0) for size in self._by])
+
+    def _value(self, y: Array) -> Array:
+        x = y[..., self._at] - self.mid
+        return np.concatenate([x / size for size in self._by], axis=-1) - (1.0 - self.margin)
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """Half the allowed range, or the allowed speed, of each row."""
+        length: Array = np.abs(np.concatenate(self._by)) * (1.0 - self.margin)
+        return length
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """All upper rows, then all lower ones."""
@@ -162,23 +176,12 @@ class OfJoints:
 class JointRange(OfJoints, JointConstraint):
     """Joints stay in their ranges, the robot's or given ones.
 
-    ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
+    ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side. The paper
+    writes one row with |q̃_i|, which has a kink at the middle; two linear rows are the same where it matters.
 
-    The paper writes one row with |q̃_i|, which has a kink at the middle; two linear rows have none, and are the same
-    where it matters. Their gradient is the true derivative of σ, ±2/Δq_max.
-
-    Parameters
-    ----------
-    robot
-        Whose ranges are used where none are given.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [1/s].
-    joints
-        Numbers of the joints concerned, counted from 1; if None all that have a range.
-    lower, upper
-        Ranges of those joints [rad or m], instead of the robot's.
-    margin
-        Safety margin as a fraction of half the range.
+    ``joints`` are the numbers of those concerned, counted from 1, all that have a range if None; ``lower`` and
+    ``upper`` their ranges [rad or m] instead of the robot's, ``margin`` is a fraction of half the range. K is the
+    approach time constant [s], ``switching_gain`` u⁺ [1/s].
     """
 
     kind = "range"
@@ -198,36 +201,19 @@ class JointRange(OfJoints, JointConstraint):
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         self._select(robot, joints, margin, (lower, robot.q_min), (upper, robot.q_max))
-        self.mid, self.half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
-        self._set_gradient(robot.n, 1.0 / self.half, 1.0 / self.half)
+        half = 0.5 * (self.upper - self.lower)
+        self._keep(robot.n, 0.5 * (self.lower + self.upper), half, -half)
 
     def sigma(self, q: Array) -> Array:
         """Eq. (25), one row for each side."""
-        x = (q[..., self._at] - self.mid) / self.half
-        return np.concatenate((x, -x), axis=-1) - (1.0 - self.margin)
-
-    def characteristic_length(self, scene: Scene) -> Array:
-        """Half the allowed range [rad or m]."""
-        return np.tile(self.half * (1.0 - self.margin), 2)
+        return self._value(q)
 
 
 class JointSpeed(OfJoints, SpeedConstraint):
     """Joints stay below their speeds, the robot's or given ones.
 
-    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says).
-
-    Parameters
-    ----------
-    robot
-        Whose speed limits are used where none are given.
-    switching_gain
-        u⁺ [1/s].
-    joints
-        Numbers of the joints concerned, counted from 1; if None all that have a limit.
-    lower, upper
-        Speed limits of those joints [rad/s or m/s], lower < 0 < upper, instead of the robot's.
-    margin
-        Safety margin as a fraction of the limit.
+    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says). The
+    arguments are those of :class:`JointRange`, with speeds, lower < 0 < upper, in place of ranges [rad/s or m/s].
     """
 
     kind = "speed"
@@ -248,19 +234,12 @@ class JointSpeed(OfJoints, SpeedConstraint):
         given = -limit_array(upper, "upper of speed") if lower is None and upper is not None else lower
         self._select(robot, joints, margin, (given, robot.qd_min), (upper, robot.qd_max))
         if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
-            raise ConfigurationError(
-                f"speed limits must be lower < 0 < upper, so that the arm can rest: {self.lower} and {self.upper}"
-            )
-        self._set_gradient(robot.n, 1.0 / self.upper, -1.0 / self.lower)
+            raise ConfigurationError(f"speed limits must be lower < 0 < upper, not {self.lower} and {self.upper}")
+        self._keep(robot.n, 0.0, self.upper, self.lower)
 
     def phi(self, qd: Array) -> Array:
         """Eq. (28), one row for each side."""
-        x = qd[..., self._at]
-        return np.concatenate((x / self.upper, x / self.lower), axis=-1) - (1.0 - self.margin)
-
-    def characteristic_length(self, scene: Scene) -> Array:
-        """The allowed speed [rad/s or m/s]."""
-        return np.concatenate((self.upper, -self.lower)) * (1.0 - self.margin)
+        return self._value(qd)
 
 
 def limit_array(value: ArrayLike, what: str) -> Array:

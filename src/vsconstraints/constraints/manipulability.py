@@ -21,33 +21,11 @@ ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3,
 class Manipulability(Constraint):
     """The arm stays away from singular configurations.
 
-    (w_min − w) / w_scale ≤ 0 with w the product of the singular values of the tip's Jacobian.
-
-    w = √det(J Jᵀ) (Yoshikawa's measure), or √det(Jᵀ J) for arms with fewer joints than directions. Unlike the
-    smallest singular value, which has a kink wherever two of them cross, it is smooth wherever it is not zero, and it
-    does not depend on the axes J is expressed in. Its gradient and curvature are exact:
-
-        ∂w/∂q_k = w tr(J⁺ ∂J/∂q_k),   ∂J_j/∂q_k = −[J_k, J_j] for k > j in the tip's frame, zero otherwise.
-
-    In a singular configuration, where w has a kink, the gradient is one of its two sides, finite.
-
-    Parameters
-    ----------
-    robot
-        The arm.
-    minimum
-        w_min, in the units of w: products of metres and radians.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [1/s].
-    scale
-        w_scale; w_min if not given, so that σ is 1 in a singular configuration.
-    part
-        Directions of the tip that count: ``"pose"``, ``"position"`` or ``"orientation"``.
-
-    Raises
-    ------
-    ConfigurationError
-        if the arm can never move its tip in as many directions, so that w is always zero.
+    (w_min − w) / w_scale ≤ 0 with w the product of the singular values of the tip's Jacobian, of whose rows the
+    directions of the ``part`` count: √det(J Jᵀ) (Yoshikawa), or √det(Jᵀ J) for arms with fewer joints than directions.
+    Gradient and curvature are exact, ∂w/∂q_k = w tr(J⁺ ∂J/∂q_k); in a singular configuration the gradient is one of two
+    sides, finite. ``minimum`` is w_min, in products of metres and radians, ``scale`` w_scale, w_min if not given. K is
+    the approach time constant [s], ``switching_gain`` u⁺ [1/s]. Raises ConfigurationError if w is always zero.
     """
 
     kind = "manipulability"

@@ -34,8 +34,7 @@ class Mesh:
 def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | None:
     """A geometry of coal as a mesh in its own frame, triangle meshes as they are and solids as their convex hull.
 
-    A half-space is a square of half side ``reach`` [m] of its boundary. None if it is unbounded and ``reach`` is not
-    finite.
+    A half-space is a square of half side ``reach`` [m] of its boundary. None if unbounded, and ``reach`` is not finite.
     """
     if isinstance(geometry, coal.BVHModelBase):
         triangles = [tuple(geometry.tri_indices(k)[j] for j in range(3)) for k in range(geometry.num_tris)]
@@ -75,10 +74,9 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
     """A solid whose distances coal computes reliably, inside too, and which holds the given one.
 
-    A mesh becomes its convex hull: a mesh is hollow, a hull has an inside, so that a penetration has a depth. A
-    cylinder becomes the prism of :data:`SIDES` sides around it, which is 0.5 % wider: coal's iterations converge
-    slowly on a cylinder's round side, and inside it they often end at another than the shortest way out. Everything
-    else stays as it is.
+    A mesh becomes its convex hull, since a mesh is hollow. A cylinder becomes the prism of :data:`SIDES` sides around
+    it, 0.5 % wider: coal's iterations converge slowly on a round side, and inside often end at another than the
+    shortest way out. Everything else stays as it is.
     """
     if isinstance(geometry, coal.Cylinder):
         angle = 2.0 * np.pi / SIDES * np.arange(SIDES)

@@ -24,48 +24,27 @@ POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 class PerformanceFunnel(Constraint):
     """Every component of the error to the goal stays in a funnel that narrows with time.
 
-    ±eᵢ/ρ₀ − ρ(t)/ρ₀ ≤ 0 with ρ(t) = (ρ₀ − ρ∞) exp(−l t) + ρ∞ (Bechlioulis, Heshmati-alamdari, Karras and
-    Kyriakopoulos, T-RO 2019), as rows that any law can hold.
+    ±eᵢ/ρ₀ − ρ(t)/ρ₀ ≤ 0 with ρ(t) = (ρ₀ − ρ∞) exp(−l t) + ρ∞ (Bechlioulis, Heshmati-alamdari, Karras and Kyriakopoulos,
+    T-RO 2019), as rows that any law can hold.
 
     e is the feature less its value at the goal, whatever reference trajectory leads there. t counts from when the goal
-    begins to hold: at a change of the goal the funnel opens again. Angles are those within π.
-
-    Parameters
-    ----------
-    goals
-        The task's.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [1/s].
-    decay
-        l [1/s]; K l must be below 1, or φ would be positive with no error at all.
-    final
-        ρ∞/ρ₀, above 0 and at most 1.
-    translation_m, rotation_rad
-        ρ₀ of the components of (t, θu) of eq. (44) [m], [rad]; no rows of those that are None.
-    feature_px
-        ρ₀ of the markers' coordinates in the image instead [px].
-    markers
-        Numbers of the markers concerned, counted from 1; all if None.
-
-    Raises
-    ------
-    ConfigurationError
-        if a goal is not given as what the funnel is about, or the numbers do not go together.
+    begins to hold: at a change of the goal the funnel opens again. Angles are those within π. Raises ConfigurationError
+    if a goal is not given as what the funnel is about, or the numbers do not go together.
     """
 
     kind = "funnel"
     unit = "px"
 
-    goals: Sequence[Goal]
+    goals: Sequence[Goal]  #: The task's.
     _: KW_ONLY
-    K: float
-    switching_gain: float
-    decay: float
-    final: float
-    translation_m: float | None = None
-    rotation_rad: float | None = None
-    feature_px: float | None = None
-    markers: Sequence[int] | None = None
+    K: float  #: Approach time constant [s].
+    switching_gain: float  #: u⁺ [1/s].
+    decay: float  #: l [1/s]; K l must be below 1, or φ would be positive with no error at all.
+    final: float  #: ρ∞/ρ₀, above 0 and at most 1.
+    translation_m: float | None = None  #: ρ₀ of t of eq. (44) [m]; no rows if None.
+    rotation_rad: float | None = None  #: Likewise of θu [rad].
+    feature_px: float | None = None  #: ρ₀ of the markers' coordinates in the image instead [px].
+    markers: Sequence[int] | None = None  #: Numbers of those concerned, counted from 1; all if None.
 
     def __post_init__(self) -> None:
         super().__init__(K=self.K, switching_gain=self.switching_gain)

@@ -23,10 +23,8 @@ from .meshes import Mesh, mesh_of, traced
 class PointConstraint(PositionConstraint):
     """A constraint on the position y = p (3,) of robot points, in the base frame [m].
 
-    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`.
-
-    Its characteristic length is in metres; names of the points, and of the obstacle if there are several, are used in
-    labels.
+    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`. ``length`` [m] is its characteristic
+    length; ``name`` that of the obstacle, for labels when there are several.
     """
 
     unit = "m"
@@ -80,31 +78,17 @@ class PointConstraint(PositionConstraint):
         moved = np.zeros(3) if self.motion is None else self.motion.displacement(t)
         return [Mesh(points + moved, mesh.triangles)]
 
-    def characteristic_length(self, scene: Scene) -> Array:
-        """The same length for every point."""
-        return np.full(len(self.points), self.length)
-
 
 class ForbiddenRegion(PointConstraint):
     """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a region.
 
     d is positive outside and minus the distance to the surface inside, so that a point inside is led out the shortest
-    way. Where several surface points are equally near (edges and corners seen from inside, axes, centres) the
-    gradient is the one that leads to one of them, always the same; it is a unit vector everywhere.
+    way. Where several surface points are equally near the gradient is the one that leads to one of them, always the
+    same; it is a unit vector everywhere.
 
     An own region gives ``kind``, its formula (value and derivatives of the depth −d from x, y and z in its own frame)
-    and if it knows it the formula of the curvature.
-
-    Parameters
-    ----------
-    pose
-        Of the region's frame in the base frame.
-    length, margin
-        Characteristic length, and safety margin [m].
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    points, name
-        Points that must stay out, the tip if not given; name of the obstacle, for labels when there are several.
+    and if it knows it the formula of the curvature. ``pose`` is that of the region's frame in the base frame,
+    ``margin`` [m] is kept from it; the others are those of :class:`PointConstraint`.
     """
 
     def __init__(
@@ -145,13 +129,13 @@ class ForbiddenRegion(PointConstraint):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class KnownRegion(ForbiddenRegion):
-    """A region whose parameters are those of its formula, and K, gain, margin, points and name of every region."""
+    """A region whose parameters are those of its formula, beside those of every region."""
 
-    K: float
-    switching_gain: float
-    margin: float = 0.0
-    points: Sequence[RobotPoint] = (RobotPoint(),)
-    name: str = ""
+    K: float  #: Approach time constant [s].
+    switching_gain: float  #: u⁺ [m/s].
+    margin: float = 0.0  #: [m].
+    points: Sequence[RobotPoint] = (RobotPoint(),)  #: That must stay out; the tip if not given.
+    name: str = ""  #: Of the obstacle, for labels when there are several.
 
     def place(self, R: Array, t: Array, length: float, *parameters: float) -> None:
         """Put the region somewhere: axes R and origin t of its frame, its characteristic length, its parameters."""
@@ -167,20 +151,13 @@ class ForbiddenSphere(KnownRegion):
     """Robot points stay out of a sphere.
 
     r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the very centre the gradient is that of leaving along +z.
-
-    Parameters
-    ----------
-    centre
-        (3,) c in the base frame [m].
-    radius
-        r [m].
     """
 
     kind = "sphere"
     formula = staticmethod(formulas.sphere)
     curvature_formula = staticmethod(formulas.sphere_curvature)
-    centre: Vector3
-    radius: float
+    centre: Vector3  #: c in the base frame [m].
+    radius: float  #: r [m].
 
     def __post_init__(self) -> None:
         self.radius = demand_positive(self.radius, "radius of a sphere")
@@ -197,21 +174,14 @@ class ForbiddenBox(KnownRegion):
 
     Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
     towards + of the shortest one.
-
-    Parameters
-    ----------
-    centre, size
-        (3,) in the base frame, and lengths of its edges [m].
-    rpy
-        (3,) roll, pitch, yaw of its axes in the base frame [rad].
     """
 
     kind = "box"
     formula = staticmethod(formulas.box)
     curvature_formula = staticmethod(formulas.box_curvature)
-    centre: Vector3
-    size: Vector3
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    centre: Vector3  #: In the base frame [m].
+    size: Vector3  #: Lengths of its edges [m].
+    rpy: Vector3 = (0.0, 0.0, 0.0)  #: Roll, pitch, yaw of its axes in the base frame [rad].
 
     def __post_init__(self) -> None:
         size = vector(self.size, 3, "size of a box")
@@ -227,26 +197,14 @@ class ForbiddenBox(KnownRegion):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ForbiddenHalfSpace(KnownRegion):
-    """Robot points stay on one side of a plane: above a table, before a wall.
-
-    Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
-
-    Parameters
-    ----------
-    point
-        (3,) a, a point of the plane, in the base frame [m].
-    normal
-        (3,) n, out of the forbidden side; of any length.
-    length
-        Characteristic length [m]: a half-space has no size of its own.
-    """
+    """Robot points stay on one side of a plane, margin − n·(p − a) ≤ 0: above a table, before a wall."""
 
     kind = "half-space"
     formula = staticmethod(formulas.half_space)
     curvature_formula = staticmethod(formulas.half_space_curvature)
-    point: Vector3
-    normal: Vector3
-    length: float = 0.1
+    point: Vector3  #: a, a point of the plane, in the base frame [m].
+    normal: Vector3  #: n, out of the forbidden side; of any length.
+    length: float = 0.1  #: Characteristic length [m]: a half-space has no size of its own.
 
     def __post_init__(self) -> None:
         n = vector(self.normal, 3, "normal of a half-space")
@@ -264,9 +222,9 @@ class ForbiddenHalfSpace(KnownRegion):
 class RegionAroundAxis(KnownRegion):
     """A region of a radius around the axis from one point to another, which is the z axis of its frame."""
 
-    start: Vector3
+    start: Vector3  #: Ends of the axis in the base frame [m].
     end: Vector3
-    radius: float
+    radius: float  #: [m].
 
     def __post_init__(self) -> None:
         self.radius = demand_positive(self.radius, f"radius of a {self.kind}")
@@ -284,13 +242,6 @@ class ForbiddenCylinder(RegionAroundAxis):
 
     Inside, where side and end are equally near, the way out is through the side; on the axis it is a fixed direction
     across it; in the middle of a flat cylinder, through the end.
-
-    Parameters
-    ----------
-    start, end
-        (3,) ends of the axis in the base frame [m].
-    radius
-        [m].
     """
 
     kind = "cylinder"
@@ -306,7 +257,7 @@ class ForbiddenCapsule(RegionAroundAxis):
     """Robot points stay out of a cylinder with round ends.
 
     Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends. On the segment the gradient is that
-    of leaving along a fixed direction across it. Parameters are those of :class:`ForbiddenCylinder`.
+    of leaving along a fixed direction across it.
     """
 
     kind = "capsule"

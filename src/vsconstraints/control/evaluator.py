@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from ..vision.scene import PointMotion, Scene, State, interaction_matrix
 from ..vision.tracking import VisualTask
 from .packing import Packed
 
+if TYPE_CHECKING:
+    from ..controllers.base import Controller
+    from ..controllers.compiled import BoundLaw
+
 
 def _view(name: str) -> property:
     return property(lambda evaluation: evaluation.part(name))
@@ -27,27 +31,20 @@ def _view(name: str) -> property:
 class Evaluation:
     """Result of one step: views into the array that the compiled step writes.
 
-    Attributes
-    ----------
-    rows, task
-        As a controller takes them.
-    error, sigma
-        (k,) of the visual feature, and (m,) of each row.
-    pixels, points
-        (M, 2) markers from the image's centre [px], and (p, 3) the scene's robot points in the base frame [m].
-    camera_R, camera_t
-        (3, 3) orientation and (3,) position [m] of the camera in the target's frame.
+    ``rows`` and ``task`` are as a controller takes them, ``error`` (k,) is that of the visual feature, ``sigma`` (m,)
+    of each row; ``pixels`` (M, 2) are markers from the image's centre [px], ``points`` (p, 3) the scene's robot points
+    in the base frame [m], and ``camera_R`` (3, 3) and ``camera_t`` (3,) [m] the camera's pose in the target's frame.
     """
 
-    __slots__ = ("_constraints", "_out", "_packed")
+    __slots__ = ("_constraints", "_packed", "out")
 
     def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
-        self._packed, self._constraints, self._out = packed, constraints, out
+        self._packed, self._constraints, self.out = packed, constraints, out
 
     def part(self, name: str) -> Array:
         """An output of the step by its name in :attr:`.Size.outputs`."""
         where, shape = self._packed.parts[name]
-        return self._out[where].reshape(shape)
+        return self.out[where].reshape(shape)
 
     @property
     def rows(self) -> Rows:
@@ -80,17 +77,10 @@ class Evaluation:
 class Bound:
     """The compiled step for loops: every sample overwrites the one before.
 
-    Attributes
-    ----------
-    evaluate
-        Takes time [s], q and q̇ (contiguous ``float64``), and returns 0 if ``out`` now holds the step; otherwise
-        :meth:`Evaluator.evaluate` says what is wrong.
-    measure
-        Takes pixels (M, 2), depths (M,), the time of their image and now, for the next step; returns 0 if they fit.
-    out, now
-        All outputs as one array, and by their names.
-    packed
-        The arrays of the step.
+    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``), and returns 0 if ``out`` now holds the step, and
+    ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` says what is wrong. ``measure`` takes pixels (M, 2),
+    depths (M,), the time of their image and now, for the next step, and returns 0 if they fit. ``packed`` are the
+    step's arrays.
     """
 
     __slots__ = ("evaluate", "measure", "now", "out", "packed")
@@ -101,6 +91,11 @@ class Bound:
         self.now = Evaluation(packed, constraints, self.out)
         self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(packed.workspace)
         self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(packed.workspace)
+
+    def bind(self, controller: Controller) -> BoundLaw | None:
+        """The controller on the rows and the task of ``now``; None where it is not compiled."""
+        size, now = self.packed.size, self.now
+        return controller.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
 
 
 class CurrentState(NamedTuple):
@@ -114,39 +109,16 @@ class CurrentState(NamedTuple):
 class Evaluator:
     """Evaluates a scene, its constraints and its task together, in one compiled step.
 
-    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled ones, from the same
-    state.
+    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled ones. Constraints
+    and task are compiled with the options that they have when this is made. Threads need one each.
 
-    Constraints and task are compiled with the options that they have when this is made. Threads need one each.
-
-    Parameters
-    ----------
-    scene, constraints, task
-        What is evaluated.
-    known
-        Whether motions that controllers do not know (section 5.4) count as known. If not, such an object is where it
-        is, but its velocity is taken for zero.
-    limits, period
-        Limits of the actuators, and the sampling period T_s [s]: rows then state the box of q̈ that is left at each
-        sample. It depends on the command before, at first zero: see :meth:`commanded`.
-    plausible
-        How far measurements may be from what the model predicts: beyond it :meth:`doubts` and ``Command.remark`` say
-        so.
-
-    Attributes
-    ----------
-    believes
-        Whether something moves that controllers do not know.
-    last_command
-        (n,) q̈_c of the sample before.
-    innovation
-        (7,) how far the last measurement is from the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`,
-        and the greatest ratio of that to what is plausible.
-
-    Raises
-    ------
-    ConfigurationError, InvalidInput
-        if there are limits, but not one for each joint, or no period.
+    With ``known``, motions that controllers do not know (section 5.4) count as known; if not, such an object is where
+    it is, but its velocity is taken for zero, and ``believes`` says that there is one. With the actuators' ``limits``
+    and the sampling ``period`` T_s [s] rows state the box of q̈ that is left at each sample; it depends on the command
+    before, ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (7,) is how far the last measurement is from
+    the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`, and the greatest ratio of that to what is
+    ``plausible``: beyond 1 :meth:`doubts` and ``Command.remark`` say so. Raises ConfigurationError or InvalidInput if
+    there are limits, but not one for each joint, or no period.
     """
 
     def __init__(
@@ -194,7 +166,6 @@ class Evaluator:
         return tuple(constraint for constraint, _, _ in self.packed.others)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Settings and memory; the compiled form is made again where it is needed."""
         parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task")}
         settings = {**self._settings, "plausible": self.plausible}
         return {**parts, "settings": settings, "memory": self.packed.remembered()}
@@ -239,15 +210,9 @@ class Evaluator:
 
         The model predicts the image, or takes a camera's measurement: see :class:`.Measurement` for ``pixels``,
         ``depth``, ``taken`` and ``camera``. Pixels are those on the sensor: where the camera's lens has distortion,
-        they are undistorted first.
-
-        Raises
-        ------
-        SceneError
-            if a marker is not in front of the camera.
-        InvalidInput
-            if t is not finite, q or qd are not (n,) finite numbers, a measurement does not fit the scene, or a pixel
-            is where the lens cannot be inverted.
+        they are undistorted first. Raises SceneError if a marker is not in front of the camera; InvalidInput if t is
+        not finite, q or qd are not (n,) finite numbers, a measurement does not fit the scene, or a pixel is where the
+        lens cannot be inverted.
         """
         measured = None
         if any(value is not None for value in (pixels, depth, taken, camera)):
@@ -280,7 +245,6 @@ class Evaluator:
         return Evaluation(packed, self.constraints, packed.out.copy())
 
     def _add_own(self, t: float) -> None:
-        """Write the rows of own constraints and the task of an own feature."""
         packed, state, task = self.packed, self._state(), self.visual_task
         for constraint, rows, points in packed.others:
             packed.insert(rows, constraint, constraint.rows(state, points))
@@ -318,8 +282,7 @@ class Evaluator:
     def commanded(self, qdd: Array) -> None:
         """Tell what the robot was commanded (n,), from which limits of jerk are counted.
 
-        :meth:`.ControlStep.command` and :meth:`.ControlStep.bind` do so by themselves; a loop that only evaluates has
-        to.
+        :class:`.ControlStep` does so by itself; a loop that only evaluates has to.
         """
         self.last_command[:] = qdd
 
@@ -329,18 +292,10 @@ class Evaluator:
         return None if packed.others or packed.own_feature else Bound(packed, self.constraints)
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
-        """What can be seen at many instants, without its motion.
+        """What can be seen at (N,) times t [s] and (N, n) coordinates q, without its motion.
 
-        Parameters
-        ----------
-        t, q
-            (N,) times [s] and (N, n) coordinates.
-
-        Returns
-        -------
-        tuple
-            (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all markers
-            are in front of the camera; where they are not, the pixels do not count.
+        Returns (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all
+        markers are in front of the camera; where they are not, the pixels do not count.
         """
         size, t, q = self.packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
         if q.shape != (len(t), size.n):

@@ -10,7 +10,6 @@ import numpy as np
 from ..compiled import load
 from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, OWN, Size, Step, Workspace
 from ..constraints import Constraint, ConstraintSet, RowBlock
-from ..constraints.constraint_set import misshapen, shapes_of
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
@@ -27,25 +26,12 @@ SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's i
 
 
 class Packed:
-    """The compiled step of a scene, and the array that it writes to.
+    """The compiled ``step`` of a scene, the array ``out`` that it writes to, and its ``workspace``.
 
-    Attributes
-    ----------
-    step, out
-        The step's arrays, and all its outputs as one array.
-    size, parts
-        Their sizes, and the slice and shape of each output.
-    others
-        Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
-    own_feature
-        Whether the feature is an own one, evaluated in NumPy.
-    workspace
-        The step as compiled functions take it.
-
-    Raises
-    ------
-    ConfigurationError
-        if the robot is no serial chain, or the scene or the task has parts of own classes that control does not know.
+    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are constraints without a
+    compiled form, with their rows and their robot points: the step leaves those rows out; ``own_feature`` is whether
+    the feature is an own one, evaluated in NumPy. Raises ConfigurationError if the robot is no serial chain, or the
+    scene or the task has parts of own classes that control does not know.
     """
 
     def __init__(
@@ -120,16 +106,13 @@ class Packed:
         self.step.slip[:] = np.nan
 
     def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
-        """Write the rows of a constraint in NumPy between the compiled ones.
-
-        Raises
-        ------
-        InvalidInput
-            if they are of the wrong shape; names the constraint.
-        """
-        now, r = self.step.rows, rows.stop - rows.start
-        if [part.shape for part in block] != shapes_of(r, self.size.n):
-            raise misshapen([constraint], [r], [block], self.size.n)
+        """Write the rows of a constraint in NumPy between the compiled ones; InvalidInput if they are misshapen."""
+        now, r, n, shapes = self.step.rows, rows.stop - rows.start, self.size.n, [part.shape for part in block]
+        if shapes != [(r,), (r,), (r, n), (r,)]:
+            raise InvalidInput(
+                f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels for {n} joints, but the "
+                f"shapes {shapes}"
+            )
         now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
@@ -164,7 +147,6 @@ def _write(record: Any, **values: Any) -> None:
 
 
 def _write_scene(step: Step, scene: Scene, known: bool) -> None:
-    """Write the robot, the camera, the markers, robot points and the target's motion."""
     robot, motion = scene.robot, scene.motion
     placements, axes = joints(robot)
     _write(step.joints, R=[pose.R for pose in placements], t=[pose.t for pose in placements])
@@ -196,7 +178,6 @@ def write_camera(step: Step, camera: Camera) -> None:
 
 
 def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
-    """Write the feature, the goals and the gains, and the motion of the joints where the task leaves them free."""
     feature, gains = task.feature, task.gains
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
     _write(
@@ -240,7 +221,6 @@ def _write_constraint(
 
 
 def _write_motion(record: Any, motion: Motion) -> None:
-    """Write a motion of two or three coordinates to a MOTION."""
     k = motion.size
     record["velocity"][:k], record["amplitude"][:k] = motion.velocity, motion.amplitude
     record["rate"], record["phase"] = motion.rate, motion.phase
@@ -249,10 +229,7 @@ def _write_motion(record: Any, motion: Motion) -> None:
 def joints(robot: Robot) -> tuple[list[Pose], list[Array]]:
     """Placement of every joint in the frame of the one before, and its axis there.
 
-    Raises
-    ------
-    ConfigurationError
-        if the joints are not a chain of revolute and prismatic ones.
+    Raises ConfigurationError if the joints are not a chain of revolute and prismatic ones.
     """
     model = robot.model
     placements, axes = [], []

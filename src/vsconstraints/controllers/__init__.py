@@ -11,12 +11,11 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
-from .barrier_governor import BarrierGovernor
 from .barriers import Barrier
 from .base import Controller
 from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
-from .goal_governor import GoalGovernor
+from .goal_governor import BarrierGovernor, GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .observer import OBSERVER, Observed, without_observer
@@ -25,18 +24,20 @@ from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
 from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, SaturationExact, Scaling
+from .robust_predictive import RobustPredictive
 
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BarrierGovernor", "BoundaryLayer",
     "Choices", "Controller", "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy",
     "ImplicitSwitch", "Law", "Observed", "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl",
-    "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RowFactors", "Saturation", "SaturationExact",
-    "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges", "make_controller",
+    "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RobustPredictive", "RowFactors", "Saturation",
+    "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges",
+    "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
-    SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
-    BarrierGovernor, PathIntegralControl,
+    SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl,
+    RobustPredictive, GoalGovernor, BarrierGovernor, PathIntegralControl,
 )  # fmt: skip
 
 #: Controllers by the name files and the command line use.
@@ -68,7 +69,7 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         for key in options:
             if key not in parameters:
-                raise unknown_name(f"option of {name}", key, (*parameters, *FACTORS, *OBSERVER))
+                raise unknown_name(f"option of {name}", key, dict.fromkeys((*parameters, *FACTORS, *OBSERVER)))
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
             made = law(**options)

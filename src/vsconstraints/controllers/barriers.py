@@ -1,4 +1,4 @@
-"""Demands of control barrier functions, which use L_fφ."""
+"""Demands of control barrier functions, which use L_fφ; formulas, sources and properties: :doc:`/laws`."""
 
 from __future__ import annotations
 
@@ -31,26 +31,18 @@ class WithRate(Demand):
 
 @dataclass(frozen=True)
 class Barrier(WithRate):
-    """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
-
-    Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
-    with the rates 1/K and α. Uses all of the space without chattering; needs L_fφ, and knows no limits of q̈.
-    """
+    """Every row demands −αφ − L_fφ: φ decays exponentially to its bound and never crosses it (Ames et al. 2017)."""
 
     name = "barrier"
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−αφ − L_fφ."""
         return -alpha * row.phi - row.Lf
 
 
 @dataclass(frozen=True)
 class RobustBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for any disturbance of q̈ of up to D in each joint.
-
-    Jankovic (2018). Without a disturbance, φ stays D ‖L_gφ‖₁/α away from its bound.
-    """
+    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for disturbances of q̈ of up to D in each joint (Jankovic 2018)."""
 
     disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
 
@@ -58,7 +50,6 @@ class RobustBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, disturbance: float) -> Any:
-        """−αφ − L_fφ − D ‖L_gφ‖₁."""
         return -alpha * row.phi - row.Lf - disturbance * row.norm_1
 
 
@@ -66,12 +57,10 @@ class RobustBarrier(WithRate):
 class ProbabilisticBarrier(WithRate):
     """Every row demands −αφ − L_fφ − z s_d: the barrier's condition φ̇ ≤ −αφ is violated with the rate ε at most.
 
-    The chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), by the normal quantile z of 1 − ε. They derive it
-    for the distance of image points from a disc, quadratic in the noise, and within predictive control. Here it is that
-    of any row, linear in the noise, for the present sample: the measured φ has a normal error with the standard
-    deviation ``noise`` × scale, the accelerations one of ``acceleration_noise`` in each joint, independent of each
-    other, so that s_d² = (α noise scale)² + (acceleration_noise ‖L_gφ‖)². Of a row that is held alone the rate is ε,
-    of others less. It is that of each row in each sample, not of a run. Errors of L_fφ and L_gφ are not in it.
+    After the chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), with the normal quantile z of 1 − ε, for any
+    row, linear in the noise, in the present sample: s_d² = (α noise scale)² + (acceleration_noise ‖L_gφ‖)², of measured
+    φ and of each joint's acceleration, all independent. The rate is that of each row in each sample, not of a run; of
+    rows that are not held alone it is less. Errors of L_fφ and L_gφ are not in it.
     """
 
     violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
@@ -87,7 +76,6 @@ class ProbabilisticBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, quantile: float, noise: float, acceleration_noise: float) -> Any:
-        """−αφ − L_fφ − z √((α noise × scale)² + (acceleration_noise ‖L_gφ‖)²)."""
         measured, moved = alpha * noise * row.scale, acceleration_noise * row.norm
         return -alpha * row.phi - row.Lf - quantile * np.sqrt(measured * measured + moved * moved)
 
@@ -96,8 +84,7 @@ class ProbabilisticBarrier(WithRate):
 class InputToStateSafeBarrier(WithRate):
     """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
 
-    Kolathaya and Ames (2019), with φ/s as the barrier function; s is the row's scale. With a disturbance ‖d_c‖ ≤ d,
-    φ̇ ≤ −αφ + ε s d²/4, so that φ stays below ε s d²/(4α). It leaves ‖L_gφ‖²/(α ε s) of the space unused.
+    Kolathaya and Ames (2019): of a disturbance ‖d_c‖ ≤ d, φ stays below ε s d²/(4α), s being the row's scale.
     """
 
     epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
@@ -106,7 +93,6 @@ class InputToStateSafeBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, epsilon: float) -> Any:
-        """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
         return -alpha * row.phi - row.Lf - row.norm * (row.norm / row.scale) / epsilon
 
 
@@ -114,9 +100,8 @@ class InputToStateSafeBarrier(WithRate):
 class GradientRobustBarrier(WithRate):
     """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
 
-    The measurement-robust barrier (Dean, Taylor, Cosner, Recht and Ames 2020) for eq. (49): an L_gφ that is wrong by
-    c_e in each entry misjudges L_gφ q̈ by c_e ‖L_gφ‖ ‖q̈‖ at most. ‖q̈_track‖ stands for ‖q̈‖, which is not known yet:
-    too little where the law commands more. The error of L_fφ is not in it.
+    Dean, Taylor, Cosner, Recht and Ames (2020), for eq. (49). It is too little where the law commands more than
+    tracking.
     """
 
     gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
@@ -125,7 +110,6 @@ class GradientRobustBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, gradient_error: float) -> Any:
-        """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
         return -alpha * row.phi - row.Lf - gradient_error * row.norm * row.effort
 
 
@@ -133,10 +117,7 @@ class GradientRobustBarrier(WithRate):
 class SampledBarrier(WithRate):
     """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between samples.
 
-    Breeden, Garg and Panagou (2022): a command that is constant for T_s keeps φ(t) ≤ 0 over the period if its bound is
-    lower by ν, and if α T_s ≤ 1. It holds only if |φ̈| ≤ ``curvature`` × scale in every period near the boundary.
-    Measured within 0.1 of the scale: up to 15 times the scale in the paper's scenes with convex rows, 18 in
-    ``ur5-fov``, 88 in ``panda-fov``, and thousands around what is not convex. φ rests ν/α inside.
+    Breeden, Garg and Panagou (2022): it holds if |φ̈| ≤ ``curvature`` × scale near the boundary. φ rests ν/α inside.
     """
 
     curvature: float = option(
@@ -147,7 +128,6 @@ class SampledBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, curvature: float) -> Any:
-        """−min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s × curvature × scale."""
         rate = np.minimum(alpha, 1.0 / row.period)
         return -rate * row.phi - row.Lf - 0.5 * row.period * curvature * row.scale
 
@@ -156,15 +136,13 @@ class SampledBarrier(WithRate):
 class ReciprocalBarrier(WithRate):
     """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
 
-    d/dt(−1/φ) ≤ −α φ/s² (Ames, Xu, Grizzle and Tabuada 2017) is this bound. Beyond the boundary rows return with the
-    linear −αφ − L_fφ. Ignores rows far inside; φ approaches its bound like 1/√t only.
+    Ames, Xu, Grizzle and Tabuada (2017). Beyond the boundary rows return with −αφ − L_fφ.
     """
 
     name = "reciprocal-barrier"
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−α φ³/s² − L_fφ, and −αφ − L_fφ where φ > 0."""
         depth = row.phi / row.scale
         return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
 
@@ -173,8 +151,7 @@ class ReciprocalBarrier(WithRate):
 class FiniteTimeBarrier(WithRate):
     """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in finite time.
 
-    The class K function of Li, Wang, Pierpaoli and Egerstedt (2018) with the exponent ½. Within |φ| < (α T_s)² s it
-    overshoots in every period, and chatters.
+    Li, Wang, Pierpaoli and Egerstedt (2018), with the exponent ½. Within |φ| < (α T_s)² s it overshoots, and chatters.
     """
 
     alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
@@ -183,7 +160,6 @@ class FiniteTimeBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float) -> Any:
-        """−α sign(φ) √(s |φ|) − L_fφ."""
         return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
 
 
@@ -191,12 +167,8 @@ class FiniteTimeBarrier(WithRate):
 class PrescribedTimeBarrier(WithRate):
     """Rows demand −αφ − L_fφ, and from outside they are back on the boundary a prescribed time T later at most.
 
-    Inside, the barrier Lyapunov function −ln(−φ/s) grows by no more than α. Outside it has no value: from the sample on
-    at which the row is found outside, the gain is α + p/(T − t) (Song, Wang, Holloway and Krstic 2017), so that φ = φ₀
-    e^(−αt) (1 − t/T)^p is zero at T from any start, below the performance function φ₀ (1 − t/T)^p. Of visual servoing
-    with barrier Lyapunov functions and a prescribed time (Robotics 14(12) 190, 2025), which narrows the bounds of a
-    tracking error, this is what a row can have. The decrease is that of a whole period, so that commands are finite; at
-    T the clock starts anew. From afar in a short time commands are large.
+    The gain α + p/(T − t) of Song, Wang, Holloway and Krstic (2017), with the decrease of a whole period, so that
+    commands are finite; at T the clock starts anew. From afar in a short time commands are large.
     """
 
     time: float = option(1.0, "T [s]", (0.1, 10.0))
@@ -217,12 +189,8 @@ class PrescribedTimeBarrier(WithRate):
 class BackupBarrier(WithRate):
     """Rows demand that braking by σ̈ = −a can still stop them: the backup barrier function of a braking row.
 
-    The backup policy brakes, so that σ comes as far as H = σ + max(0, σ̇)²/(2a); H, the greatest σ of the backup
-    trajectory, is what has to stay below zero (van Wijk, Das, Molnar, Ames and Burdick 2025, who interpolate between
-    command and backup in closed form: for one row, this bound). Here H decays by e^(−αT_s) in a period, exactly: the
-    demand is never more than −a, so that it can always be met if σ̈ = −a can and nothing drifts, and with α → ∞ it is
-    the closed form of Del Prete (2018). Rows outside demand −αφ − L_fφ, within −a. Rows that are φ itself (K = 0)
-    demand −αφ − L_fφ.
+    Van Wijk, Das, Molnar, Ames and Burdick (2025). The demand is never more than −a, so that it can always be met if σ̈
+    = −a can and nothing drifts. Rows outside, and those that are φ itself (K = 0), demand −αφ − L_fφ.
     """
 
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
@@ -246,10 +214,8 @@ class BackupBarrier(WithRate):
 class HighOrderBarrier(Demand):
     """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of h = −σ.
 
-    Xiao and Belta (2019). :class:`Barrier` has α₁(h) = h/K. Here α₁(h) = √((aK)² + 2ah) − aK, odd in h, with the slope
-    1/K on the boundary: far from it σ may approach as fast as σ̈ = −a can still stop it, and α₁ α₁' ≤ a. As a → ∞ it is
-    :class:`Barrier`. Rows that are φ itself (K = 0, σ = φ) demand −αφ − L_fφ. Suits limited accelerations, though a is
-    no promise where other rows or tracking act as well.
+    Xiao and Belta (2019): far from the boundary σ may approach as fast as σ̈ = −a can still stop it, which is no
+    promise where other rows or tracking act as well. Rows that are φ itself (K = 0) demand −αφ − L_fφ.
     """
 
     alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))

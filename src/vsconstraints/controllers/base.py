@@ -4,48 +4,39 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
-from ..errors import SolverError, shown
-from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
+from ..errors import InvalidInput, SolverError, shown
+from ..rows import OPTIONAL, Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import in_one_line
-from .ranges import Declared, positive
+from .ranges import Part, positive
 
 if TYPE_CHECKING:
     from .compiled import BoundLaw
 
 
-class Controller(ABC):
+class Controller(Part, ABC):
     """A law that turns rows and a task into joint accelerations.
 
-    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after, so that
-    ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot. Nor
-    does one so large that rounding alone of a row exceeds its switching gain. What is outside the box of the rows is
-    brought into it joint by joint.
+    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after: no number that
+    is not finite ever reaches a robot, nor one so large that rounding alone of a row exceeds its switching gain. What
+    is outside the box of the rows is brought into it joint by joint.
     """
 
     name: ClassVar[str]  #: In files and reports.
-    #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
-    ranges: ClassVar[Mapping[str, Declared]] = {}
-
     #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`; options of every law.
     factors: RowFactors = AS_THEY_ARE
-    #: Which options of every law, factors on rows and those of the observer, change none of this one's commands.
-    ignores: tuple[str, ...] = ()
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.
 
-        Raises
-        ------
-        InvalidInput
-            if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
-            the command's status is then ``failed``, with the reason, and its accelerations are zero.
+        InvalidInput if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
+        the command's status is then ``failed``, with the reason, and its accelerations are zero.
         """
         return self.define(rows, task)
 
@@ -80,7 +71,7 @@ class Controller(ABC):
         """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those to come, if known.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.control.model.Model`, which gives rows and task at predicted states. Control steps and
+        :class:`~vsconstraints.control.Model`, which gives rows and task at predicted states. Control steps and
         simulations pass it; no other law has one made.
         """
 
@@ -112,7 +103,6 @@ class Controller(ABC):
 
 
 def _fault(command: object, rows: Rows, task: Task) -> str:
-    """Say what is wrong with a law's answer; empty if nothing is."""
     n, m = task.J.shape[1], len(rows.labels)
     if not isinstance(command, Command):
         return f"the law gave {shown(command)}, not a Command"
@@ -130,6 +120,22 @@ def _fault(command: object, rows: Rows, task: Task) -> str:
     if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
         return f"slack must be None or {m} finite numbers, not {shown(slack)}"
     return beyond_rounding(rows, command.qdd)
+
+
+def demand_known(
+    who: str, rows: Rows, uses: Collection[str], period: float | None, remembered: tuple[str, ...] = ()
+) -> None:
+    """Raise InvalidInput where what it ``uses`` of rows or the sampling period is unknown, or other rows remembered."""
+    lacking = [f"rows.{name}" for name in OPTIONAL if name in uses and len(getattr(rows, name)) != len(rows.labels)]
+    if lacking:
+        raise InvalidInput(f"{who} uses {', '.join(lacking)}, which these rows do not give")
+    if "period" in uses and period is None:
+        raise InvalidInput(f"{who} uses the sampling period: tell it by reset(period=...) before the first command")
+    if remembered and remembered != rows.labels:
+        raise InvalidInput(
+            f"{who} remembers other rows, {shown(remembered)}: reset() the law before it is given those of another "
+            f"scene, {shown(rows.labels)}"
+        )
 
 
 def restart(controller: Controller, period: float, model: Callable[[], Any] | None = None) -> None:

@@ -27,8 +27,8 @@ class Target(NamedTuple):
     """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum with a damping.
 
     ``center`` (n,) is the minimiser without rows, ``directions`` (n, n) orthogonal, ``gains`` (n,) singular values of
-    the task over its norm; zero for what counts as its null space, below the ``tolerance``. ``strict`` tells to find
-    level 2 by itself where the damping has cost it something.
+    the task over its norm; zero below the ``tolerance``. ``strict``: level 2 by itself where the damping has cost it
+    something.
     """
 
     center: Array

@@ -122,6 +122,24 @@ class CompiledLaw:
         return c
 
 
+class Wrapped:
+    """A compiled law in place of whose resolver stands a ``function`` with arrays of its ``own``: see the inner one.
+
+    Both stay with it, since compiled functions know their addresses; ``changed`` are other :class:`.LawArrays`.
+    """
+
+    def __init__(self, inner: Any, own: Any, function: Any, **changed: Any) -> None:
+        self.labels, self.remark, self.measures = inner.labels, inner.remark, inner.measures
+        self.own, self._inner, self._workspace = own, inner, Workspace(own)
+        at = {"resolver": load("parts").address(function), "demand": self._workspace.address}
+        self.arrays: LawArrays = inner.arrays._replace(**at, **changed)
+        self.workspace = Workspace(self.arrays)
+
+    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
+        """See :meth:`.CompiledLaw.call`."""
+        return whole_call(self.workspace, rows, task)
+
+
 def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """The same rows and task in plain contiguous, writable arrays; None if they are so, or if something is wrong."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):

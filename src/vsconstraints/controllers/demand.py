@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import KW_ONLY, Field, dataclass, fields
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, shown
-from .ranges import ROWS, Part, positive, share
+from .ranges import ROWS, Part, option, positive, share
 
 #: What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed.
 USES: dict[str, str] = {
@@ -51,11 +51,15 @@ class Demand(Part, ABC):
     #: tracking command exceeds c.
     everywhere: ClassVar[bool] = False
     owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
-    #: Whether rows that are φ itself, such as speeds, are judged one period ahead: by φ + T_s L_gφ q̈ of tracking, since
-    #: a period of tracking may take them beyond their boundary before any law has seen it.
-    ahead: bool = field(default=False, kw_only=True)
-    #: Share of each row's scale by which φ and σ count as greater than they are, for what the law cannot know.
-    margin: float = field(default=0.0, kw_only=True)
+    _: KW_ONLY
+    ahead: bool = option(
+        False,
+        "whether rows that are φ itself, such as speeds, are judged one period ahead, by φ + T_s L_gφ q̈ of tracking, "
+        "which may take them beyond their boundary before any law has seen it",
+    )
+    margin: float = option(
+        0.0, "share of each row's scale by which φ and σ count as greater than they are, for what the law cannot know"
+    )
     ranges = ROWS
 
     def __post_init__(self) -> None:

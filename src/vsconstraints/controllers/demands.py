@@ -1,4 +1,4 @@
-"""The demands that files can name: sliding modes, layers and potential fields; barriers are beside."""
+"""The demands that files can name (:doc:`/laws`): sliding modes, layers and potential fields; barriers are beside."""
 
 from __future__ import annotations
 
@@ -30,17 +30,12 @@ from .ranges import GAINS, ROWS, option
 
 @dataclass(frozen=True)
 class Switch(Demand):
-    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11).
-
-    Muñoz-Benavent et al. (2018). Uses all of the space from φ and L_gφ only; chatters in a band of T_s u⁺, and u⁺ has
-    to exceed drift and tracking.
-    """
+    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11; Muñoz-Benavent et al. 2018)."""
 
     name, everywhere = "switch", True
 
     @staticmethod
     def formula(row: Row) -> Any:
-        """−u⁺ where φ ≥ 0 (eqs. 10 and 11)."""
         return np.where(row.phi >= 0.0, -row.switching_gain, np.inf)
 
 
@@ -48,9 +43,8 @@ class Switch(Demand):
 class ImplicitSwitch(Demand):
     """Rows demand that φ is no more than zero p periods from now, and never more than −u⁺: max(−u⁺, −φ/(p T_s)).
 
-    The paper's switch by the implicit Euler method (Acary and Brogliato 2010): with p = 1 it is the v in [−u⁺, v_track]
-    that is complementary to φ + T_s v ≤ 0. It does not chatter, but φ comes to rest at p T_s L_fφ. p > 1 averages
-    noise, and suits commands that are followed late; p < 1 would overshoot.
+    The implicit Euler method (Acary and Brogliato 2010). p > 1 averages noise, and suits commands that are followed
+    late; p < 1 would overshoot.
     """
 
     periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
@@ -60,7 +54,6 @@ class ImplicitSwitch(Demand):
 
     @staticmethod
     def formula(row: Row, periods: float) -> Any:
-        """max(−u⁺, −φ/(p T_s))."""
         return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
 
 
@@ -68,9 +61,7 @@ class ImplicitSwitch(Demand):
 class ImplicitSwitchWithDrift(ImplicitSwitch):
     """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the period before.
 
-    v₋ is the L_gφ q̈ that this law commanded then; d̂ is kept within ±u⁺, and 0 at first. A drift that is observed and
-    compensated a sample later (Su, Drakunov and Özgüner 2000) leaves φ = O(T_s²) at rest where the implicit switch
-    leaves O(T_s). Misidentifies lag, delay or saturation as drift, and divides noise of φ by T_s.
+    Su, Drakunov and Özgüner (2000). v₋ is the L_gφ q̈ that was commanded then; d̂ is kept within ±u⁺, and 0 at first.
     """
 
     name = "implicit-switch-with-drift"
@@ -117,11 +108,9 @@ def proper_implicit(row: Row, w: Any, rate: float) -> Any:
 
 @dataclass(frozen=True)
 class SuperTwisting(Demand):
-    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺.
+    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺ (Levant 1993).
 
-    The super-twisting algorithm (Levant 1993), a sliding mode of second order: w, which is integrated where tracking
-    would exceed c and else 0, learns the drift. Drifts that change by less than L a second stay in a band of O(T_s²)
-    without L_fφ. Large L chatter in this explicit form, small ones overshoot, and at each contact w is learnt anew.
+    w, which is integrated where tracking would exceed c and else 0, learns the drift, anew at each contact.
     """
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
@@ -142,12 +131,7 @@ class SuperTwisting(Demand):
 class ImplicitSuperTwisting(SuperTwisting):
     """Rows demand what :class:`SuperTwisting` does, by the proper implicit Euler method, and never more than −u⁺.
 
-    Seeber and Andritsch (2025): x = φ − T_s k₁ √|x| sign x − T_s² k₂ sign x is where φ would be after the period if w
-    were what the drift takes, w₊ = w − T_s k₂ sign x, and v = w₊ + (x − φ)/T_s = −k₁ √|x| sign x + 2w₊ − w. A drift
-    that changes by no more than L < k₂ a second leaves |φ| ≤ L T_s², the least that any law can promise that does not
-    know the drift to come; a constant one is rejected exactly, without chattering. Once φ rests this is
-    :class:`ImplicitSwitchWithDrift` with p = 1. Learns anew at contacts, needs commands that are followed at once,
-    divides noise of φ by T_s, and resolvers with inequalities keep rows far inside to v ≤ k₁ √|φ|.
+    Seeber and Andritsch (2025): see :func:`proper_implicit`.
     """
 
     name = "implicit-super-twisting"
@@ -163,10 +147,7 @@ class ImplicitSuperTwisting(SuperTwisting):
 class ConditionedSuperTwisting(ImplicitSuperTwisting):
     """Rows demand what :class:`ImplicitSuperTwisting` does, and learn from what was applied: no windup at saturation.
 
-    The conditioning technique (Seeber and Reichhartinger 2020; with the implicit form Seeber and Andritsch 2025), in a
-    form derived here: w₊ = w − T_s k₂ sign(2w₊ − w − u), which is the sign of x where u is the demand, has the solution
-    w₊ = w + clip((u − w)/2, ±T_s k₂). u is L_gφ q̈ of the last sample, as the box and other rows left it. Where that was
-    the demand, this is :class:`ImplicitSuperTwisting`; where it was not, w goes no farther than u.
+    The conditioning technique (Seeber and Reichhartinger 2020), with u = L_gφ q̈ of the last sample, in an own form.
     """
 
     name = "conditioned-super-twisting"
@@ -205,18 +186,12 @@ class Field(Demand):
 
 @dataclass(frozen=True)
 class RampRepulsion(Field):
-    """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 + φ/δ)^exponent.
-
-    A repulsion that is finite everywhere: s u⁺ on the boundary, and growing beyond it; :class:`Firas` is the classical
-    one. Since φ = σ + K σ̇, it is a spring in σ together with a damper in σ̇. Smooth commands; but rows and task may
-    each win, so that rows are violated, and the arm stops where the two are equal, beside goals near a boundary.
-    """
+    """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 + φ/δ)^exponent."""
 
     name, relative = "ramp-repulsion", True
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
-        """−ψ s u⁺ below what tracking does, where ψ > 0."""
         psi = grown(row, region, exponent)
         return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
@@ -225,28 +200,20 @@ class RampRepulsion(Field):
 class BoundaryLayer(Field):
     """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
 
-    With exponent 1 and :class:`~vsconstraints.controllers.resolvers.Priority` this is the boundary layer of sliding
-    mode control (Slotine and Sastry 1983), inside the boundary; as δ shrinks it becomes :class:`Switch`. No chattering,
-    and no violation while drift is less than u⁺; φ rests inside the layer, whose space is not used.
+    With exponent 1 and :class:`.Priority` the boundary layer of Slotine and Sastry (1983), inside the boundary.
     """
 
     name, uses = "boundary-layer", ("tracked",)
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
-        """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
         psi = np.minimum(grown(row, region, exponent), 1.0)
         return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
 
 
 @dataclass(frozen=True)
 class OuterLayer(Demand):
-    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ).
-
-    The boundary layer of sliding mode control as published (Slotine and Sastry 1983; Slotine and Li 1991, section 7.2),
-    outside the boundary, where the paper's switch acts; :class:`BoundaryLayer` is inside. It violates: φ comes to rest
-    where s balances drift and tracking.
-    """
+    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ) (Slotine and Sastry 1983)."""
 
     layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
 
@@ -254,7 +221,6 @@ class OuterLayer(Demand):
 
     @staticmethod
     def formula(row: Row, layer: float) -> Any:
-        """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
         share = np.minimum(row.phi / row.scale / layer, 1.0)
         return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
 
@@ -263,10 +229,8 @@ class OuterLayer(Demand):
 class Firas(Demand):
     """Rows nearer than ρ₀ demand η (1/ρ − 1/ρ₀)/ρ² less than what tracking does: the force of Khatib's FIRAS function.
 
-    Khatib (1986): U = ½ η (1/ρ − 1/ρ₀)² where the distance ρ is less than ρ₀, else 0, pushes by −dU/dρ. Here ρ = −σ as
-    a fraction of the row's scale, and η = ``strength`` × u⁺ ρ₀³, so that the push is s u⁺ (r − 1) r² with r = ρ₀/ρ, s
-    u⁺ at ρ = ρ₀/1.47. Rows that are φ itself have σ = φ. Beyond the boundary U is not defined: ρ counts as no less than
-    ``contact`` × ρ₀, so that the push is at most s u⁺ (1 − contact)/contact³. Sampling near the boundary makes blows.
+    Khatib (1986), with ρ = −σ as a fraction of the row's scale, at least ``contact`` × ρ₀, and η = ``strength`` × u⁺
+    ρ₀³.
     """
 
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
@@ -287,11 +251,8 @@ class Firas(Demand):
 class PublishedFiras(Demand):
     """Rows nearer than ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ², less than what tracking does: FIRAS as published.
 
-    Khatib (1986): F = η (1/ρ − 1/ρ₀)/ρ² ∂ρ/∂x where ρ < ρ₀, else 0, acts on a point decoupled as a unit mass, beside
-    the attraction to the goal and its velocity damping, which tracking has here. η is one number for all rows, u⁺ has
-    no part in it, and the push grows without bound at contact; :class:`Firas` scales by u⁺ and stops growing. ρ = −σ as
-    a fraction of the row's scale, and rows that are φ itself, which the article has not, are pushed by φ̇. The article
-    has no force at ρ ≤ 0: ρ counts as ρ₀/1000 there, which no arm can follow.
+    Khatib (1986), with ρ = −σ as a fraction of the row's scale. Rows that are φ itself are pushed by φ̇; at ρ ≤ 0,
+    where the article has no force, ρ counts as ρ₀/1000.
     """
 
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
@@ -319,7 +280,6 @@ class Nothing(Demand):
 
     @staticmethod
     def formula(row: Row) -> Any:
-        """Infinity."""
         return np.inf * row.scale
 
 

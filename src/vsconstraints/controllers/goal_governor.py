@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import LawArrays, Workspace, zeros
+from ..compiled.workspace import zeros
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller, restart
-from .compiled import COUNT, BoundLaw, CompiledLaw, in_usual_layout, tracking_of, whole_call
+from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, in_usual_layout, tracking_of
 from .demands import Nothing
 from .laws import Pair
 from .least_norm import RANK_TOLERANCE
@@ -28,29 +28,14 @@ NEAR = 1e-2  #: From which distance of the reference to the goal, in units of th
 class GoalGovernor(Controller):
     """An explicit reference governor: moves the goal of the tracking law, and nothing else.
 
-    The reference s_ref begins where the feature is, and moves by
+    Garone and Nicotra, IEEE Transactions on Automatic Control, 2016; formulas: :doc:`/laws`. The dynamic safety margin
+    d is the least −σ, by the row's scale, of all rows along the motion that the tracking law would make with the
+    reference s_ref at rest, and at its end. No step of the reference is made after which d would be less than δ/2.
 
-        ṡ_ref = v Δ(x, s_ref) ρ(s_ref, s*),   Δ = sat((d(x, s_ref) − δ) / (ζ − δ))
-
-    (Garone and Nicotra, "Explicit reference governor for constrained nonlinear systems", IEEE Transactions on Automatic
-    Control, 2016, with a dynamic safety margin d that is based on trajectories.) d is the least −σ, by the row's scale,
-    of all rows along the motion that the tracking law would make with s_ref at rest, and at its end. The navigation
-    field ρ is the attraction a = (s* − s_ref)/max(‖s* − s_ref‖, 0.1 s v) of the goal and, where the motion ends less
-    than ζ from a row's boundary, the repulsion of that row: ρ = a − ‖a‖ Σ (ζ − dᵢ)/(ζ − δ) ∇sσᵢ/‖∇sσᵢ‖, which is as
-    strong as the attraction where dᵢ = δ. No step is made after which d would be less than δ/2.
-
-    Scalar reference governors (Gilbert and Kolmanovsky 2002) move the reference by the largest share κ of what is left
-    to the goal that keeps the predicted motion admissible, explicit ones continuously, by Δ. Otherwise than in either,
-    what is admissible is not a set that was proved invariant but one predicted motion and where it ends, and a step
-    that is not accepted is left out whole.
-
-    So no row is violated if the motion is the one that the model predicts, which holds its accelerations longer and
-    longer, up to a tenth of what is predicted; if it comes to rest at s_ref; and if it starts where rows are met with
-    s_ref = s at rest. δ is for what is wrong with that. A start that is outside holds s_ref where it is. Of rows it
-    uses σ and L_gφ, no u⁺ and no L_fφ.
-
-    What goes on underneath may be any law, which gets the task with s_ref for its goal. Predictions are those of
-    tracking: a law that holds it back makes the motion another one.
+    No row is violated if the motion is the one that the model predicts, which holds its accelerations longer and
+    longer; if it comes to rest at s_ref; and if it starts where rows are met with s_ref = s at rest. A start that is
+    outside holds s_ref where it is. Of rows it uses σ and L_gφ, no u⁺ and no L_fφ. What goes on underneath may be any
+    law, which gets the task with s_ref for its goal; predictions are those of tracking.
 
     Parameters
     ----------
@@ -63,15 +48,8 @@ class GoalGovernor(Controller):
     horizon
         How long a response is predicted before it comes to rest [s], from the next reset on; None for four time
         constants of the tracking law.
-    demand, resolver, options
-        Of the law underneath, as of :class:`vsconstraints.controllers.laws.Pair`; tracking if not given.
-
-    Attributes
-    ----------
-    reference
-        (k,) s_ref less the feature's value at the goal; None before the first command.
-    periods
-        (N,) how long each of the predicted accelerations lasts [s]; empty before a model is given.
+    options
+        ``demand``, ``resolver`` and theirs, of the law underneath: see :class:`.Pair`; tracking if not given.
     """
 
     name = "goal-governor"
@@ -83,6 +61,7 @@ class GoalGovernor(Controller):
     }
 
     model: Any
+    alpha, sharpness = 0.0, 0.0  #: Of the barrier, where there is one.
 
     def __init__(
         self,
@@ -91,12 +70,10 @@ class GoalGovernor(Controller):
         margin: float = 0.01,
         influence: float = 0.3,
         horizon: float | None = None,
-        demand: str = "nothing",
-        resolver: str = "priority",
         **options: Any,
     ) -> None:
         self.speed, self.margin, self.influence, self.horizon = speed, margin, influence, horizon
-        self.law = Pair(demand=demand, resolver=resolver, **options)
+        self.law = Pair(**{"demand": "nothing", **options})
         self.ignores = self.law.ignores
         self.model = None
         self._forget()
@@ -113,23 +90,18 @@ class GoalGovernor(Controller):
         super().__setattr__(name, value)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, which are those of one process."""
         return {**vars(self), "governor": None}
 
     def __repr__(self) -> str:
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
 
     def _forget(self) -> None:
-        self.periods: Array = np.empty(0)
+        self.periods: Array = np.empty(0)  #: (N,) how long each of the predicted accelerations lasts [s].
         self.governor: Governor | None = None
 
     @property
-    def _settings(self) -> tuple[float, ...]:
-        return self.speed, self.margin, self.influence, 0.0, 0.0
-
-    @property
     def reference(self) -> Array | None:
-        """See the class."""
+        """(k,) s_ref less the feature's value at the goal; None before the first command."""
         own: Any = self.governor and self.governor.own
         return None if own is None or own.counts[load("goal_governor").GOAL] < 0 else own.reference.copy()
 
@@ -202,23 +174,49 @@ class GoalGovernor(Controller):
         made = self.governor or Governor.of(model, self.periods, (k, n))
         if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
             raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
-        self.governor, made.own.settings[:] = made, self._settings
+        self.governor = made
+        made.own.settings[:] = self.speed, self.margin, self.influence, self.alpha, self.sharpness
         return made
 
 
-class Governor:
-    """The compiled governor before a compiled law: see :class:`.CompiledLaw` and :mod:`.compiled.goal_governor`."""
+class BarrierGovernor(GoalGovernor):
+    """The reference governor by control barrier functions, in closed form.
+
+    After Nakano, Garone and Notomista (arXiv:2604.04001, 2026); formulas and differences: :doc:`/laws`. It predicts
+    what :class:`GoalGovernor` does. The barrier h is a softmin of the predicted margins of rows less δ; the reference
+    moves as nearly as possible to the goal with ∇h ṡ_ref ≥ −α h. Where h < 0 it returns, by v at most.
+
+    Parameters
+    ----------
+    alpha, sharpness
+        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ.
+    speed, margin, horizon, options
+        As of :class:`GoalGovernor`.
+    """
+
+    name, ignores = "barrier-governor", ("influence",)
+    ranges: ClassVar[Mapping[str, Declared]] = {"alpha": Range(0.5, 20.0), "sharpness": Range(30.0, 1000.0)}
+
+    def __init__(
+        self,
+        *,
+        speed: float = 2.0,
+        margin: float = 0.02,
+        alpha: float = 5.0,
+        sharpness: float = 200.0,
+        horizon: float | None = None,
+        **options: Any,
+    ) -> None:
+        self.alpha, self.sharpness = alpha, sharpness
+        super().__init__(speed=speed, margin=margin, influence=float("inf"), horizon=horizon, **options)
+
+
+class Governor(Wrapped):
+    """The compiled governor before a compiled law: see :mod:`.compiled.goal_governor`."""
 
     def __init__(self, own: Any, inner: CompiledLaw) -> None:
-        kernels, self.own = load("goal_governor"), own
-        self.labels, self.remark, self.measures = inner.labels, inner.remark, inner.measures
-        self._inner, self._workspace = inner, Workspace(own)
-        self.arrays: LawArrays = inner.arrays._replace(
-            resolver=load("parts").address(kernels.govern),
-            demand=self._workspace.address,
-            options=np.array([RANK_TOLERANCE, kernels.ALL]),
-        )
-        self.workspace = Workspace(self.arrays)
+        kernels = load("goal_governor")
+        super().__init__(inner, own, kernels.govern, options=np.array([RANK_TOLERANCE, kernels.ALL]))
 
     @classmethod
     def of(cls, model: Any, periods: Array, shape: tuple[int, int]) -> Governor:
@@ -232,10 +230,6 @@ class Governor:
         own = zeros(load("goal_governor").GovernorArrays, lengths, known)
         own.counts[:], own.times[-1] = -1, -np.inf  # there is no reference, and no response is known
         return cls(own, CompiledLaw(Nothing(), Priority(), model.labels))
-
-    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """See :meth:`.CompiledLaw.call`."""
-        return whole_call(self.workspace, rows, task)
 
     def decide(self, model: Any, rows: Rows, task: Task) -> Any:
         """The arrays with the reference moved; Python predicts where the model is not compiled."""

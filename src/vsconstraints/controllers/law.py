@@ -11,8 +11,8 @@ import numpy as np
 from ..compiled.workspace import NEEDS_PYTHON, RANK_LOSS
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..qp import SolverChain
-from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
-from .base import Controller
+from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
+from .base import Controller, demand_known
 from .compiled import BoundLaw, CompiledLaw, in_usual_layout
 from .demand import USES, Demand
 from .least_norm import track
@@ -73,7 +73,6 @@ class Law(Controller):
         return next((part for part in parts if option in {field.name for field in fields(vars(self)[part])}), None)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, which are those of one process."""
         return {**vars(self), "_compiled": None}
 
     def _forget(self) -> None:
@@ -161,11 +160,10 @@ class Law(Controller):
     def _compile(self, rows: Rows) -> CompiledLaw:
         """The law for these rows, with room for what it remembers."""
         law, demand, m = self._compiled, self.demand, len(rows.labels)
+        demand_known(f"the demand {demand.name!r}", rows, demand.used, self.period, self.remembered)
         if law is not None and law.labels == rows.labels:
             law.labels = rows.labels
-            self._check(rows)
             return law
-        self._check(rows)
         if (demand.remembers or "last_rate" in demand.used) and not self.remembered:
             self.memory = np.tile(np.array(demand.remembers), (m, 1))
             self.last_rates = np.full(m if "last_rate" in demand.used else 0, math.nan)
@@ -174,22 +172,6 @@ class Law(Controller):
         self._compiled = law = CompiledLaw(demand, self.resolver, rows.labels, period=self.period, **memory)
         law.complete &= type(self).solve is Law.solve
         return law
-
-    def _check(self, rows: Rows) -> None:
-        demand, m = self.demand, len(rows.labels)
-        lacking = [f"rows.{name}" for name in OPTIONAL if name in demand.used and len(getattr(rows, name)) != m]
-        if lacking:
-            raise InvalidInput(f"the demand {demand.name!r} uses {', '.join(lacking)}, which these rows do not give")
-        if "period" in demand.used and self.period is None:
-            raise InvalidInput(
-                f"the demand {demand.name!r} uses the sampling period: tell it by reset(period=...) before the first "
-                "command"
-            )
-        if self.remembered and self.remembered != rows.labels:
-            raise InvalidInput(
-                f"the demand {demand.name!r} remembers other rows, {shown(self.remembered)}: reset() the law before it "
-                f"is given those of another scene, {shown(rows.labels)}"
-            )
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal
 
 from ..errors import unknown_name
 from ..rows.factors import AS_THEY_ARE, RowFactors
@@ -15,6 +15,7 @@ from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Nothing, RampRepulsion, Switch
 from .law import Law
 from .least_norm import RANK_TOLERANCE
+from .ranges import one_of
 from .resolver import Additive, Priority, Resolver
 from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 
@@ -23,13 +24,8 @@ class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
     q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀. In a singular
-    configuration directions whose singular values fall below the tolerance are left alone, so that the command stays
-    finite and its status ``ok``; next to one it can be large.
-
-    Parameters
-    ----------
-    rank_tolerance
-        Singular values below this fraction of the largest one count as zero.
+    configuration directions below the tolerance are left alone, so that the command stays finite and its status ``ok``;
+    next to one it can be large.
     """
 
     name = "tracking"
@@ -41,16 +37,10 @@ class Tracking(Law):
 class SlidingMode(Law):
     """The paper's law: a sliding mode on the active rows, tracking in their null space.
 
-    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁.
-    L_fφ is not used. If the active rows have lost full row rank the status is ``rank-loss``: the command then meets
-    their demands in the least-squares sense, and section 5.2 advises to abort. Of all q̈ that do as well for rows and
-    task it is the nearest to the task's q̈₀.
-
-    Parameters
-    ----------
-    rank_tolerance
-        Singular values below this fraction of the largest one count as zero, of the active rows once each is divided
-        by its length (eq. 15).
+    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁. If the
+    active rows have lost full row rank the status is ``rank-loss``: the command then meets their demands in the
+    least-squares sense, and section 5.2 advises to abort. Of all q̈ that do as well for rows and task it is the nearest
+    to q̈₀.
     """
 
     name = "sliding-mode"
@@ -69,30 +59,15 @@ BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = 
 class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
-    ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale, and 1 on the boundary:
-    a ramp, where Khatib's FIRAS, the demand :class:`~vsconstraints.controllers.Firas`, is infinite.
-
-    ``additive`` is the classical sum, q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the demand :class:`.RampRepulsion`, where ψ
-    goes on growing beyond the boundary. Either part may win, so that rows can be violated.
-
-    ``priority`` gives the rows the place they have in the paper's law, with the demand :class:`.BoundaryLayer`: L_gφ q̈
-    = (1 − ψ) L_gφ q̈_track − ψ u⁺, with ψ at most 1, and the task in their null space. Where the region begins this is
-    what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous.
+    ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale, and 1 on the boundary.
+    ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the demand :class:`.RampRepulsion`: rows can
+    be violated. ``priority`` gives the rows the place they have in the paper's law, with the demand
+    :class:`.BoundaryLayer`.
 
     Parameters
     ----------
     blend
         ``"additive"`` or ``"priority"``.
-    region
-        Depth of the influence region as a fraction of each row's allowed range; positive.
-    exponent
-        How ψ grows; 1 is linear, larger values concentrate the repulsion at the boundary.
-    strength
-        Factor on every u⁺.
-    ahead, margin
-        See :class:`.Demand`.
-    rank_tolerance
-        As for :class:`SlidingMode`.
     """
 
     name = "potential-field"
@@ -124,9 +99,7 @@ class PotentialField(Law):
 def _blended(
     blend: object, parameters: tuple[float, ...], common: Mapping[str, Any], rank_tolerance: float
 ) -> tuple[Demand, Resolver]:
-    if not (isinstance(blend, str) and blend in BLENDS):
-        raise unknown_name("blend", blend, tuple(BLENDS))
-    demand, resolver = BLENDS[blend]
+    demand, resolver = one_of("blend", blend, BLENDS)
     return demand(*parameters, **common), resolver(rank_tolerance)
 
 
@@ -139,44 +112,16 @@ class HierarchicalQP(Law):
     2. of these, those with the least ‖J q̈ − b‖;
     3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
-    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit. Where rows
-    contradict each other it has the status ``relaxed`` and says which demands are unmet and by how much. Level 1
-    measures every demand in the unit of its φ per second: how rows of different kinds share an unavoidable violation
-    depends on these units; ``weights`` change it. How it is computed, and how strict level 2 is: see
-    :class:`vsconstraints.controllers.resolvers.Hierarchy`.
+    Where no row resists, the command is that of :class:`Tracking`, bit by bit. Where rows contradict each other it has
+    the status ``relaxed`` and says which demands are unmet and by how much. Level 1 measures every demand in the unit
+    of its φ per second; ``weights`` change how rows of different kinds share a violation. ConfigurationError if an
+    option cannot be used, or the solver is unknown or not installed.
 
     Parameters
     ----------
     rows
-        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row, so that φ decays exponentially to its
-        bound and never crosses it. ``"active"``: L_gφ q̈ ≤ −u⁺ for the rows with φ ≥ 0 only, the inequality
-        twin of eq. (15).
-    alpha
-        Rate α of the barrier [1/s].
-    margin
-        See :class:`.Demand`.
-    solver
-        ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
-        all of this law. Or the name of a QP solver, see :func:`vsconstraints.qp.solver_names`. If an answer fails the
-        check of the optimality conditions, others are asked (:data:`vsconstraints.qp.FALLBACKS`), and the command says
-        so.
-    weights
-        Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
-        longest matching beginning counts, 1 where none matches. From 1e-10 to 1e10: beside rows of so much more weight
-        violations of light ones are lost in rounding. One that begins no label is told of in
-        ``Command.remark``, and in the reason of a simulation.
-    max_acceleration
-        q̈_max [rad/s² or m/s²]; None for no box.
-    damping
-        Weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm. Much smaller ones make the QP hard to
-        solve.
-    rank_tolerance
-        Singular values of J below this fraction of the largest one count as zero.
-
-    Raises
-    ------
-    ConfigurationError
-        at construction, if an option cannot be used or if the solver is unknown or not installed.
+        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row. ``"active"``: L_gφ q̈ ≤ −u⁺ for the rows with
+        φ ≥ 0 only, the inequality twin of eq. (15).
     """
 
     name = "hierarchical-qp"
@@ -217,28 +162,21 @@ class HierarchicalQP(Law):
 
 
 def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
-    if not (isinstance(rows, str) and rows in ("barrier", "active")):
-        raise unknown_name("form of rows", rows, ("barrier", "active"))
-    barrier = Barrier(alpha, **common)
-    return barrier if rows == "barrier" else Switch(**common)
+    forms: dict[str, Demand] = {"barrier": Barrier(alpha, **common), "active": Switch(**common)}
+    return one_of("form of rows", rows, forms)
 
 
 class Pair(Law):
     """Any demand with any resolver, by their names: the paper's, unless others are named.
 
-    Parameters
-    ----------
-    demand
-        Name of one of :data:`vsconstraints.controllers.DEMANDS`.
-    resolver
-        Name of one of :data:`vsconstraints.controllers.RESOLVERS`.
-    options
-        Parameters of the demand and options of the resolver.
+    ``options`` are the parameters of the demand and the options of the resolver: of :data:`.DEMANDS` and
+    :data:`.RESOLVERS`.
     """
 
     def __init__(self, *, demand: str = "switch", resolver: str = "priority", **options: Any) -> None:
-        parts = of_name("demand", demand, DEMANDS), of_name("resolver", resolver, RESOLVERS)
-        super().__init__(*split_options(self.name, parts, options))
+        asks = one_of("demand", demand, {part.name: part for part in DEMANDS})
+        shares = one_of("resolver", resolver, {part.name: part for part in RESOLVERS})
+        super().__init__(*split_options(self.name, (asks, shares), options))
 
 
 class Named(Law):
@@ -270,25 +208,8 @@ def named(
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
         for key, default in options_of(demand, resolver).items()
     ]
-    body = {
-        "__doc__": line,
-        "__signature__": inspect.Signature(options),
-        "name": name,
-        "defaults": defaults,
-        "factors": factors,
-    }
-    return type(name, (Named,), {**body, "parts": (demand, resolver)})
-
-
-Part = TypeVar("Part", Demand, Resolver)
-
-
-def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable[type[Part]]) -> type[Part]:
-    """The class of that name; names the candidates if there is none."""
-    known = {part.name: part for part in classes}
-    if not (isinstance(name, str) and name in known):
-        raise unknown_name(what, name, known)
-    return known[name]
+    body = {"name": name, "parts": (demand, resolver), "defaults": defaults, "factors": factors, "__doc__": line}
+    return type(name, (Named,), {**body, "__signature__": inspect.Signature(options)})
 
 
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:

@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from ..compiled import load
-from ..compiled.workspace import RowArrays, Workspace
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..compiled.workspace import RowArrays
+from ..errors import ConfigurationError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, restart
-from .compiled import BoundLaw, whole_call
+from .base import Controller, demand_known, restart
+from .compiled import BoundLaw, Wrapped
 from .ranges import positive, positive_number
 
 OBSERVER = "observer", "dead_time"  #: Options of every law.
@@ -20,25 +20,13 @@ USED = "σ", "σ̇", "K", "T_s", "memory"
 class Observed(Controller):
     """Any law, on rows whose drift is observed: targets and obstacles that move unknown to the model.
 
-    Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by :func:`.observed_drift`: the disturbance of
-    an extended state observer of first order (Han, IEEE Transactions on Industrial Electronics, 2009). The law gets
-    σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂, and φ accordingly; rows on φ itself, such as speeds, the task and all scores stay as
-    they are. What is measured late by the dead time T_d is so predicted to the present.
+    Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by :func:`.observed_drift`: an extended state
+    observer of first order (Han, IEEE Transactions on Industrial Electronics, 2009) with the time constant ``observer``
+    [s]. The law gets σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂, and φ accordingly, T_d being ``dead_time`` [s]: how late what rows
+    depend on is measured. Rows on φ itself, such as speeds, the task and all scores stay as they are.
 
-    Wrong gradients and noise are taken for drift too. A smaller time constant τ follows sooner and lets more noise
-    pass: of white noise of σ with the standard deviation s, d̂ has one of s/τ where τ is much longer than T_s.
-
-    For laws that decide by φ, σ̇ and L_fφ. One that looks ahead by a model of its own, such as
-    :class:`.PredictiveControl`, takes from it only the shift by the dead time.
-
-    Parameters
-    ----------
-    law
-        Any controller.
-    observer
-        Its time constant τ [s].
-    dead_time
-        T_d [s], 0 or more: how late what rows depend on is measured.
+    Wrong gradients and noise are taken for drift too. :class:`.PredictiveControl` takes the drift to fade along its
+    plan; another law that looks ahead by a model of its own takes only the shift by the dead time.
     """
 
     name = "observed"
@@ -57,11 +45,12 @@ class Observed(Controller):
         elif name == "dead_time" and not (value == 0.0 and value is not False) and positive(value) is None:
             raise ConfigurationError(f"dead_time of a law must be a number of seconds, 0 or more, not {shown(value)}")
         super().__setattr__(name, value)
+        if name == "observer" and hasattr(self.law, "fading"):
+            self.law.fading = value
         if name in (*OBSERVER, "law", "period"):
             self._parts: tuple[Any, ...] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, which are those of one process."""
         return {**vars(self), "_parts": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
@@ -89,10 +78,8 @@ class Observed(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         """The law's command on the corrected rows.
 
-        Raises
-        ------
-        InvalidInput
-            if there is no sampling period, rows lack σ, σ̇ or K, or they are others than those that were observed.
+        InvalidInput if there is no sampling period, rows lack σ, σ̇ or K, or they are others than those that were
+        observed.
         """
         own, kernels = self._arrays(rows), load("observer")
         kernels.correct(own, RowArrays(*(getattr(rows, name) for name in RowArrays._fields)))
@@ -107,27 +94,17 @@ class Observed(Controller):
         if inner is None or type(self).command is not Controller.command or type(self).solve is not Observed.solve:
             return None
         own = self._arrays(rows, inner.workspace.address)
-        return BoundLaw(inner.resolver, ObservedLaw(inner, own), rows, task, acted, qdd)
+        law = Wrapped(inner.law, own, load("observer").observe)
+        return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, law: int = 0) -> Any:
         """The observer of these rows; of its own law by the address, which is asked for where all is compiled."""
-        m = len(rows.labels)
-        if self.period is None:
-            raise InvalidInput(
-                "a law with an observer uses the sampling period: tell it by reset(period=...) before the first command"
-            )
-        lacking = [name for name in ("sigma", "sigma_dot", "K") if len(getattr(rows, name)) != m]
-        if lacking:
-            names = ", ".join(f"rows.{name}" for name in lacking)
-            raise InvalidInput(f"a law with an observer uses {names}, which these rows do not give")
-        if self._parts is not None and self._parts[0] != rows.labels:
-            raise InvalidInput(
-                f"the observer remembers other rows, {shown(self._parts[0])}: reset() the law before it is given those "
-                f"of another scene, {shown(rows.labels)}"
-            )
-        made = None if self._parts is None else self._parts[1]
+        remembered, made = self._parts or ((), None)
+        uses = "sigma", "sigma_dot", "K", "period"
+        demand_known("a law with an observer", rows, uses, self.period, remembered)
         if made is None or law not in (0, made.law):
-            fresh = load("observer").ObserverArrays.of(m, law, self.period, self.observer, float(self.dead_time))
+            numbers = self.period, self.observer, float(self.dead_time)
+            fresh = load("observer").ObserverArrays.of(len(rows.labels), law, *numbers)
             made = fresh if made is None else fresh._replace(seen=made.seen, after=made.after)
             self._parts = rows.labels, made
         return made
@@ -136,18 +113,3 @@ class Observed(Controller):
 def without_observer(law: Controller) -> Controller:
     """The law that an observer is before; the law itself where there is none."""
     return law.law if isinstance(law, Observed) else law
-
-
-class ObservedLaw:
-    """A compiled law with an observer before it: see :class:`.CompiledLaw`."""
-
-    def __init__(self, inner: BoundLaw, own: Any) -> None:
-        self._inner, self._own = inner, Workspace(own)
-        self.labels, self.remark, self.measures = inner.law.labels, inner.law.remark, inner.law.measures
-        at = load("parts").address(load("observer").observe)
-        self.arrays = inner.arrays._replace(resolver=at, demand=self._own.address)
-        self.workspace = Workspace(self.arrays)
-
-    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """See :meth:`.CompiledLaw.call`."""
-        return whole_call(self.workspace, rows, task)

@@ -2,64 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .predictive import Plan, PredictiveControl, whole_number
-from .ranges import ROWS, Declared, Range, positive_number
+from .ranges import Range, option, positive_number
 from .resolver import row_weights
 
 MOST = 100_000  #: Samples, and seeds.
 SEEN = ("phi", "sigma", "J", "b", "rest")  #: What is used of predictions.
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class PathIntegralControl(PredictiveControl):
     """Model predictive path integral control (MPPI): samples plans around the last one, and takes their weighted mean.
 
-    Information-theoretic MPPI (Williams et al., IEEE Transactions on Robotics 34(6), 2018) without its cost of inputs;
-    for visual servoing Mohamed, Allibert and Martinet (arXiv 2104.04925), whose inputs are velocities of the camera and
-    whose cost is the error of the features. Here plans are of q̈, and the cost is that of :class:`.PredictiveControl`,
-
-        c(u) = Σₖ ‖J uₖ − b‖²/‖J‖² + damping ‖uₖ − q̈₀‖² + penalty Σᵢ max(0, σᵢ(τ + T) − e^(−T/κ) σᵢ(τ))² / (sᵢ T²)²
-
-    with φ and s T for rows on φ itself. S plans u ~ N(ū, noise²) around the last plan ū, the first without noise, are
-    predicted without linearisation, and ū ← Σ w u, w ∝ exp(−c / (2 temperature noise²)). For quadratic costs and S → ∞
-    this minimises c(u) + temperature ‖u − ū‖²: sample by sample it comes to the optimum. Few samples leave noise in the
-    command; rows are not kept for certain; plans that the model cannot predict to their end do not count.
-
-    Parameters
-    ----------
-    samples, temperature, penalty
-        S, from 1 to 100,000; the lower the temperature, the more the best plans count; weight of rows.
-    noise
-        Standard deviation of q̈ in every block [rad/s² or m/s²].
-    seed
-        Of the random numbers, from 1 to 100,000: every reset begins with it, so that runs repeat bit by bit.
-    horizon, block, options
-        As of :class:`.PredictiveControl`.
+    Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; formulas: :doc:`/laws`. S
+    plans around the last one, the first without noise, are predicted without linearisation, and cost what
+    :class:`.PredictiveControl` minimises, with a penalty of rows. Few samples leave noise in the command; rows are not
+    kept for certain; plans that the model cannot predict to their end do not count. Every reset begins with the seed,
+    so that runs repeat bit by bit.
     """
 
-    name = "mppi"
-    ranges: ClassVar[Mapping[str, Declared]] = {
-        "samples": Range(16, 512, integer=True),
-        "horizon": Range(2, 20, integer=True),
-        "block": Range(5, 25, integer=True),
-        "temperature": Range(0.1, 10.0),
-        "noise": Range(0.02, 2.0),
-        "penalty": Range(0.01, 100.0),
-        "margin": ROWS["margin"],
-    }
+    name, ignores = "mppi", (*PredictiveControl.ignores, "observer")
 
-    def __init__(
-        self, *, samples: int = 64, horizon: int = 3, block: int = 10, temperature: float = 1.0, noise: float = 0.2,
-        penalty: float = 1.0, seed: int = 1, **options: Any,
-    ) -> None:  # fmt: skip
-        super().__init__(**{"horizon": horizon, "block": block, "damping": 1e-3, **options})
-        self.samples, self.temperature, self.noise = samples, temperature, noise
-        self.penalty, self.seed = penalty, seed
+    samples: int = option(64, "S, from 1 to 100,000", Range(16, 512, integer=True))
+    horizon: int = option(3, "H, from 1 to 100", Range(2, 20, integer=True))
+    approach: float = option(5.0, "κ in blocks")
+    damping: float = option(1e-3, "that of the cost")
+    temperature: float = option(1.0, "the lower, the more the best plans count", (0.1, 10.0))
+    noise: float = option(0.2, "standard deviation of q̈ in every block [rad/s² or m/s²]", (0.02, 2.0))
+    penalty: float = option(1.0, "weight of rows", (0.01, 100.0))
+    seed: int = option(1, "of the random numbers, from 1 to 100,000")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("samples", "seed"):

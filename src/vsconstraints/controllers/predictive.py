@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,16 +16,14 @@ from ..compiled.workspace import (
     RANK_LOSS,
     RELAXED_ROWS,
     SOLVED,
-    LawArrays,
-    Workspace,
 )
 from ..errors import InvalidInput, SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller
-from .compiled import COUNT, BoundLaw, CompiledLaw, tracking_of, whole_call
+from .base import Controller, demand_known
+from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
-from .ranges import ROWS, Declared, Range, positive_number, share
+from .ranges import GAINS, ROWS, Range, option, positive_number, share
 from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
@@ -41,86 +40,37 @@ class Plan(NamedTuple):
     made: float
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class PredictiveControl(Controller):
     """A predictive safety filter: minimise the tracking law's residual along a plan whose states keep all rows.
 
-    What is filtered is the command of the tracking law (Wabersich and Zeilinger, Automatica 129, 2021): where its
-    motion keeps all rows over the horizon, it is commanded unchanged, and otherwise the least is taken from it.
-    Differences to that paper: nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first
-    alone (Pizarro Bejarano, Brunke and Schoellig, CDC 2023); rows are soft where no plan meets them; and the plan ends
-    with a brake in place of an invariant set, so that nothing proves that there will always be a plan. It is not the
-    model predictive control of Allibert, Courtial and Chaumette (IEEE Transactions on Robotics, 2010), which minimises
-    the error of the image features themselves over the horizon: here the tracking law alone says how the error falls.
+    Wabersich and Zeilinger, Automatica 129, 2021; formulas, sources and differences: :doc:`/laws`. The plan has H
+    blocks of constant q̈; the first one's is the command. Along the plan of the sample before, rows and task are
+    linearised in every sample. After the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0
+    meanwhile; without bounds of all q̈ there is no such row.
 
-    The plan u has H blocks of constant q̈; the first one's is the command, and in the next sample all is computed anew.
-    Along the plan of the sample before, moved on in time, the model gives rows and task, which are linearised there in
-    every sample: one real-time iteration (Diehl, Bock, Schlöder, SIAM Journal on Control and Optimization, 2005) of
+    What the model says otherwise of now than rows and task do is taken to stay so. Where rows contradict each other, Σ
+    wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by, the status is ``relaxed`` and the reason names
+    the rows. States that the model cannot give, with a marker behind the camera, shorten the horizon, and
+    ``Command.remark`` says so. Plans are local: around what is not convex, a plan may come to lie beyond it.
 
-        min Σₖ ‖J uₖ − b‖² + λ‖u − q̈₀‖²,   σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ),   q̈_min ≤ u ≤ q̈_max
-
-    J, b and q̈₀ are those of the beginning of block k, where b falls with the errors that the plan makes by K_p and K_v
-    of the tracking law, and q̈₀ with its motion. Instants τ are now, one sampling period later, and the ends of blocks;
-    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath, ACC 2021)
-    lets it approach its boundary with the time constant κ. States are eliminated, so that u alone is left.
-
-    After the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a plan that meets its
-    rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
-
-    What the model says otherwise of now than rows and task do is taken to stay so, as in Allibert's internal model.
-    Where rows contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by, the status
-    is ``relaxed`` and the reason names the rows. States that the model cannot give, with a marker behind the camera,
-    shorten the horizon, and ``Command.remark`` says so. Where no row resists, the command is that of
-    :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex, such as a
-    bowl, a plan may come to lie beyond it.
-
-    Parameters
-    ----------
-    horizon
-        H, from 1 to 100.
-    block
-        Length of a block in sampling periods, from 1 to 10,000.
-    approach
-        κ in blocks.
-    damping
-        λ relative to the mean of ‖J‖² in the Frobenius norm.
-    margin
-        Share of each row's scale by which rows count as greater than they are, for what the law cannot know.
-    weights
-        w by the beginning of the label, as of :class:`.HierarchicalQP`.
-    max_acceleration
-        Bound of every |q̈| [rad/s² or m/s²] beside the box of the rows; None for none.
-
-    Attributes
-    ----------
-    period, model
-        Those of the last :meth:`reset`.
+    Attributes ``period`` and ``model`` are those of the last :meth:`reset`.
     """
 
-    name, ignores = "predictive", ("K", "observer")
-    ranges: ClassVar[Mapping[str, Declared]] = {
-        "horizon": Range(3, 30, integer=True),
-        "block": Range(5, 25, integer=True),
-        "approach": Range(1.5, 10.0),
-        "damping": Range(1e-8, 1e-4),
-        "margin": ROWS["margin"],
-    }
+    name, ignores = "predictive", ("K", *GAINS)
+    fading = 0.0  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an observer's.
 
-    def __init__(
-        self,
-        *,
-        horizon: int = 10,
-        block: int = 10,
-        approach: float = 5.0,
-        damping: float = 1e-6,
-        margin: float = 0.0,
-        weights: Mapping[str, float] | None = None,
-        max_acceleration: float | None = None,
-    ) -> None:
-        self.period: float | None = None
-        self.model: Any = None
-        self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
-        self.margin = margin
-        self.weights, self.max_acceleration = weights, max_acceleration
+    horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
+    block: int = option(10, "length of a block in sampling periods, from 1 to 10,000", Range(5, 25, integer=True))
+    approach: float = option(5.0, "κ in blocks", (1.5, 10.0))
+    damping: float = option(1e-6, "λ relative to the mean of ‖J‖² in the Frobenius norm", (1e-8, 1e-4))
+    margin: float = option(0.0, "share of each row's scale by which it counts as greater than it is", ROWS["margin"])
+    weights: Mapping[str, float] | None = option(None, "w by the beginning of the label, as of ``hierarchical-qp``")
+    max_acceleration: float | None = option(None, "bound of every |q̈| beside the box of the rows [rad/s² or m/s²]")
+
+    period: float | None = field(default=None, init=False)
+    model: Any = field(default=None, init=False)
+    _planner: Any = field(default=None, init=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("horizon", "block"):
@@ -133,10 +83,9 @@ class PredictiveControl(Controller):
             value = getattr(Hierarchy(**{name: value}), name)
         super().__setattr__(name, value)
         if name != "_planner":
-            self._planner: Any = None
+            self._planner = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, which are those of one process."""
         return {**vars(self), "_planner": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
@@ -162,13 +111,7 @@ class PredictiveControl(Controller):
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class.
-
-        Raises
-        ------
-        InvalidInput
-            if there is no model or no sampling period, or the model is of other rows.
-        """
+        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
 
@@ -186,10 +129,7 @@ class PredictiveControl(Controller):
                 f"the law {self.name!r} uses a model: ask it by ControlStep.command, or tell it by "
                 "reset(model=step.model()) of the control step that makes these rows"
             )
-        if self.period is None:
-            raise InvalidInput(
-                f"the law {self.name!r} uses the sampling period: tell it by reset(period=...) before the first command"
-            )
+        demand_known(f"the law {self.name!r}", rows, ("period",), self.period)
         if rows.labels != self.model.labels or task.J.shape[1] != len(self.model.acceleration):
             raise InvalidInput(f"the law {self.name!r} has the model of other rows or of another robot")
         if self._planner is None or self._planner.shape != task.J.shape:
@@ -201,16 +141,16 @@ class PredictiveControl(Controller):
         return Planner(self, self.model, self.period or np.nan, shape)
 
 
-class Planner:
-    """The compiled law for the rows of a model: see :class:`.CompiledLaw` and :mod:`vsconstraints.compiled.predictive`.
+class Planner(Wrapped):
+    """The compiled law for the rows of a model: see :mod:`vsconstraints.compiled.predictive`.
 
     ``compiled`` says whether the model is: otherwise Python predicts, between two calls of the compiled law.
     """
 
-    measures, answers = True, (SOLVED, RELAXED_ROWS)
+    answers = SOLVED, RELAXED_ROWS
 
     def __init__(self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]) -> None:
-        kernels, address = load("predictive"), load("parts").address
+        kernels = load("predictive")
         (k, n), m, H, T = shape, len(model.labels), law.horizon, law.block * period
         times = T * np.arange(H + 1)
         if not np.isclose(period, T):
@@ -229,12 +169,12 @@ class Planner:
         else:
             begins, out = [0, *np.cumsum([*sizes.values()])[:-1].tolist()], np.empty(sum(sizes.values()))
         own = np.inf if law.max_acceleration is None else law.max_acceleration
-        self.model, self.shape, self.labels, self.remark = model, shape, model.labels, law.remark(model.labels)
-        self._begins, self._length = begins, T
+        self.model, self.shape, self._begins = model, shape, begins
         self.plans = kernels.PlanArrays(
             loop.packed.workspace.address if self.compiled else 0,
             step.packed.workspace.address if self.compiled else 0,
             int(self.compiled and model.frozen),
+            law.fading,
             period,
             T,
             law.approach * T,
@@ -254,23 +194,15 @@ class Planner:
             by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
             **kernels.plan_space(H, N, n, m),
         )
-        self._workspace = Workspace(self.plans)
-        self.arrays: LawArrays = CompiledLaw(Nothing(), Priority(), model.labels).arrays._replace(
-            resolver=address(kernels.look_ahead),
-            demand=self._workspace.address,
-            options=np.array([RANK_TOLERANCE, kernels.ALL]),
-        )
-        self.workspace = Workspace(self.arrays)
+        inner = CompiledLaw(Nothing(), Priority(), model.labels)
+        super().__init__(inner, self.plans, kernels.look_ahead, options=np.array([RANK_TOLERANCE, kernels.ALL]))
+        self.remark, self.measures = law.remark(model.labels), True
 
     @property
     def plan(self) -> Plan | None:
         """The last plan, if there is one."""
         plans = self.plans
         return None if np.isnan(plans.made[0]) else Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
-
-    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """See :meth:`.CompiledLaw.call`."""
-        return whole_call(self.workspace, rows, task)
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The command; raises SolverError where numbers leave the range of floating point."""

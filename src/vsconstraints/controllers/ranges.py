@@ -7,12 +7,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field
 from numbers import Integral, Real
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
+from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ..rows.factors import FACTORS
+
+Known = TypeVar("Known")
 
 
 def _finite(value: object) -> bool:
@@ -54,11 +56,17 @@ def positive_number(name: str, value: object) -> float:
     return number
 
 
+def one_of(what: str, name: object, known: Mapping[str, Known]) -> Known:
+    """What is known by that name; raises ConfigurationError that names the candidates."""
+    if not (isinstance(name, str) and name in known):
+        raise unknown_name(what, name, known)
+    return known[name]
+
+
 class Fixed(dict[str, float]):
     """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        """Raise TypeError."""
         raise TypeError("the options of a controller cannot be changed in parts: make one with others")
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
@@ -89,7 +97,6 @@ class Range:
             raise ConfigurationError(f"a range of integers ends with integers, not {shown(ends)}")
 
     def __iter__(self) -> Iterator[float]:
-        """Its ends."""
         yield from (self.least, self.greatest)
 
     def __contains__(self, value: object) -> bool:
@@ -111,7 +118,6 @@ class Choices:
             raise ConfigurationError(f"choices are a tuple of two values or more, not {shown(self.values)}")
 
     def __iter__(self) -> Iterator[Any]:
-        """All values."""
         yield from self.values
 
     def __contains__(self, value: object) -> bool:
@@ -128,7 +134,7 @@ ROWS = {
     "speed_gain": Range(0.1, 10.0),
     "margin": Range(0.0, 0.2, logarithmic=False),
 }
-GAINS = "switching_gain", "speed_gain"
+GAINS: tuple[str, ...] = "switching_gain", "speed_gain"
 
 #: What classes declare; a pair of numbers is a logarithmic :class:`Range`.
 Declared = Range | Choices | tuple[float, float]
@@ -138,14 +144,17 @@ def option(
     default: Any, meaning: str, search: Declared | None = None, at_least: float = 0.0, below: float = math.inf
 ) -> Any:
     """An option of a demand or resolver: a dataclass field with its meaning, range of search and hard limits."""
+    search = Range(*search) if isinstance(search, tuple) else search
     return field(default=default, metadata={"meaning": meaning, "range": search, "at_least": at_least, "below": below})
 
 
 class Part:
-    """A demand or resolver: a frozen dataclass whose fields are options, with :attr:`ranges` of search by option."""
+    """A law, demand or resolver: where it is a dataclass, its fields are options (:func:`option`)."""
 
+    #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
-    ignores: ClassVar[tuple[str, ...]] = ()  #: See :attr:`.Controller.ignores`; of these no range is searched.
+    #: Which options of every law, factors on rows and those of the observer, change no command; none is searched.
+    ignores: tuple[str, ...] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

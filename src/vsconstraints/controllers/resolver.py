@@ -1,8 +1,7 @@
 """Resolvers: ways to share q̈ among demands and task.
 
-One half of a law; :mod:`vsconstraints.controllers.demand` is the other. What they compute is compiled, in
-:mod:`vsconstraints.compiled`; here are their options, and what their answers mean. A new resolver is a compiled
-function, a class with its options, and an entry in :data:`vsconstraints.controllers.resolvers.RESOLVERS`.
+One half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new resolver is a compiled function, a class
+with its options, and an entry in :data:`vsconstraints.controllers.resolvers.RESOLVERS`.
 """
 
 from __future__ import annotations
@@ -51,39 +50,17 @@ class KnownPush(Known):
 
 @dataclass(frozen=True)
 class Resolver(Part, ABC):
-    """A way to share q̈ among the demands of rows and a task.
+    """A way to share q̈ among the demands of rows and a task: a frozen dataclass, whose fields are options."""
 
-    A frozen dataclass: its fields are options, ``rank_tolerance`` among them. Its warm starts belong to the law, see
-    :meth:`solvers`.
-
-    Attributes
-    ----------
-    name
-        In reports.
-    kernel
-        Module and name of its compiled form, see :class:`vsconstraints.compiled.workspace.LawArrays`.
-    otherwise
-        Module and name of the compiled form that answers where this one does not, on the same options; None if there
-        is none.
-    purpose
-        What it asks of demands: see :mod:`vsconstraints.formulas.row`.
-    uses
-        Which of ``USES`` it uses.
-    measures
-        Whether its commands report what they leave unmet.
-    answers
-        Codes with which the compiled form has an answer.
-    compiles
-        Whether the compiled form is asked first; if not, a QP solver by name.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  #: In reports.
+    #: Module and name of its compiled form, see :class:`vsconstraints.compiled.workspace.LawArrays`.
     kernel: ClassVar[tuple[str, str]]
-    otherwise: ClassVar[tuple[str, str] | None] = None
-    purpose: ClassVar[int] = BOUND
-    uses: ClassVar[tuple[str, ...]] = ()
-    measures: ClassVar[bool] = False
-    answers: ClassVar[Collection[int]] = (SOLVED,)
+    otherwise: ClassVar[tuple[str, str] | None] = None  #: Of what answers, with the same options, where that does not.
+    purpose: ClassVar[int] = BOUND  #: What it asks of demands: see :mod:`vsconstraints.formulas.row`.
+    uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` it uses.
+    compiles: ClassVar[bool] = True  #: Whether the compiled form is asked first; if not, a QP solver by name.
+    measures: ClassVar[bool] = False  #: Whether its commands report what they leave unmet.
+    answers: ClassVar[Collection[int]] = (SOLVED,)  #: Codes with which the compiled form has an answer.
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
         """The command for what rows ask for, c (m,), see :attr:`purpose`; SolverError if numbers leave the range."""
@@ -117,11 +94,6 @@ class Resolver(Part, ABC):
     def options(self) -> Array:
         """What the compiled form takes; the rank tolerance first."""
         return np.array([getattr(self, each.name) for each in fields(self)])
-
-    @property
-    def compiles(self) -> bool:
-        """See the class."""
-        return True
 
     def solvers(self) -> SolverChain | None:
         """A chain of QP solvers for a law of its own; None if it needs none."""
@@ -172,7 +144,7 @@ class Additive(Priority):
 
 
 def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Say which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
+    """Which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
     exceeded = np.flatnonzero(slack > 0.0)
     if not exceeded.size:
         return ""

@@ -1,16 +1,16 @@
-"""The resolvers that files can name: projections, and those by quadratic programs."""
+"""The resolvers that files can name: projections, and those by quadratic programs; formulas: :doc:`/laws`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from ..compiled import workspace as codes
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, shown
 from ..formulas.row import share
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -19,7 +19,7 @@ from .cascade import by_solvers
 from .compiled import NO_SLACK
 from .demand import Demand
 from .least_norm import RANK_TOLERANCE
-from .ranges import Choices, Fixed, Range, option, positive_number, rank_tolerance
+from .ranges import Choices, Fixed, Range, one_of, option, positive_number, rank_tolerance
 from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 
@@ -27,18 +27,8 @@ from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 class Projection(Additive):
     """q̈ = q̈_track + P z with the pushes z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† of :class:`Additive`.
 
-    P = λ P_e + (1 − λ)(I − J†J) with P_e = I − Jᵀe eᵀJ / ‖Jᵀe‖², and λ growing with ‖e‖ from 0 to 1: see
-    :func:`vsconstraints.formulas.projection.opening`. Since eᵀJ P = 0, nothing changes in d²/dt² ½‖e‖² whatever z is,
-    even for an arm that is not redundant: P_e has rank n − 1. Where the error is small, only the null space of the task
-    is left, so rows are not kept for certain. Where Jᵀe = 0, P_e is I.
-
-    Reference: Marey, Chaumette, "New strategies for avoiding robot joint limits: application to visual servoing using a
-    large projection operator", IROS 2010; joint limits in ViSP, which choose a gain on z so that P z stops the joint.
-
-    Parameters
-    ----------
-    closed, opened
-        ‖e‖ below which λ is 0 and above which it is 1, in units of the task's error.
+    P is the large projection operator of Marey and Chaumette (IROS 2010), I where Jᵀe = 0: z changes nothing in d²/dt²
+    ½‖e‖². Where the error is small, rows are not kept for certain.
     """
 
     closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
@@ -70,31 +60,38 @@ class Hierarchy(Resolver):
 
     Levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the coordinates v = Vᵀ(q̈ − q̈_track) of the
     singular vectors of J with relative gains g, with hard rows. Only if these are incompatible is level 1 computed,
-    exactly; the violated rows then become equalities, and the QP is solved in the remaining coordinates. A large weight
-    or soft rows in place of this were measured to be wrong.
+    exactly; the violated rows then become equalities. A large weight or soft rows in place of this were measured to be
+    wrong.
 
     Where J leaves directions free and the damping has cost the task more than a residual of 1e-6 ‖J‖‖q̈ − q̈_track‖,
-    level 2 is solved separately, and level 3 within it. It then uses every direction within the rows whose gain is
-    above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` bounds them. Two
-    exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2 uses directions
-    within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the answer: level 3
-    wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from others. If
+    level 2 is solved separately, and level 3 within it, with every direction whose gain is above ``rank_tolerance``
+    relative to J. Two exceptions tame tasks that are nearly singular: where J has a relative gain below 1e-3, level 2
+    uses directions only above √damping; and where J leaves no direction free, the QP's minimiser is the answer. If
     rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met, and no
     known point that meets them has a smaller residual.
     """
 
-    solver: str = AUTO
-    weights: Mapping[str, float] | None = None
-    max_acceleration: float | None = None
-    damping: float = 1e-8
-    rank_tolerance: float = RANK_TOLERANCE
-
-    name, kernel, measures, answers = (
-        "hierarchy",
-        ("hierarchical_qp", "descend"),
-        True,
-        (codes.SOLVED, *RELAXED, codes.SHORT),
+    solver: str = option(
+        AUTO,
+        "auto, the compiled dual active-set method; or a QP solver by name: ``vsconstraints list solvers``. If an "
+        "answer fails the check of the optimality conditions, others are asked, and the command says so",
     )
+    weights: Mapping[str, float] | None = option(
+        None,
+        'diagonal of W, 1e-10 to 1e10, by the beginning of the label, such as {"fov": 2.0, "range[joint 6]": 5.0}; the '
+        "longest that matches counts, 1 where none does; one that begins no label is told of in Command.remark",
+    )
+    max_acceleration: float | None = option(None, "q̈_max [rad/s² or m/s²]; none for no box")
+    damping: float = option(1e-8, "weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm")
+    rank_tolerance: float = option(
+        RANK_TOLERANCE, "singular values of J below this fraction of the largest one count as zero"
+    )
+
+    name, kernel, measures = "hierarchy", ("hierarchical_qp", "descend"), True
+    answers = codes.SOLVED, *RELAXED, codes.SHORT
+    #: What the levels below the rows are, of :mod:`vsconstraints.compiled.workspace`; half the width of the box.
+    aim: ClassVar[int] = codes.STRICT
+    bound: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
         for name in ("damping", *(("max_acceleration",) if self.max_acceleration is not None else ())):
@@ -106,26 +103,13 @@ class Hierarchy(Resolver):
             fixed = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
             object.__setattr__(self, "weights", fixed)
         object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
-
-    @property
-    def compiles(self) -> bool:
-        """Whether no solver is asked for by name."""
-        return self.solver == AUTO
+        object.__setattr__(self, "compiles", self.solver == AUTO)
+        object.__setattr__(self, "bound", math.inf if self.max_acceleration is None else self.max_acceleration)
 
     @property
     def options(self) -> Array:
         """See :class:`.Resolver`."""
         return np.array([self.rank_tolerance, self.bound, self.damping, float(self.aim)])
-
-    @property
-    def bound(self) -> float:
-        """Half the width of the box that this is an option of, or infinity."""
-        return math.inf if self.max_acceleration is None else self.max_acceleration
-
-    @property
-    def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
-        return codes.STRICT
 
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
@@ -180,14 +164,9 @@ METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}  #: What the distance 
 class Filter(Hierarchy):
     """Of all q̈ in the box that violate the demands least, the one nearest to the command that tracks.
 
-    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017). In the metric ``joint``, what
-    is least is ‖q̈ − q̈_track‖²: it spreads over all joints what a row takes from one, and so gives up some of every
-    part of the task, also of those that the rows would allow, and reaches its goal later. In the metric ``task`` it is
-    ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², that of task-consistent filters (Morton and Pavone 2025), with
-    the Frobenius norm. Where the damping is small beside the gains of J, and the task needs all joints, this is
-    :class:`Hierarchy`; as it grows, it becomes the joint metric, which does not use it.
-
-    Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017), in the metric ``joint``, or
+    that of task-consistent filters (Morton and Pavone 2025), ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖² with
+    the Frobenius norm. Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
     damping: float = option(1e-8, "weight of the joints in the metric task, relative to ‖J‖²", Range(1e-8, 1.0))
@@ -197,34 +176,18 @@ class Filter(Hierarchy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (isinstance(self.metric, str) and self.metric in METRICS):
-            raise unknown_name("metric", self.metric, tuple(METRICS))
-
-    @property
-    def aim(self) -> int:
-        """See :class:`.Hierarchy`."""
-        return METRICS[self.metric]
+        object.__setattr__(self, "aim", one_of("metric", self.metric, METRICS))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling(Hierarchy):
     """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
 
-    Whichever row is the first to resist slows everything down: a baseline. It is the scaling of :class:`Saturation`
-    without its null space, of the present sample only; :class:`~vsconstraints.controllers.GoalGovernor` moves the goal.
-
-    Where c < 0 of a row, no κ may be right. Then κ is the largest that no row would by itself have smaller: 0 where
-    tracking leads outwards, what the other rows allow where it leads inwards, but not fast enough. And the least ‖q̈ −
-    κ q̈_track‖ that meets all demands, or violates them least, is added, as by :class:`Filter`. So a row that has to
-    brake brakes, by the least acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
+    A baseline. Where c < 0 of a row, κ is the largest that no row would by itself have smaller, and the least
+    correction that meets all demands, or violates them least, is added. The box limits κ as rows do.
     """
 
-    name = "scaling"
-
-    @property
-    def aim(self) -> int:
-        """See :class:`.Hierarchy`."""
-        return codes.SCALED
+    name, aim = "scaling", codes.SCALED
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
@@ -242,26 +205,12 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
 
-    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the null
-    space that is left. With the saturated rows A
+    Whatever would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the side of the box, and never let go again; the
+    task, scaled by s, has the null space that is left. Of all sets on the way, the one that allows the largest s in [0,
+    1] is taken; where none allows any, the command is that of :class:`Hierarchy`. With ``scales=False`` the task is met
+    in the least-squares sense instead, and loses its direction.
 
-        q̈(s) = A†c + (J(I − A†A))† (s b − J A†c).
-
-    At first there are none, and s = 1. As long as a bound is exceeded, the most critical one is saturated too: that
-    which allows the least s. If that depends on those that are, the task is scaled as little as necessary: of all sets
-    on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
-    allows any s: then the command is that of :class:`Hierarchy`, with its statuses. So the task keeps its direction,
-    J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k, is slowed down as a whole: where no
-    demand asks for braking, this is then :class:`Scaling`.
-
-    With ``scales=False`` a task that the null space is too small for is met in the least-squares sense instead, and
-    loses its direction. It is then never scaled as long as q̈ = 0 meets all demands.
-
-    Nothing that is saturated is let go again. Where that would be better, the task is met less well than by
-    :class:`Hierarchy`; where it pulls against all that is saturated, as against one row, they are the same.
-
-    Reference: Flacco, De Luca, Khatib, "Control of redundant robots under hard joint constraints: saturation in the
-    null space", IEEE Transactions on Robotics 31(3), 2015; at the level of accelerations also ICRA 2012.
+    Flacco, De Luca, Khatib, IEEE Transactions on Robotics 31(3), 2015; at the level of accelerations also ICRA 2012.
     """
 
     scales: bool = option(True, "whether a task that cannot be met whole any more is scaled, as published")
@@ -283,11 +232,8 @@ class Saturation(Hierarchy):
 class SaturationExact(Hierarchy):
     """Of all q̈ with J q̈ = s J J†b that meet all demands in the box: the largest s in [0, 1], then least ‖q̈ − q̈₀‖.
 
-    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), stated as the linear program
-    for s and, behind it, the projection. The published algorithms come to it by letting saturated joints go again by
-    the signs of their multipliers; here it is :class:`Hierarchy` in the coordinates q̈ = s J†b + N z of the null space,
-    where s is the task. :class:`Saturation`, which lets nothing go, finds a smaller s where that would be better. Where
-    no s is possible, :class:`Hierarchy` answers, with its statuses.
+    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), by the levels of
+    :class:`Hierarchy` in the coordinates q̈ = s J†b + N z. Where no s is possible, that answers, with its statuses.
     """
 
     name, otherwise = "saturation-exact", ("hierarchical_qp", "descend")

@@ -1,19 +1,13 @@
 """The paper claim by claim: its sentences, what is measured of each here, and counterparts of its figures."""
 
-from .report import Reproduction
-from .runner import check, chosen_claims, chosen_figures, redraw, reproduce
-from .verdicts import CLAIMS, Claim, Finding, Verdict, all_claims
-
-__all__ = [
-    "CLAIMS",
-    "Claim",
-    "Finding",
-    "Reproduction",
-    "Verdict",
-    "all_claims",
-    "check",
-    "chosen_claims",
-    "chosen_figures",
-    "redraw",
-    "reproduce",
-]
+from .report import Reproduction as Reproduction
+from .runner import check as check
+from .runner import chosen_claims as chosen_claims
+from .runner import chosen_figures as chosen_figures
+from .runner import redraw as redraw
+from .runner import reproduce as reproduce
+from .verdicts import CLAIMS as CLAIMS
+from .verdicts import Claim as Claim
+from .verdicts import Finding as Finding
+from .verdicts import Verdict as Verdict
+from .verdicts import all_claims as all_claims

@@ -6,18 +6,15 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
-from ..errors import VsconstraintsError
-from ..reports.markdown import Table, code, plain
+from ..reports.markdown import Table
 from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
-from ..scenarios import Scenario
 from .figures import FIGURES
 from .studies import STUDIES, data_file, figure_file
 from .verdicts import VERDICTS, Finding, all_claims
@@ -28,6 +25,10 @@ DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report
 
 #: What the claims of each number are about.
 TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
+
+#: What the template knows of every reproduction.
+TOLD = {"table": Table, "topics": TOPICS, "verdicts": VERDICTS, "shipped": STUDIES}
+TOLD |= {"figure_file": figure_file, "data_file": data_file, "not_printed": DATA["not-printed"]}
 
 
 @dataclass(frozen=True)
@@ -63,61 +64,20 @@ def write_report(
 ) -> None:
     """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
-    ``missing`` has by figure the reason why it could not be drawn, an empty text if it was; ``studies`` their results
-    by name, or the reason why there are none; ``command`` is what the user typed.
+    ``missing`` has by figure why it could not be drawn; ``studies`` results by name, or why there are none.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
-    text = render(
-        "reproduction.md",
-        table=Table,
-        topics=TOPICS,
-        verdicts=VERDICTS,
-        findings=findings,
-        numbered={number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)},
-        figures=FIGURES,
-        missing=missing,
-        result=result,
-        studies=studies,
-        shipped=STUDIES,
-        figure_file=figure_file,
-        data_file=data_file,
-        reconstructed=reconstructed(),
-        differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
-        facts={name: str(value) for name, value in facts.items() if value},
-        command=" ".join(command),
-    )
+    numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
+    told = differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1)
+    shown = {"result": result, "missing": missing, "studies": studies, "command": " ".join(command), "figures": FIGURES}
+    shown |= {"facts": {name: str(value) for name, value in facts.items() if value}, "differences": told}
+    text = render("reproduction.md", **TOLD, **shown, findings=findings, numbered=numbered)
     write_pages(result.report, text)
-    cells = [(one.key, one.where, one.sentence, one.rule, found.verdict, found.text) for one, found in findings]
-    write_table(result.folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in cells])
+    lines = [{**vars(one), "claim": one.key, **vars(found), "measured": found.text} for one, found in findings]
+    write_table(result.folder / "claims.csv", COLUMNS, [{name: line[name] for name in COLUMNS} for line in lines])
 
 
 def differences() -> str:
     """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
-    return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
-
-
-def reconstructed() -> str:
-    """A table of the values that the paper does not print, taken from the scenarios that use them."""
-    lines = []
-    for name, keys in DATA["not-printed"].items():
-        try:
-            tables = Scenario.load(name).tables
-        except VsconstraintsError as error:
-            lines.append([name, "", plain(str(error).split(". ")[0])])
-            continue
-        for key in keys:
-            value: Any = tables
-            for part in key.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            lines += [[name, key, code(toml_value(value))]] if value is not None else []
-    return Table(["scenario", "key", "value"], lines, text_columns=3)
-
-
-def toml_value(value: Any) -> str:
-    """A value as a TOML file spells it, on one line, with six significant digits."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(part)}" for key, part in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return f"{value:.6g}" if isinstance(value, float) else f'"{value}"' if isinstance(value, str) else str(value)
+    return Path(__file__).with_name("differences.md").read_text(encoding="utf-8")

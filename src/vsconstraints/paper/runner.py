@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from ..comparisons.run import Run, kept_file, kept_run, unfinished
 from ..comparisons.runs.pool import Failure, run_all
@@ -26,8 +26,12 @@ from .verdicts import CLAIMS, Claim, Finding, all_claims
 Progress = Callable[[str, int, int], None]
 
 
-def silent(activity: str, done: int, total: int) -> None:
-    """The default :data:`Progress`: report nothing."""
+class Options(TypedDict, total=False):
+    """What all commands take: most processes; :data:`Progress`; formats of figures, the first of which reports show."""
+
+    workers: int | None
+    on_progress: Progress
+    formats: Formats
 
 
 @dataclass(frozen=True)
@@ -37,89 +41,63 @@ class Work:
     folder: Path
     kept: Path
     workers: int | None = None
-    on_progress: Progress = silent
+    on_progress: Progress = lambda activity, done, total: None
     formats: Formats = PNG
 
 
-def reproduce(
-    folder: Path,
-    *,
-    workers: int | None = None,
-    on_progress: Progress = silent,
-    command: Sequence[str] = (),
-    formats: Formats = PNG,
-) -> Reproduction:
+def reproduce(folder: Path, *, command: Sequence[str] = (), **options: Unpack[Options]) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
     Everything is simulated anew, except what an interrupted call of the same command had finished. A scenario, run,
     study or figure that fails affects only the claims that need it: they become ``not measured``, with the reason.
 
-    Parameters
-    ----------
-    folder
-        Where report.md, claims.csv and figures go; created if missing, else ConfigurationError is raised.
-    workers
-        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
-    on_progress
-        See :data:`Progress`.
-    command
-        What the user typed, for the report.
-    formats
-        File formats of the figures; the report shows the first.
+    report.md, claims.csv and figures go into the folder, which is created if missing, else ConfigurationError is
+    raised; ``command`` is what the user typed, for the report; for the others see :class:`Options`.
     """
     started, claims = time.perf_counter(), all_claims()
     figures_folder(folder)
     with unfinished(folder) as kept:
-        work = Work(folder, kept, workers, on_progress, formats)
+        work = Work(folder, kept, **options)
         runs, studies = run_specs(work, [*claims, *FIGURES.values()]), study_results(work)
         available: dict[Any, Any] = {**runs, **studies}
         findings = {claim.key: claim.check(available) for claim in claims}
         missing = draw_figures(work, FIGURES, available)
         problems = {str(spec): reason for spec, reason in available.items() if isinstance(reason, str)}
         problems |= {f"figure {number}": why for number, why in missing.items() if why}
-        result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started, formats)
+        wall_time = time.perf_counter() - started
+        result = Reproduction(folder / "report.md", findings, problems, wall_time, work.formats)
         write_report(result, missing, studies, command)
     return result
 
 
 def redraw(
-    numbers: Sequence[int],
-    folder: Path,
-    *,
-    controller: str | None = None,
-    workers: int | None = None,
-    on_progress: Progress = silent,
-    formats: Formats = PNG,
+    numbers: Sequence[int], folder: Path, *, controller: str | None = None, **options: Unpack[Options]
 ) -> dict[Path, str]:
     """Redraw figures by the paper's numbers into ``folder/figures``, simulating only the runs that they show.
 
     ``controller`` is a law instead of the paper's, a name or ``module:Class``, and becomes part of the file's name; for
-    the others see :func:`reproduce`. Returns by each figure's file the reason why it could not be drawn, an empty text
+    the others see :class:`Options`. Returns by each figure's file the reason why it could not be drawn, an empty text
     if it was. Raises ConfigurationError for a number without a figure, an invalid law, and as :func:`reproduce`.
     """
     figures = chosen_figures(numbers, controller)
     place = figures_folder(folder)
     with unfinished(None) as kept:
-        work = Work(folder, kept, workers, on_progress, formats)
+        work = Work(folder, kept, **options)
         missing = draw_figures(work, figures, run_specs(work, figures.values()))
-    return {place / figure.file_in(formats): missing[number] for number, figure in figures.items()}
+    return {place / figure.file_in(work.formats): missing[number] for number, figure in figures.items()}
 
 
-def check(
-    keys: Sequence[str], folder: Path, *, workers: int | None = None, on_progress: Progress = silent
-) -> dict[Claim, Finding]:
+def check(keys: Sequence[str], folder: Path, **options: Unpack[Options]) -> dict[Claim, Finding]:
     """Measure claims by number (``"5"``) or key (``"5d"``), on the runs and studies that they need.
 
-    Figures and tables of studies go to the folder; for the others see :func:`reproduce`. Returns findings in the order
+    Figures and tables of studies go to the folder; for the others see :class:`Options`. Returns findings in the order
     of the report. Raises ConfigurationError for an unknown claim, and as :func:`reproduce`.
     """
     claims = chosen_claims(keys)
     names = [need for claim in claims for need in claim.needs if isinstance(need, str)]
     with unfinished(None) as kept:
-        work = Work(folder, kept, workers, on_progress)
-        available: dict[Any, Any] = {**run_specs(work, claims)}
-        if names:
-            available |= study_results(work, names)
+        work = Work(folder, kept, **options)
+        available: dict[Any, Any] = {**run_specs(work, claims), **(study_results(work, names) if names else {})}
         return {claim: claim.check(available) for claim in claims}
 
 

@@ -1,24 +1,62 @@
-"""What a claim is, and the verdicts on it."""
+"""What a claim is, the verdicts on it, and sentences as data: Jinja templates with numbers filled in."""
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
+from jinja2 import Environment, StrictUndefined
+
 from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
-from .texts import filled
+from ..reports.numbers import number, percent
+from ..rows.readable import amount, counted
+from ..scenarios.reading import demand_known
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
+KEYS = ("where", "sentence", "rule", "figure", "measured", "runs", "shown", "values", "holds", "partly", "measure")
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
 #: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
 #: several rules contain; ``measures``, the wording of measures that several claims share.
-TEXTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+
+
+def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
+    """``2.96–4.90 s and 8.02–9.14 s``; ``never``."""
+    return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in intervals) or "never"
+
+
+ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports print them, shares
+#: as per cent, intervals, samples.
+ENVIRONMENT.filters |= {
+    "fmt": lambda value, spec, factor=1: format(factor * value, spec),
+    "amount": amount,
+    "number": number,
+    "percent": percent,
+    "intervals": shown_intervals,
+    "samples": lambda samples: counted(samples, "sample"),
+}
+ENVIRONMENT.tests["finite"] = math.isfinite
+template = cache(ENVIRONMENT.from_string)
+expression = cache(partial(ENVIRONMENT.compile_expression, undefined_to_none=False))
+
+
+def filled(text: str, **values: Any) -> str:
+    """A template with values filled in."""
+    return template(text).render(values)
+
+
+def calculated(formula: str, known: Mapping[str, Any]) -> Any:
+    """The value of an expression of a template, from values by name."""
+    return expression(formula)(known)
 
 
 @dataclass(frozen=True)
@@ -92,6 +130,7 @@ def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]],
         for name, part in TEXTS["shared"].items():  # one may contain those before it
             shared[name] = part.format(**shared)
         text = TEXTS[key]
+        demand_known(text, KEYS, f"claims.toml, {key}")
         rule, figure = text["rule"].format(**shared), text.get("figure", "")
         CLAIMS[key] = Claim(int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure)
         return measure
@@ -109,14 +148,7 @@ def finding(
 ) -> Finding:
     """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS` has for it.
 
-    Parameters
-    ----------
-    key
-        Of the claim or the measure.
-    good, part
-        See :func:`judged`.
-    shown, values
-        What the text contains; ``values`` are also those of the finding.
+    ``good`` and ``part`` are those of :func:`judged`; the text contains what is ``shown`` and the finding's values.
     """
     return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
 
@@ -127,15 +159,31 @@ def worded(key: str, /, **values: Any) -> str:
     return " ".join(filled(template, **values).split())
 
 
-def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
-    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
-    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
+def register_formulas(names: Mapping[str, Any]) -> None:
+    """Register the claims that :data:`TEXTS` measures by formulas, as far as ``names`` has the runs that they need."""
+    for key, text in TEXTS.items():
+        needs = text.get("runs", "").split()
+        if needs and names.keys() >= {*needs}:
+            claim(key, *(names[need] for need in needs))(partial(by_formulas, key, names))
 
 
-def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
-    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
-    return len(intervals) == len(printed) and all(
-        abs(a - b) <= 0.5
-        for one, other in zip(intervals, printed, strict=True)
-        for a, b in zip(one, other, strict=True)
-    )
+def by_formulas(key: str, names: Mapping[str, Any], *results: Any) -> Finding:
+    """The finding of a claim by the formulas that :data:`TEXTS` has for it, on what these need."""
+    text = TEXTS[key]
+    known = {**names, **dict(zip(text["runs"].lower().split(), results, strict=True))}
+    if "measure" in text:
+        measured: Finding = calculated(text["measure"], known)
+        return measured
+    values: dict[str, Any] = {}
+    for name, formula in text.get("shown", {}).items():
+        known[name] = calculated(formula, known)
+        if isinstance(known[name], Finding):
+            values |= known[name].values
+            known |= known[name].values
+    given = text.get("values", {})
+    for name, formula in given.items() if isinstance(given, dict) else ():
+        known[name] = values[name] = calculated(formula, known)
+    values |= calculated(given, known) if isinstance(given, str) else {}
+    known["partly"] = bool(calculated(text.get("partly", "false"), known))
+    verdict = judged(bool(calculated(text["holds"], known)), known["partly"])
+    return Finding(verdict, worded(key, **known), values)

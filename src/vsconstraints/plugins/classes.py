@@ -99,8 +99,7 @@ def _parts(name: str) -> list[str]:
 def _module_from(file: Path) -> ModuleType:
     """Import a file under a name of its own, so that files of the same name in two folders stay apart.
 
-    The name has no dots, with which it would seem to be in a package: then nothing of it could be pickled, and the
-    compiler keeps formulas in its cache that way.
+    The name has no dots, with which it would seem to be in a package, and nothing of it could be pickled.
     """
     path = file.resolve()
     unique = f"vsconstraints own file {path}".replace(".", "%2E")

@@ -20,12 +20,8 @@ INSTALLED = ("site-packages", "dist-packages")
 
 _PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
 _FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), "/proc", "/sys", "/dev")
-_ZIP = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"
 #: Folders whose files are nobody's own: the standard library, this package, the system's.
-LIBRARIES = (
-    *(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS),
-    *(entry for entry in sys.path if entry.endswith(_ZIP)),
-)
+LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS)
 
 COMPILED = (".nbi", ".nbc")  #: endings of numba's caches, which are made of code that is looked at itself
 
@@ -57,8 +53,7 @@ def noted() -> Iterator[Files]:
     """Note the files that Python opens for reading meanwhile, each with its hash just before it is first opened.
 
     Source stands for the bytecode kept of it. Not noted are installed packages other than those of own parts, files
-    that are written meanwhile, and those that are gone at the end. What is read by other means than Python's ``open``
-    cannot be known: by a library in C, by another process, over a network.
+    that are written meanwhile or gone at the end, and what is read by other means than Python's ``open``.
     """
     global _hooked
     if not _hooked:
@@ -128,7 +123,6 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _own(path: str) -> bool:
-    """Whether a file can belong to somebody's own part."""
     for folder, inside in pairwise(path.split(os.sep)):
         if folder in INSTALLED:
             return inside.removesuffix(".py") in _own_packages

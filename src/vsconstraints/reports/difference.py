@@ -10,50 +10,36 @@ import numpy as np
 from ..comparisons.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
 from ..comparisons.statistics import median, with_interval
 from ..comparisons.statistics.judged import MIN_SCENES
-from .markdown import Table, bold, bullets, enumeration, plain
+from .markdown import bold, bullets, enumeration, plain
 from .numbers import DASH, number
 from .page import render
 
 TIMES = ("step_time_median_us", "step_time_p99_us", "rows_time_median_us")
-
 #: Runs that are named, lines of the table of metrics, names in a cell, and characters of a setting.
 MAX_RUNS, MAX_LINES, MAX_NAMES, MAX_LENGTH = 10, 100, 3, 60
 
 
 def page(found: Difference) -> str:
     """The whole page."""
-    group, outcomes = found.a.group, [(each, p) for each, p in found.found if isinstance(each, Outcome)]
-    shifts = sorted(
-        ((each, p) for each, p in found.found if isinstance(each, Shift)), key=lambda one: (one[1] is None, one[1] or 0)
-    )
-    ended = [
-        [*_group(each), each.what, _mark(found, each, p),
-         *map(str, (len(each.group.positions), each.before, each.after, len(each.lost), len(each.gained))), _p(p)]
-        for each, p in outcomes
-    ]  # fmt: skip
-    moved = [
-        [*_group(each), each.metric.header, _mark(found, each, p), *map(str, (each.of, each.better, each.worse)),
-         _moved(each, found.confidence), _p(p)]
-        for each, p in shifts[:MAX_LINES]
-    ]  # fmt: skip
+    outcomes = [(each, p) for each, p in found.found if isinstance(each, Outcome)]
+    shifts = [(each, p) for each, p in found.found if isinstance(each, Shift)]
+    shifts.sort(key=lambda one: (one[1] is None, one[1] or 0))
     return render(
         "difference.md",
         found=found,
         verdict=verdict(found),
-        changes=Table(["part", "what", "of", "A", "B"], map(_change, found.changes), 5),
+        changes=[(change, _names(change)) for change in found.changes],
         same=int((~found.pairs.differ).sum()),
         named=_named,
-        outcomes=Table(
-            ["law", *group, "outcome", "", "runs", "in A", "in B", "lost", "gained", "p"], ended, 3 + len(group)
-        ),
+        outcomes=outcomes,
         lost=[line for each, _ in outcomes for line in _lost(found, each)],
-        shifts=Table(
-            ["law", *group, "metric", "", "runs", "better", "worse", "median of B − A where they differ", "p"],
-            moved,
-            3 + len(group),
-        ),
-        more_shifts=len(shifts) - MAX_LINES,
-        times=Table(["law", *group, "time", "A", "B", "median of B / A"], _times(found), 2 + len(group)),
+        shifts=shifts,
+        most=MAX_LINES,
+        times=list(_times(found)),
+        mark=_mark,
+        moved=_moved,
+        value=_value,
+        significance=lambda p: DASH if p is None else "<0.001" if p < 1e-3 else number(p),
         significant=SIGNIFICANT,
         min_pairs=MIN_SCENES,
     )
@@ -74,8 +60,7 @@ def verdict(found: Difference) -> str:
 
 
 def _sentence(found: Outcome | Shift, confidence: float) -> str:
-    law, *place = _group(found)
-    group = ", ".join((bold(law), *place))
+    group = ", ".join((bold(plain(found.group.law)), *map(plain, found.group.place)))
     if isinstance(found, Outcome):
         return f"{group}: {found.what} in {found.after} of {len(found.group.positions)} runs, before in {found.before}"
     return (
@@ -84,11 +69,10 @@ def _sentence(found: Outcome | Shift, confidence: float) -> str:
     )
 
 
-def _change(change: Change) -> list[str]:
-    names = enumeration(change.names)
-    if len(change.names) > MAX_NAMES:
-        names = f"{len(change.names)}: {', '.join(change.names[:MAX_NAMES])}, …"
-    return [change.part, plain(change.what), plain(names), _value(change.before), _value(change.after)]
+def _names(change: Change) -> str:
+    several = len(change.names) > MAX_NAMES
+    shown = f"{len(change.names)}: {', '.join(change.names[:MAX_NAMES])}, …"
+    return plain(shown if several else enumeration(change.names))
 
 
 def _value(value: Any) -> str:
@@ -112,7 +96,7 @@ def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
         yield f"{len(outcome.lost) - MAX_RUNS} more of {plain(outcome.group)}"
 
 
-def _times(found: Difference) -> Iterator[list[str]]:
+def _times(found: Difference) -> Iterator[tuple[Any, ...]]:
     for group in found.groups:
         for column in TIMES:
             a, b = (runs[column].to_numpy(dtype=float) for runs in (group.a, group.b))
@@ -120,11 +104,7 @@ def _times(found: Difference) -> Iterator[list[str]]:
             if exist.any():
                 a, b = a[exist], b[exist]
                 medians = (number(float(np.median(each))) for each in (a, b, b / a))
-                yield [plain(group.law), *map(plain, group.place), column, *medians]
-
-
-def _group(found: Outcome | Shift) -> list[str]:
-    return [plain(found.group.law), *map(plain, found.group.place)]
+                yield group, column, *medians
 
 
 def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:
@@ -137,7 +117,3 @@ def _moved(shift: Shift, confidence: float) -> str:
     """The median of the differences in the unit in which reports show the metric."""
     factor = shift.metric.factor * (100.0 if shift.metric.style == "percent" else 1.0)
     return with_interval(*median(shift.differences, confidence)[:3], factor)
-
-
-def _p(p: float | None) -> str:
-    return DASH if p is None else "<0.001" if p < 1e-3 else number(p)

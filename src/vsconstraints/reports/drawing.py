@@ -1,4 +1,4 @@
-"""Draws a report's figures and replays, in several processes when there are many; an error costs one figure."""
+"""Which scenarios and runs a report shows, and their figures and replays; an error costs one figure."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from itertools import product
 from pathlib import Path, PurePath
 from urllib.parse import quote
 
+import numpy as np
+
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
-from ..comparisons.runs.machine import most_samples, process_count
+from ..comparisons.runs.machine import most_samples
 from ..comparisons.runs.pool import run_all
+from ..comparisons.suite import BASELINE
 from ..errors import described
 from ..scenarios import Scenario
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
@@ -22,19 +25,50 @@ from .markdown import code
 from .plots import FORMATS, PNG, Figure, Formats
 from .replay import write_replay
 from .replay.runs import run_of
-from .results import Results
-from .selection import TRIAL_SHOWN, acting_in, lane_rows, phi_rows, replayed_runs
+from .results import Results, RowsShown, clean
 
 IN_PROCESS = 2  # up to this many scenarios are drawn in this process: starting others takes about as long
 REPLAYS = "replays"  # folder below that of the comparison
+#: A suite with more figures than the first shows only those of so many scenarios.
+MAX_FIGURES, MAX_SCENARIOS = 48, 3
+TRIAL_SHOWN = 0  #: The trial that figures and replays show: the one that starts where the scenario says.
+
+
+def shown_scenarios(results: Results) -> tuple[str, ...]:
+    """All scenarios of a small suite; of a large one those on which controllers differ most, then the most violated."""
+
+    def weight(scenario: str) -> tuple[int, float]:
+        runs = [results.runs(scenario, name) for name in results.competitors]
+        good = sum(bool(lines) and all(map(clean, lines)) for lines in runs)
+        depths = [line["violation_depth"] for lines in runs for line in lines]
+        return min(good, len(runs) - good), max((x for x in depths if x == x), default=0.0)
+
+    if len(FIGURES) * len(results.groups) * len(results.scenarios) <= MAX_FIGURES:
+        return results.scenarios
+    chosen = set(sorted(results.scenarios, key=weight, reverse=True)[:MAX_SCENARIOS])
+    return tuple(name for name in results.scenarios if name in chosen)
+
+
+def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
+    """The controller with the deepest violation, or tracking alone; and the clean one with the greatest utilization."""
+    lines = {
+        name: line
+        for name in results.controllers
+        for line in results.runs(scenario, name)
+        if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0
+    }
+    depths = {name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines}
+    used = {name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0)) for name in depths if clean(lines[name])}
+    worst = max((name for name in depths if depths[name] > 0.0), key=lambda name: depths[name], default=BASELINE)
+    best = max(used, key=lambda name: used[name], default=worst)
+    return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
 
 
 @dataclass(frozen=True)
 class ScenarioJob:
     """The figures of one scenario: one of each kind for each group of controllers.
 
-    ``folder`` and ``seed`` are the comparison's; ``finished`` are the controllers that have a line in results.csv for
-    the shown trial; ``phi_rows`` and ``lane_rows`` are labels of the rows whose φ, and whose activity, is drawn.
+    ``finished`` are the controllers that have a line in results.csv for the shown trial; ``rows`` those that are drawn.
     """
 
     folder: Path
@@ -42,8 +76,7 @@ class ScenarioJob:
     groups: tuple[Group, ...]
     finished: tuple[str, ...]
     seed: int
-    phi_rows: tuple[str, ...]
-    lane_rows: tuple[str, ...]
+    rows: RowsShown
     formats: Formats = PNG
 
     def files(self) -> dict[str, Path]:
@@ -55,30 +88,30 @@ class ScenarioJob:
 class Drawn:
     """The figures of one scenario.
 
-    ``files`` are names below ``figures``, by the figure's name and the group's suffix; ``problems`` are sentences on
-    what is missing; ``first_outside`` says when a controller first violates a row [s]; ``replay`` is a link.
+    ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them; ``problems`` are sentences on what
+    is missing; ``first_outside`` says when a controller first violates a row [s]; ``replay`` is a link.
     """
 
-    files: dict[tuple[str, str], str] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
+    pictures: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
     replay: str = ""
 
 
 def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suffix: str = "", remark: str = "") -> str:
-    """Draw a figure into ``folder`` and show it with its caption; on an error, say so instead.
-
-    Empty where there is nothing to show. The ``suffix`` ends the file's name, and the ``remark`` the caption.
-    """
+    """Draw a figure, whose name ends in ``suffix``, and show it with its caption; on an error, say so instead."""
     file = figure.file_in(formats, suffix)
     try:
         folder.mkdir(exist_ok=True)
-        if not figure.write(folder / file, *needed, formats=formats):
-            return ""
+        shown = figure.write(folder / file, *needed, formats=formats)
     except Exception as error:  # a figure must not cost the report
         return _not_drawn(figure, error)
-    title = figure.title[0].upper() + figure.title[1:]
-    return f"![{title}](figures/{file})\n\n*{figure.caption}{remark}*"
+    return _shown(figure.title[0].upper() + figure.title[1:], file, figure.caption + remark) if shown else ""
+
+
+def _shown(title: str, file: str, caption: str) -> str:
+    return f"![{title}](figures/{file})\n\n*{caption}*"
 
 
 def _not_drawn(figure: Figure, error: Exception) -> str:
@@ -89,35 +122,25 @@ def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
     """The jobs that draw these scenarios of a stored comparison, or all."""
-    stored, jobs = results.stored, []
-    seed = int(stored.manifest["configuration"].get("seed", 0))
-    for name, scenario in stored.scenarios.items():
-        if scenarios is None or name in scenarios:
-            lines = {law: results.runs(name, law) for law in results.controllers}
-            finished = tuple(law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own))
-            rows = phi_rows(results, name), lane_rows(results, name)
-            jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, seed, *rows, formats))
+    jobs, stored = [], results.stored
+    for name in results.scenarios if scenarios is None else scenarios:
+        lines = {law: results.runs(name, law) for law in results.controllers}
+        finished = tuple(law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own))
+        rows, scenario = results.rows_shown(name), stored.scenarios[name]
+        jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, results.seed, rows, formats))
     return jobs
 
 
 def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised.
-
-    ``on_drawn`` is called with how many scenarios are done, and how many there are.
-    """
-    if len(jobs) <= IN_PROCESS or process_count() < 2:
+    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised."""
+    calls = {job.scenario.name: (job,) for job in jobs}
+    if len(jobs) <= IN_PROCESS:
         on_drawn(0, len(jobs))
         drawn = {}
-        for job in jobs:
-            drawn[job.scenario.name] = draw_scenario(job)
+        for name, one in calls.items():
+            drawn[name] = draw_scenario(*one)
             on_drawn(len(drawn), len(jobs))
         return drawn
-
-    def size(job: ScenarioJob) -> int:
-        return sum(path.stat().st_size for path in job.files().values() if path.is_file())
-
-    # the longest first, so that no process is left with one at the end
-    calls = {job.scenario.name: (job,) for job in sorted(jobs, key=size, reverse=True)}
     return {
         name: one if isinstance(one, Drawn) else Drawn(problems=[f"Its figures could not be drawn: {one.reason}."])
         for name, one in run_all(draw_scenario, calls, on_progress=on_drawn).items()
@@ -126,27 +149,26 @@ def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
     """Draw what can be drawn; an error in one figure leaves out only that one, and is reported."""
-    drawn = Drawn()
+    drawn, setup, name = Drawn(), None, job.scenario.name
     runs = stored_runs(job, drawn)
-    if not runs:
-        return drawn
-    setup = None
     try:
-        setup = job.scenario.setup(TRIAL_SHOWN, job.seed)
+        setup = job.scenario.setup(TRIAL_SHOWN, job.seed) if runs else None
     except Exception as error:  # for example a robot's file that is no longer where it was
         why = f"{type(error).__name__}: {error}"
         shown = "the figures show no goals and no boundaries"
         drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
-    views = {group: View(setup, runs, group.controllers, job.phi_rows) for group in job.groups}
-    for group, view in views.items():
-        views[group] = replace(view, lane_rows=acting_in(job.lane_rows, [runs[name] for name in view.competitors]))
+    views = {group: View(setup, runs, group.controllers, job.rows.phi) for group in job.groups if runs}
     for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
-        file = f"{job.scenario.name}--{figure.file_in(job.formats, group.suffix)}"
+        view = replace(view, lane_rows=acting_in(job.rows.lanes, [runs[law] for law in view.competitors]))
+        file = f"{name}--{figure.file_in(job.formats, group.suffix)}"
+        more = f" {job.rows.hidden} further rows acted for a shorter time and are not shown."
+        caption = f"{figure.caption}{more if figure.name == 'phi' and job.rows.hidden else ''}"
         try:
             if figure.write(job.folder / "figures" / file, view, formats=job.formats):
-                drawn.files[figure.name, group.suffix] = file
+                drawn.files.append(file)
+                drawn.pictures.append(_shown(f"{name}: {figure.name}", quote(file), caption))
         except Exception as error:  # one bad run or figure must not cost the report
             drawn.problems.append(_not_drawn(figure, error))
     return drawn
@@ -171,12 +193,18 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     return runs
 
 
+def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
+    """Those of these rows that act in any of these runs."""
+    acted = {run.trajectory.labels[i] for run in runs for i in np.flatnonzero(run.trajectory.active.any(axis=0))}
+    return tuple(label for label in labels if label in acted)
+
+
 def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
     """Draw the figure of a whole comparison into ``folder``, and return the text that shows it."""
     remove_stale(folder, figures=(OVERVIEW,))
     texts = []
     for group in results.groups:
-        own, remark = shown_runs(results, group.controllers), group.sentence
+        own, remark = shown_runs(results, group.controllers), ""
         if left_out := sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items()):
             remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
         needed = results, group.controllers
@@ -189,25 +217,22 @@ def remove_stale(
 ) -> None:
     """Remove what an earlier report left of figures, those of scenarios if none is named, but for these files."""
     starts = [figure.name for figure in figures] or [f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)]
-    names = [start + end for start in starts for end in (".*", "--*")]
     but = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
-    for path in [path for name in names for path in folder.glob(name)]:
-        if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
-            path.unlink(missing_ok=True)
+    for start, end in product(starts, (".*", "--*")):
+        for path in [*folder.glob(start + end)]:
+            if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
+                path.unlink(missing_ok=True)
 
 
 def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:
     """Write a replay page for each of these scenarios, and link it; an error costs that page only."""
-    stored = results.stored
     for name in scenarios:
         controllers = replayed_runs(results, name)
-        if not controllers:
-            continue
         try:
-            runs = [run_of(stored, name, controller, TRIAL_SHOWN) for controller in controllers]
-            write_replay(runs, stored.folder / REPLAYS / f"{name}.html")
+            runs = [run_of(results.stored, name, controller, TRIAL_SHOWN) for controller in controllers]
+            if runs:
+                write_replay(runs, results.stored.folder / REPLAYS / f"{name}.html")
+                link = f"[Replay in a browser]({REPLAYS}/{quote(name)}.html)"
+                drawn[name].replay = f"{link}: {' and '.join(map(code, controllers))}."
         except Exception as error:  # one bad run or page must not cost the report
             drawn[name].problems.append(f"Its replay could not be made: {described(error)}.")
-            continue
-        link = f"[Replay in a browser]({REPLAYS}/{quote(name)}.html)"
-        drawn[name].replay = f"{link}: {' and '.join(map(code, controllers))}."

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from PIL import Image
 
-from ..comparisons.runs.files import replaced
-from ..errors import ConfigurationError
 from ..simulation import Setup, Trajectory
 from ..vision.images.detectors import DETECTORS, Pixels, Tags
+from .replay.film import film_kind, write_pictures
 
 OWN, FOREIGN = (40, 180, 60), (230, 60, 40)  #: Colours of tags that are found: those that are looked for, and others.
 COLOURS, SMALLER = 32, 2  #: Colours of a GIF, and by how much it is smaller than the images: noise does not compress.
-
-FILMS = (".gif", ".mp4")
-
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 
@@ -49,10 +45,7 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
 
 def kind_of(path: Path) -> str:
     """How a path ends: as a film in .gif or .mp4, or not at all as a folder; raises ConfigurationError otherwise."""
-    kind = path.suffix.lower()
-    if kind not in ("", *FILMS):
-        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, and a folder in neither: not {path.name!r}")
-    return kind
+    return film_kind(path, ("",), ", and a folder in neither")
 
 
 def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None) -> int:
@@ -62,8 +55,6 @@ def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[
     folder of PNGs as the control has seen them; those of an earlier run are deleted there. ``on_frame`` is called after
     each image. Raises ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if it cannot be written.
     """
-    from PIL import Image
-
     kind, settings = kind_of(path), setup.photographer().settings
     every, count, pictures = frames(setup, run), 0, []
     if not kind:
@@ -77,10 +68,10 @@ def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[
         else:
             Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
         on_frame()
+    if kind == ".gif":
+        pictures = [np.asarray(Image.fromarray(one).reduce(SMALLER)) for one in pictures]
     if kind:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(path) as part:
-            (_write_gif if kind == ".gif" else _write_mp4)(pictures, part, min(settings.rate_hz, 1.0 / setup.Ts))
+        write_pictures(pictures, path, min(settings.rate_hz, 1.0 / setup.Ts), colours=COLOURS)
     return count
 
 
@@ -98,26 +89,3 @@ def marked(frame: Frame, own: set[int]) -> Picture:
     white = (255, 255, 255)
     cv2.putText(picture, f"{frame.taken:.3f} s", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, white, 1, cv2.LINE_AA)
     return picture
-
-
-def _write_gif(pictures: Sequence[Picture], path: Path, rate: float) -> None:
-    from PIL import Image
-
-    small = [Image.fromarray(one).reduce(SMALLER).quantize(COLOURS, dither=Image.Dither.NONE) for one in pictures]
-    small[0].save(path, format="GIF", save_all=True, append_images=small[1:], duration=round(1000.0 / rate), loop=0)
-
-
-def _write_mp4(pictures: Sequence[Picture], path: Path, rate: float) -> None:
-    import cv2
-
-    height, width = pictures[0].shape[:2]
-    whole = path.with_name(path.name + ".mp4")  # OpenCV goes by the ending
-    film = cv2.VideoWriter(os.fspath(whole), cv2.VideoWriter.fourcc(*"mp4v"), rate, (width, height))
-    try:
-        if not film.isOpened():
-            raise OSError(f"cannot write a film to {path}: OpenCV has no encoder for it, or there is no such folder")
-        for picture in pictures:
-            film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    finally:
-        film.release()
-    os.replace(whole, path)

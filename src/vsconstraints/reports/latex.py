@@ -6,17 +6,14 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from markdown_it.token import Token
 
 from ..comparisons.runs.files import replaced
 from ..errors import StorageError
 from .page import details_of, parser
 
-if TYPE_CHECKING:
-    from markdown_it.token import Token
-
 FOLDER = "tables"  #: Beside the report.
-
 TEXT = r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} \ \textbackslash{} < \textless{}"
 TEXT += r" > \textgreater{} | \textbar{} – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}"
 MATHEMATICS = r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in → \to ‖ \| √ \surd ² ^2"
@@ -28,7 +25,6 @@ LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
     for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
 }
 ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}  #: Derivatives: combining characters behind their letter.
-
 MARKS = {"strong_open": r"\textbf{", "em_open": r"\emph{", "strong_close": "}", "em_close": "}", "softbreak": " "}
 
 
@@ -90,7 +86,5 @@ def _inline(token: Token) -> str:
 
 
 def _escaped(text: str) -> str:
-    pieces = re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL)
-    return "".join(
-        f"{ACCENTS[accent]}{{{LATEX.get(char, char)}}}" if accent else LATEX.get(char, char) for char, accent in pieces
-    )
+    pieces = ((LATEX.get(char, char), accent) for char, accent in re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL))
+    return "".join(f"{ACCENTS[accent]}{{{char}}}" if accent else char for char, accent in pieces)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from statistics import median
 
 import pandas as pd
 
@@ -13,8 +12,7 @@ from ..errors import ConfigurationError
 from ..scenarios.families.frozen import FILE, TestSet
 from .evidence.ranking import condition_text, ranked
 from .groups import information_text
-from .markdown import Table, plain
-from .numbers import number
+from .page import render
 
 HALF, CONDITIONS = "held-out", ("nominal", "disturbed", "limited")  #: What every table has to have run.
 
@@ -61,16 +59,7 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
     ]
     by_condition.sort(key=lambda one: CONDITIONS.index(one.condition))
     families = runs[runs[CONDITION] == "disturbed"].groupby(["controller", "family"])["success"].mean().unstack()
-    lines = []
-    for law in runs.groupby("controller")["success"].mean().sort_values(ascending=False, kind="stable").index:
-        name, study, who = of[law]
-        worst = families.loc[law]
-        call = median(study.runs[study.runs["controller"] == name]["call_us"].dropna().tolist() or [float("nan")])
-        cells = [one.cell(law) for one in by_condition]
-        hardest = f"{100.0 * worst.min():.0f} ({plain(worst.idxmin())})"
-        lines.append(
-            [plain(law), plain(who), information_text(study.requires.get(name)), *cells, hardest, number(call)]
-        )
-    titles = [f"{condition_text(one.condition, inside=True)} [%]" for one in by_condition]
-    header = ["law", "from", "required information", *titles, "hardest family, disturbed [%]", "call [µs]"]
-    return str(Table(header, lines, 3))
+    order = runs.groupby("controller")["success"].mean().sort_values(ascending=False, kind="stable").index
+    texts = {"condition_text": condition_text, "information_text": information_text}
+    laws = {law: of[law] for law in order}
+    return render("leaderboard.md", rankings=by_condition, families=families, laws=laws, **texts).rstrip("\n")

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 DASH = "–"  #: Stands where a value does not exist.
-
 Format = Callable[[float], str]
 
 
@@ -38,13 +37,20 @@ def percent(value: float) -> str:
     return f"{100.0 * value:.2f}" if math.isfinite(value) else DASH
 
 
-def count(value: float) -> str:
-    """A whole number."""
-    return str(round(value)) if math.isfinite(value) else DASH
+def percentage(share: float, digits: int) -> str:
+    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
+    if not math.isfinite(share):
+        return DASH
+    if share in (0.0, 1.0):
+        return f"{100.0 * share:.0f}"
+    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
+        digits += 1
+    return f"{100.0 * share:.{digits}f}".replace("-", "−")
 
 
 #: How the styles of metrics print.
-FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
+FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent}
+FORMATS["count"] = lambda value: str(round(value)) if math.isfinite(value) else DASH
 
 
 def of_length(tolerance: float) -> str:

@@ -8,28 +8,25 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markdown_it import MarkdownIt
+from markdown_it.common.utils import escapeHtml
+from markdown_it.token import Token
+from markupsafe import Markup
 
 from ..comparisons.runs.files import replaced
-from .markdown import Table, bold, bullets, code, enumeration, plain
-from .numbers import DASH, number
-
-if TYPE_CHECKING:
-    from markdown_it import MarkdownIt
-    from markdown_it.token import Token
+from ..rows.readable import counted
+from .markdown import Table, bold, bullets, code, enumeration, first_names, plain
+from .numbers import DASH, median, number, of_length, over_trials, percent, percentage
 
 TEMPLATES = Path(__file__).parent / "templates"
-
 #: Where figures are: beside the page. An address of anything else in a network would tell who reads it.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
-
 INTERVAL = re.compile(r"\([−\d][−\d.– to%]*\)")  #: What is not broken at the end of a line.
-
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
-
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
 
 
@@ -37,9 +34,28 @@ def render(template: str, **context: Any) -> str:
     """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain`` or ``code``."""
     options: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
     environment = Environment(loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options)
-    environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, plain)}
+    environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)}
+    environment.filters["table"] = _table
+    environment.globals |= {
+        one.__name__: one for one in (counted, first_names, median, of_length, over_trials, percent)
+    }
+    environment.globals["dash"] = DASH
     text = environment.get_template(template).render(context)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _table(text: str, text_columns: int = 1) -> str:
+    """Lines of cells with ¦ between them as a table; nothing without lines below the first."""
+    header, *lines = ([cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip())
+    return f"{Table(header, lines, text_columns)}\n" if lines else ""
+
+
+def render_html(template: str, **context: Any) -> str:
+    """The text of an HTML template, in which values are escaped."""
+    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    inline = parser(html=False).renderInline  # which escapes HTML
+    environment.filters |= {"percentage": percentage, "markdown": lambda text: Markup(inline(text))}
+    return environment.get_template(template).render(context)
 
 
 def write_pages(report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> None:
@@ -77,38 +93,18 @@ def where(report: Path) -> str:
     return f"Report: {report}; as a page: {page_of(report)}"
 
 
-def facts_table(manifest: Mapping[str, Any], **more: object) -> Table:
-    """What ran where, by the manifest: machine, packages, version and command; and further facts."""
-    machine, command = manifest.get("machine", {}), manifest.get("command")
-    facts = {
-        **{name: machine.get(name) for name in ("processor", "cores", "system", "python")},
-        "packages": ", ".join(f"{name} {version}" for name, version in manifest.get("packages", {}).items()),
-        "version": manifest.get("version"),
-        "git commit": manifest.get("git_commit"),
-        "started": manifest.get("started"),
-        **more,
-    }
-    lines = [[name, DASH if value in (None, "") else plain(value)] for name, value in facts.items()]
-    return Table(["what", "value"], [*lines, ["command", code(" ".join(command)) if command else DASH]], 2)
-
-
 def parser(html: bool = True) -> MarkdownIt:
     """A parser of reports."""
-    from markdown_it import MarkdownIt
-
     return MarkdownIt("commonmark", {"html": html, "xhtmlOut": False}).enable("table")
 
 
 def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
     """A report in Markdown as one HTML file without anything from a network; see :func:`write_pages`.
 
-    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped.
-    Links stay as they are: figures, tables and replays are found beside the page. Whatever looks like HTML in the text
-    is shown as it stands, but for anchors and details. Cells have the heading of their column as ``data-label``: where
-    a window is too narrow for a table, its lines are shown as lists of headings and values.
+    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped: whatever else
+    looks like HTML is shown as it stands, but for anchors and details. Figures, tables and replays are found beside the
+    page. Where a window is too narrow for a table, its lines are shown as lists of headings and values.
     """
-    from markdown_it.token import Token
-
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
     markdown.add_render_rule("text", _text)
@@ -123,19 +119,16 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
         else:
             tokens.append(Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n"))
             tokens += [*markdown.parse(part), Token("html_block", "", 0, content="</details>\n")]
-    headings = _headings(tokens, set(ANCHOR.findall(text)))
-    _label_tables(tokens)
-    first = next(
-        (k for k, token in enumerate(tokens) if (token.type, token.tag) == ("heading_open", "h2")), len(tokens)
-    )
+    headings = _labelled(tokens, set(ANCHOR.findall(text)))
+    first = next((k for k, one in enumerate(tokens) if (one.type, one.tag) == ("heading_open", "h2")), len(tokens))
     halves = (markdown.renderer.render(part, markdown.options, {}) for part in (tokens[:first], tokens[first:]))
     before, after = (
         re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half) for half in halves
     )
     listed = [one for one in headings if one["tag"] in ("h2", "h3")]
     script = (TEMPLATES / "heat-map.js").read_text(encoding="utf-8") if interactive else ""
-    page = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True).get_template("page.html")
-    return page.render(
+    return render_html(
+        "page.html",
         title=next((one["text"] for one in headings), "Report"),
         style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
         before=before,
@@ -148,8 +141,6 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
 
 def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
     """A figure as a link to its file, so that it can be enlarged on a phone; pictures from elsewhere as text."""
-    from markdown_it.common.utils import escapeHtml
-
     source = str(tokens[k].attrs["src"])
     if not BESIDE.fullmatch(source):
         return escapeHtml(f"![{tokens[k].content}]({source})")
@@ -158,45 +149,38 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
 
 def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
     """Text in which intervals stay whole."""
-    from markdown_it.common.utils import escapeHtml
-
     return INTERVAL.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
-
-
-def _headings(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
-    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where that is not taken."""
-    headings = []
-    for k, token in enumerate(tokens):
-        if token.type == "heading_open":
-            text = _plain(tokens[k + 1])
-            slug = _slug(text)
-            name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
-            taken.add(name)
-            token.attrSet("id", name)
-            headings.append({"tag": token.tag, "text": text, "name": name})
-    return headings
 
 
 def _slug(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
-def _label_tables(tokens: Sequence[Token]) -> None:
-    """Say in every cell what its column is, and of every table whether it fits a phone."""
+def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
+    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where that is not taken.
+
+    Every cell gets the heading of its column, and every table whether it fits a phone.
+    """
+    headings: list[dict[str, str]] = []
     header: list[str] = []
     for k, token in enumerate(tokens):
-        if token.type == "table_open":
+        if token.type == "heading_open":
+            slug = _slug(text := _plain(tokens[k + 1]))
+            name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
+            taken.add(name)
+            token.attrSet("id", name)
+            headings.append({"tag": token.tag, "text": text, "name": name})
+        elif token.type == "table_open":
             table, header = token, []
         elif token.type == "th_open":
             header.append(_plain(tokens[k + 1]))
         elif token.type == "thead_close":
             table.attrSet("class", "wide" if len(header) > 2 else "narrow")
         elif token.type == "tr_open":
-            column = 0
-        elif token.type == "td_open":
-            if header[column]:
-                token.attrSet("data-label", header[column])
-            column += 1
+            column = iter(header)
+        elif token.type == "td_open" and (label := next(column)):
+            token.attrSet("data-label", label)
+    return headings
 
 
 def _plain(inline: Token) -> str:

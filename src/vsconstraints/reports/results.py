@@ -18,7 +18,7 @@ from .numbers import Format, median, number, over_trials
 
 Line = Mapping[str, Any]
 Better = Literal["less", "more"] | None
-
+MAX_PHI, MAX_LANES = 6, 12  #: How many rows fit into a figure of φ, and of activity.
 DIVERGED = 1.0  #: A run that does not converge and is outside by more than this share of L has diverged.
 
 
@@ -33,7 +33,7 @@ class Results:
         configuration = stored.manifest["configuration"]
         self.stored = stored
         self.scenarios = tuple(stored.scenarios)
-        self.trials = int(configuration.get("trials", 1))
+        self.trials, self.seed = (int(configuration.get(key, default)) for key, default in (("trials", 1), ("seed", 0)))
         self.groups = grouped(configuration["controllers"])
         self.controllers = tuple(dict.fromkeys(name for group in self.groups for name in group.controllers))
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
@@ -43,16 +43,8 @@ class Results:
             self._runs[line["scenario"], line["controller"]].append(line)
         for line in stored.constraints:
             self._rows[line["scenario"], line["controller"]].append(line)
-
-    @property
-    def planned(self) -> int:
-        """How many runs were planned."""
-        return len(self.scenarios) * len(self.controllers) * self.trials
-
-    @property
-    def finished(self) -> int:
-        """How many runs are stored."""
-        return sum(len(self.all_runs(name)) for name in self.controllers)
+        self.planned = len(self.scenarios) * len(self.controllers) * self.trials
+        self.finished = sum(len(self.all_runs(name)) for name in self.controllers)
 
     def runs(self, scenario: str, controller: str) -> Sequence[Line]:
         """Lines of results.csv, one for each trial there is."""
@@ -61,6 +53,10 @@ class Results:
     def all_runs(self, controller: str) -> list[Line]:
         """Lines of results.csv of a controller, over all scenarios."""
         return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
+
+    def ran(self, scenario: str) -> bool:
+        """Whether any run of a scenario is stored."""
+        return any(self.runs(scenario, name) for name in self.controllers)
 
     @cached_property
     def clean(self) -> dict[str, int]:
@@ -88,21 +84,59 @@ class Results:
         lines = self._rows.get((scenario, controller), [])
         return [line for line in lines if label is None or line["constraint"] == label]
 
+    def every_row(self, scenario: str) -> list[Line]:
+        """Lines of constraints.csv of all controllers."""
+        return [line for name in self.controllers for line in self.rows(scenario, name)]
+
     def labels(self, scenario: str) -> tuple[str, ...]:
         """Labels of a scenario's rows, in their order."""
-        names = (line["constraint"] for name in self.controllers for line in self.rows(scenario, name))
-        return tuple(dict.fromkeys(names))
+        return tuple(dict.fromkeys(line["constraint"] for line in self.every_row(scenario)))
 
     def challenged(self, scenario: str) -> tuple[str, ...]:
         """Labels of the rows that a scenario challenges, in any trial."""
-        rows = (line for name in self.controllers for line in self.rows(scenario, name))
-        hit = {line["constraint"] for line in rows if line["challenged"]}
+        hit = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
         return tuple(label for label in self.labels(scenario) if label in hit)
+
+    def rows_shown(self, scenario: str) -> RowsShown:
+        """The rows that figures of a scenario show."""
+        return RowsShown.of(self.every_row(scenario))
 
     def is_ranked(self, scenario: str) -> bool:
         """Whether unconstrained tracking violates a row, as far as is known; otherwise no controller is the best."""
         baseline = self.runs(scenario, BASELINE)
         return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
+
+
+class RowsShown(NamedTuple):
+    """Labels of the rows whose φ a figure shows, and whose activity; ``hidden`` more acted for a shorter time."""
+
+    phi: tuple[str, ...] = ()
+    lanes: tuple[str, ...] = ()
+    hidden: int = 0
+
+    @classmethod
+    def of(cls, lines: Iterable[Line]) -> RowsShown:
+        """From lines of constraints.csv.
+
+        φ of rows that are challenged, or violated by a competitor, of those that acted if there are none of these.
+        """
+        weights: dict[str, tuple[bool, float]] = {}
+        for line in lines:
+            (matters, seconds), competes = (
+                weights.get(line["constraint"], (False, 0.0)),
+                line.get("controller") != BASELINE,
+            )
+            matters |= bool(line["challenged"] or (competes and line["violation_depth"] > 0.0))
+            weights[line["constraint"]] = matters, seconds + (line["active_time_s"] if competes else 0.0)
+        acting = [label for label, (_, seconds) in weights.items() if seconds > 0.0]
+        relevant = [label for label, (matters, _) in weights.items() if matters] or acting
+
+        def heaviest(labels: Sequence[str], count: int) -> tuple[str, ...]:
+            kept = sorted(labels, key=weights.__getitem__, reverse=True)[:count]
+            return tuple(label for label in labels if label in kept)
+
+        lanes = heaviest(acting, MAX_LANES)
+        return cls(heaviest(relevant, MAX_PHI), lanes, len(acting) - len(lanes))
 
 
 def clean(line: Line, column: str = "violated") -> bool:
@@ -149,10 +183,7 @@ class Cell(NamedTuple):
 
 
 def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> list[str]:
-    """The cells' texts: the best and all that tie with it bold, those that are not eligible in parentheses.
-
-    Nothing is bold where a cell that is not eligible is better, nor where all are alike.
-    """
+    """The cells' texts: the best and its ties bold, unless one that is not eligible, in parentheses, is better."""
     there = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
     if better is not None and len({cell.shown for cell in there}) > 1:
@@ -172,10 +203,7 @@ def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
 
 
 def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
-    """Whether runs that converged may be compared by a metric.
-
-    By all but depth and time outside only if they violate no row, by the φ band only if they never lost a sliding mode.
-    """
+    """Whether runs that converged may be compared by a metric: as it says, only if they keep all rows."""
     if metric.judged == "any":
         return True
     kept = bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from ..comparisons.metrics import METRICS
+from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .markdown import Table, code, plain
-from .numbers import DASH, FORMATS, error, median, number, over_trials, percent
+from .numbers import DASH, FORMATS, error, number, over_trials
 from .results import (
     Cell,
     Line,
@@ -26,7 +26,6 @@ from .results import (
     tally,
     violated,
 )  # fmt: skip
-from .selection import lane_rows
 
 #: Units in which margins are printed instead of the stored ones.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
@@ -56,21 +55,13 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
         if any(math.isfinite(cell.value) for cell in cells):
             eligible = [ok and judged_by(metric, own) for ok, own in zip(comparable(runs), runs, strict=True)]
             columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
-    if group != "outcome" and 1 + len(columns) == text:
-        return Table(["controller"], [])
-    return columns_table("controller", names, columns, text)
+    empty = group != "outcome" and 1 + len(columns) == text
+    return Table(["controller"], []) if empty else columns_table("controller", names, columns, text)
 
 
-def baseline_facts(results: Results, scenario: str) -> list[str]:
-    """What unconstrained tracking does, which is not ranked and stands in no column with those that are."""
-    runs = results.runs(scenario, BASELINE)
-    facts = [status_text(runs), f"violated rows: {violated_text(runs)}"] if runs else []
-    for metric in METRICS:
-        if runs and metric.header and metric.better and metric.group != "time" and metric.judged != "sliding":
-            text = over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
-            what, _, unit = metric.header.removesuffix("]").partition(" [")
-            facts += [f"{what} {text} {unit}"] if text != DASH else []
-    return facts
+def metric_text(metric: Metric, runs: Sequence[Line]) -> str:
+    """The values of a metric in runs of a scenario."""
+    return over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
 
 
 def challenge_table(results: Results, scenario: str) -> Table:
@@ -95,37 +86,6 @@ def challenge_table(results: Results, scenario: str) -> Table:
     return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
 
 
-def usage_table(results: Results, scenario: str) -> Table:
-    """Usage of each row that limited the arm, and for how long."""
-
-    def cell(rows: Sequence[Line]) -> str:
-        usage, seconds = [row["usage_held"] for row in rows], median([row["held_time_s"] for row in rows])
-        return f"{over_trials(usage, percent)} / {number(seconds)} s" if math.isfinite(median(usage)) else DASH
-
-    labels = lane_rows(results, scenario)
-    return _row_table(results, scenario, "rows that limited the arm", results.competitors, labels, cell)
-
-
-def effort_table(results: Results, scenario: str) -> Table:
-    """The share of the acceleration limits that satisfying each row takes; empty where no limits are stated."""
-    rows = [row for name in results.controllers for row in results.rows(scenario, name)]
-    labels = list(dict.fromkeys(row["constraint"] for row in rows if row["share_to_hold"] > 0.0))
-    labels.sort(key=results.labels(scenario).index)
-
-    def cell(rows: Sequence[Line]) -> str:
-        return over_trials([row["share_to_hold"] for row in rows], percent)
-
-    return _row_table(results, scenario, "required acceleration", results.controllers, labels, cell)
-
-
-def _row_table(
-    results: Results, scenario: str, title: str, names: Sequence[str], labels: Sequence[str], cell: Callable[..., str]
-) -> Table:
-    """One line per controller and one column per row."""
-    lines = [[name, *(cell(results.rows(scenario, name, label)) for label in labels)] for name in names if labels]
-    return Table([title, *map(code, labels)], lines)
-
-
 def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> Table:
     """How, why and when runs did not converge or violated rows, of each controller by kind of failure and row.
 
@@ -139,15 +99,17 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
             kinds[run["status"], reason_kind(run["reason"])].append(run)
         for row in (row for row in rows if row["violation_depth"] > 0.0):
             depths[row["constraint"]].append(row)
+
+        def trials(alike: Sequence[Line], one: Line, of: int = len(runs)) -> str:
+            return f"{len(alike)} of {of} ({one['trial']:.0f})"
+
         for alike in kinds.values():
             first = alike[0]
             reason = plain(first["reason"]) or DASH
-            late = [row for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
+            late = [code(row["constraint"]) for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
             if len(runs) == 1 and late:
-                acting = ", ".join(code(row["constraint"]) for row in late)
-                reason += f"; acting in the last {AT_THE_END:g} s: {acting}"
-            trials = f"{len(alike)} of {len(runs)} ({first['trial']:.0f})"
-            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials])
+                reason += f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}"
+            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials(alike, first)])
         for label, alike in depths.items():
             worst = max(alike, key=lambda row: float(row["violation_depth"]))
             unit, factor = finer_unit(worst["unit"])
@@ -155,8 +117,7 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
             if len(runs) == 1 and (name, label) in first_violations:
                 seconds += f", from {first_violations[name, label]:.3f}"
             depth = f"{number(factor * worst['violation_depth'])} {unit}"
-            trials = f"{len(alike)} of {len(runs)} ({worst['trial']:.0f})"
-            lines.append([name, "violates", code(label), depth, seconds, trials])
+            lines.append([name, "violates", code(label), depth, seconds, trials(alike, worst)])
     header = ["controller", "failure", "reason or row", "depth", "time [s]", "trials (first or worst)"]
     count = 6 if results.trials > 1 else 5
     return Table(header[:count], [line[:count] for line in lines], count)
@@ -179,9 +140,7 @@ def violated_text(runs: Sequence[Line]) -> str:
     if all(not math.isfinite(run["violation_depth"]) for run in runs):
         return DASH
     beyond = Counter(label for run in runs for label in violated(run, "violated_tolerant"))
-    slight = Counter(
-        label for run in runs for label in violated(run) if label not in violated(run, "violated_tolerant")
-    )
+    slight = Counter(label for run in runs for label in violated(run)) - beyond
     texts = []
     for counts, mark in ((beyond, ""), (slight, " ‡")):
         for label, times in counts.items():

@@ -27,7 +27,6 @@ LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the bas
 REACH = 0.8
 #: Radii of the first and the last link [m], and of a sliding link relative to its revolute one.
 BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
-
 #: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners.
 PLATE_CELLS = 8
 
@@ -105,17 +104,15 @@ class Scene3D:
             if part.frame:
                 pose, stretch = (frames or {})[part.frame]
                 points = pose.act(points * (1.0, 1.0, stretch))
-            own = points[part.mesh.triangles]
-            corners.append(own)
-            colours.append(_shaded(own, part))
+            corners.append(points[part.mesh.triangles])
+            colours.append(_shaded(corners[-1], part))
         if corners:
             faces = np.concatenate(colours)
             # opaque triangles are outlined in their own colour, which closes the seams between them
             edges = np.where(faces[:, 3:] < 1.0, 0.0, faces)
-            look = {"facecolors": faces, "edgecolors": edges, "linewidths": 0.25, "zsort": "average"}
-            solids = Poly3DCollection(np.concatenate(corners), **look)
+            look: dict[str, Any] = {"facecolors": faces, "edgecolors": edges, "linewidths": 0.25, "zsort": "average"}
+            solids = Poly3DCollection(np.concatenate(corners), **look, clip_on=not whole)
             ax.add_collection3d(solids, autolim=False)
-            solids.set_clip_on(not whole)
         for name, middle in zip("xyz", view.centre, strict=True):
             getattr(ax, f"set_{name}lim")(middle - view.half, middle + view.half)
         ax.set_box_aspect((1, 1, 1), zoom=1.45)
@@ -132,9 +129,6 @@ def _shaded(corners: Array, part: Part) -> Array:
     facing = np.divide(np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0)
     shade = 0.55 + 0.45 * np.minimum(facing, 1.0) if part.shaded else np.ones(len(corners))
     return np.column_stack((shade[:, None] * np.array(rgb(part.colour)) / 255.0, np.full(len(corners), part.opacity)))
-
-
-# --- meshes ---
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -175,9 +169,6 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     return _grid(np.asarray(points)[at][:, None] + radius * radii[:, None, None] * around[at])
 
 
-# --- the arm ---
-
-
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
     """Poses of the base and of what each joint moves (n + 1), and directions of the joints' axes (n, 3)."""
     data = robot.model.createData()
@@ -204,18 +195,15 @@ def bars(robot: Robot, size: float) -> list[Part]:
 
     What slides is thin and has a rail instead of a drum; an arm that begins with it has no base.
     """
-    zero, n = np.zeros(robot.n), robot.n
+    zero, n, parts = np.zeros(robot.n), robot.n, []
     poses, axes = joint_poses(robot, zero)
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
-    parts = []
     if not robot.prismatic[0]:
         parts.append(Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0"))
         if np.linalg.norm(poses[1].t) > 1e-6:
             parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0"))
-    for i, corners in enumerate(bars_of(robot, zero), start=1):
-        radius, slides, rest, frame = radii[i - 1], robot.prismatic[i - 1], poses[i].inverse, f"joint {i}"
-        thickness = (RAIL if slides else 0.8) * radius
-        pieces = []
+    for i, (corners, radius, slides) in enumerate(zip(bars_of(robot, zero), radii, robot.prismatic, strict=True), 1):
+        rest, frame, thickness, pieces = poses[i].inverse, f"joint {i}", (RAIL if slides else 0.8) * radius, []
         for a, b in pairwise(corners):
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
             pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]

@@ -22,11 +22,9 @@ from .scene3d import JOINT, REACH, Part, Placement, Scene3D, Viewpoint, arm_fram
 CAMERA, OBSTACLE = "#0072B2", "#F0A202"
 GLASS = 0.4  # opacity of obstacles
 CAMERA_SIZE = 0.12  # depth of the pyramid that stands for the camera, for an arm of :data:`.REACH` [m]
-
 MIN_DEPTH = 0.05  # at which the camera's view is drawn at least [m], where markers are behind it
 #: Half the height that a view shows, relative to half the side of its cube; and what is added for thick links.
 IN_VIEW, MARGIN = 1.16, 1.12
-
 ELEVATION, ELEVATION_FLAT = 20.0, 55.0  # from which a scene is seen, and one that lies in a horizontal plane [deg]
 
 
@@ -40,9 +38,8 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
     frames["target"] = Placement(target if fixed is None else tip)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
-        moved = np.zeros(3)
-        if motion is not None and motion.size == 3:
-            moved = motion.displacement(t) - motion.displacement(0.0)
+        moves = motion is not None and motion.size == 3
+        moved = motion.displacement(t) - motion.displacement(0.0) if motion and moves else np.zeros(3)
         frames[f"obstacle {k}"] = Placement(Pose(np.eye(3), moved))
     return frames
 
@@ -105,9 +102,6 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
         for start, end in ((camera.t, a), (a, b)):
             scene.add(tube(np.linspace(start, end, 12), 0.0022 * scale, 4, caps=False), CAMERA)
     scene.draw(ax, view, frames)
-
-
-# --- viewpoints ---
 
 
 def points_in_view(setup: Setup, q: Array, t: float) -> Array:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, TOLERANCES, TOLERANT, Metric
+from ..comparisons.metrics import METRICS, TOLERANT, Metric
 from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
-from .groups import controller_cells
-from .markdown import Table, code, enumeration, first_names
+from .markdown import Table, code
 from .numbers import DASH, FORMATS, largest, median, number, of_length
 from .results import (
-    DIVERGED,
     Better,
     Cell,
     Line,
@@ -30,7 +28,6 @@ from .results import (
 )  # fmt: skip
 
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
-
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
 MAX_NAMES = 9  #: A cell names no more scenarios than this.
@@ -41,10 +38,8 @@ def law_table(results: Results) -> Table:
     runs = {name: len(results.all_runs(name)) for name in results.competitors}
     names = sorted(runs, key=lambda name: (-results.clean[name], -results.clean_tolerant[name]))
 
-    def inside(counts: Mapping[str, int], text: Callable[[int, int], str]) -> list[str]:
-        cells = [
-            Cell(text(counts[n], runs[n]), float(counts[n]) if runs[n] else math.nan, str(counts[n])) for n in names
-        ]
+    def inside(counts: Mapping[str, int], text: Callable[[int, int], str] = lambda count, of: str(count)) -> list[str]:
+        cells = [Cell(text(counts[n], runs[n]), counts[n] if runs[n] else math.nan, str(counts[n])) for n in names]
         return marked(cells, [True] * len(names), _better(results, "more"))
 
     def counted(count: int, of: int) -> str:
@@ -52,22 +47,11 @@ def law_table(results: Results) -> Table:
 
     columns = {
         "converged inside": inside(results.clean, counted),
-        f"at {of_length(TOLERANT)}": inside(results.clean_tolerant, lambda count, of: str(count)),
+        f"at {of_length(TOLERANT)}": inside(results.clean_tolerant),
         **_overall(results, names, lambda metric: metric.column in FIRST),
         "implementation": [results.implementation(name) for name in names],
     }
     return columns_table("controller", names, columns)
-
-
-def endings_table(results: Results) -> Table:
-    """How many runs of each controller, the baseline included, ended in each status."""
-    lines = []
-    for name in results.controllers:
-        runs = results.all_runs(name)
-        ended = Counter(run["status"] for run in runs)
-        diverged = sum(run["status"] != "converged" and run["violation_depth"] > DIVERGED for run in runs)
-        lines.append([name, *map(str, (len(runs), *(ended[status] for status in STATUSES), diverged))])
-    return Table(["controller", "runs", *STATUSES, "diverged"], lines)
 
 
 def score_table(results: Results) -> Table:
@@ -91,60 +75,35 @@ def score_table(results: Results) -> Table:
     return columns_table("controller", names, columns)
 
 
-def tolerance_table(results: Results) -> Table:
-    """How many runs of each controller are successes at each tolerance."""
-    lines = []
-    for name in results.competitors:
-        depths = [run["violation_fraction"] for run in results.all_runs(name) if run["status"] == "converged"]
-        lines.append([name, *(str(sum(depth <= tolerance for depth in depths)) for tolerance in TOLERANCES)])
-    return Table(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines)
+def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line, str]:
+    """Runs of a controller that violate a row, of these the deepest, and its row; none, nothing and a dash."""
+    runs = [run for run in results.all_runs(controller) if violated(run)]
+    if not runs:
+        return [], {}, DASH
+    worst = max(runs, key=lambda run: float(run["violation_depth"]))
+    rows = [row for row in results.rows(worst["scenario"], controller) if row["trial"] == worst["trial"]]
+    rows = [row for row in rows if row["violation_depth"] > 0.0]
+    deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
+    return runs, worst, code(deepest["constraint"]) if deepest else DASH
 
 
-def violation_table(results: Results) -> Table:
-    """Where each controller that violates constraints does, and its deepest violation."""
-    lines = []
-    for name in results.competitors:
-        if runs := [run for run in results.all_runs(name) if violated(run)]:
-            worst = max(runs, key=lambda run: float(run["violation_depth"]))
-            rows = [row for row in results.rows(worst["scenario"], name) if row["trial"] == worst["trial"]]
-            rows = [row for row in rows if row["violation_depth"] > 0.0]
-            deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
-            row = code(deepest["constraint"]) if deepest else DASH
-            scenarios = enumeration(first_names((run["scenario"] for run in runs), MAX_NAMES))
-            depth = number(100.0 * worst["violation_depth"])
-            lines.append([name, str(len(runs)), depth, row, worst["scenario"], scenarios])
-    return Table(["controller", "runs", "worst depth [% of L]", "row", "scenario", "violates a row in"], lines, 6)
-
-
-def winner_table(results: Results) -> Table:
-    """By metric, the scenarios in which each controller is the best of those that solved it in every trial."""
-    metrics = [metric for metric in METRICS if metric.finding[0]]
-    won = [_won(results, metric) for metric in metrics]
-    names = [name for name in results.competitors if any(name in one for one in won)]
-    lines = [[name, *(enumeration(first_names(one[name], MAX_NAMES)) or DASH for one in won)] for name in names]
-    return Table(["controller", *("{} [{}]".format(*metric.finding) for metric in metrics)], lines, 1 + len(metrics))
-
-
-def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
+def won(results: Results, metric: Metric) -> dict[str, list[str]]:
     """The scenarios a controller wins, with its value; none where values are alike as printed."""
-    show, won = FORMATS[metric.style], defaultdict[str, list[str]](list)
+    show, found = FORMATS[metric.style], defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
-        medians = {
-            name: median([shown(metric, run) for run in results.runs(scenario, name)])
-            for name in solvers(results, scenario)
-        }
+        runs = {name: results.runs(scenario, name) for name in _solvers(results, scenario)}
+        medians = {name: median([shown(metric, run) for run in own]) for name, own in runs.items()}
         values = {name: value for name, value in medians.items() if math.isfinite(value)}
-        if len({show(value) for value in values.values()}) > 1:
+        if len(set(map(show, values.values()))) > 1:
             top = show((max if metric.better == "more" else min)(values.values()))
             for name in (name for name, value in values.items() if show(value) == top):
-                won[name].append(f"{scenario} ({top})")
-    return won
+                found[name].append(f"{scenario} ({top})")
+    return found
 
 
-def solvers(results: Results, scenario: str) -> list[str]:
+def _solvers(results: Results, scenario: str) -> list[str]:
     """Controllers that converged and violated nothing, in every trial."""
-    runs = {name: results.runs(scenario, name) for name in results.competitors}
-    return [name for name, lines in runs.items() if lines and all(map(clean, lines))]
+    return [name for name in results.competitors if (own := results.runs(scenario, name)) and all(map(clean, own))]
 
 
 def unsolved(results: Results) -> dict[str, str]:
@@ -152,50 +111,25 @@ def unsolved(results: Results) -> dict[str, str]:
     reasons = {}
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
-        if runs and not solvers(results, scenario):
+        if runs and not _solvers(results, scenario):
             closed = all(UNSOLVABLE in run["reason"] for run in runs)
             reasons[scenario] = "constraints close off a marker from its goal" if closed else ""
     return reasons
 
 
-def outcome_table(results: Results) -> Table:
-    """One line per scenario and one column per controller; the other way round where there are more controllers."""
-    names, scenarios = results.controllers, results.scenarios
-    links = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
-    cells = {(one, name): _scored_outcome(results, one, name) for one in scenarios for name in names}
-    if len(names) > len(scenarios):
-        lines = [[name, *(cells[one, name] for one in scenarios)] for name in names]
-        return Table(["controller", *links.values()], lines, 1 + len(scenarios))
-    lines = [[links[one], *(cells[one, name] for name in names)] for one in scenarios]
-    return Table(["scenario", *names], lines, 1 + len(names))
-
-
-def outcome(results: Results, scenario: str, controller: str) -> str:
-    """How a controller ended on a scenario, with marks for violations; counted where there are several trials."""
+def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
+    """How a controller ended on a scenario; ``scored``: a single run with utilization [%], or depth [% of L]."""
     runs = results.runs(scenario, controller)
     marks = ("†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs)
-    return tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])
-
-
-def _scored_outcome(results: Results, scenario: str, controller: str) -> str:
-    """The outcome; of a single run with its utilization [%] or, where it violated a row, its depth [% of L]."""
-    runs, text = results.runs(scenario, controller), outcome(results, scenario, controller)
-    if len(runs) != 1 or controller == BASELINE:
-        return text
-    value = 100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"]
+    text = tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])
+    single = scored and len(runs) == 1 and controller != BASELINE
+    value = 100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"] if single else math.nan
     return f"{text} {number(value)}" if math.isfinite(value) else text
 
 
 def anchor(scenario: str) -> str:
     """Where a scenario's section is, in links."""
     return quote(f"scenario-{scenario}")
-
-
-def options_table(results: Results) -> Table:
-    """Type, options and required information of each controller, and how it was implemented."""
-    entries = results.stored.manifest["configuration"]["controllers"]
-    lines = [[name, *controller_cells(name, entries[name]), results.implementation(name) or DASH] for name in entries]
-    return Table(["controller", "type", "options", "required information", "implementation"], lines, 5)
 
 
 def _complete(results: Results, names: Sequence[str]) -> list[bool]:

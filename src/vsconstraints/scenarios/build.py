@@ -114,7 +114,6 @@ def build_scene(tables: Table, where: str, folder: Path) -> Scene:
 
 
 def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimits:
-    """What the file says, or those of the robot."""
     if value is None:
         return NO_LIMITS
     if not isinstance(value, str):
@@ -125,7 +124,6 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
 
 
 def _by_type(table: Table | None, candidates: Any, where: str) -> Any:
-    """What a table's ``type`` names, made from its other keys."""
     values = dict(table or {})
     return None if table is None else from_table(chosen(values, "type", candidates, where), values, where)
 

@@ -136,7 +136,6 @@ def _steps(make: Callable[..., Constraint]) -> list[Step]:
 
 
 def _curve(table: Table, where: str, context: Context) -> dict[str, Any]:
-    """The keys of a curve's shape, and where it is."""
     curve, at = _inner(table, "curve", where)
     kind = chosen(curve, "shape", SHAPES, at)
     of_shape, of_curve = split(curve, at, kind, Curve, without=["shape"])
@@ -172,7 +171,6 @@ def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
 
 
 def _obstacle(table: Table, where: str, context: Context) -> dict[str, Any]:
-    """A solid that stands still."""
     obstacle, at = _inner(table, "obstacle", where)
     solid, pose, _ = _solid(obstacle, at, context, lambda: None)
     return {"obstacle": fixed_body(checked(table.pop("name", ""), str, where, "name"), solid, pose)}
@@ -191,7 +189,6 @@ def named(name: str = "") -> str:
 def _solid(
     table: Table, where: str, context: Context, further: Callable[..., Any]
 ) -> tuple[coal.CollisionGeometry, Pose, Any]:
-    """A solid, its pose, and what else is made of a table."""
     kind = chosen(table, "shape", SOLIDS, where)
     of_solid, of_pose, rest = split(table, where, kind, placed, further)
     solid = from_table(kind, of_solid, where, {"folder": context["folder"]})
@@ -199,7 +196,6 @@ def _solid(
 
 
 def _taken(table: Table, make: Callable[..., Any]) -> Table:
-    """The keys of what is made, out of a table."""
     return {key: table.pop(key) for key in parameters(make) if key in table}
 
 

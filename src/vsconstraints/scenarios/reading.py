@@ -35,9 +35,8 @@ Made = TypeVar("Made")
 def from_table(make: Callable[..., Made], table: object, where: str, context: Context = NOTHING) -> Made:
     """What a class or function makes with the values of a table, each checked against its parameter's annotation.
 
-    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not say. Values may be
-    NumPy's. Raises ConfigurationError for keys that are unknown (it names those there are) or missing, and for values
-    that do not fit.
+    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not say. Raises
+    ConfigurationError for keys that are unknown (it names those there are) or missing, and for values that do not fit.
     """
     keys, values = parameters(make), demand_table(table, where)
     known = [name for name in keys if name not in context]
@@ -159,7 +158,6 @@ def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Po
 
 
 def _options(kind: Any) -> list[Any]:
-    """Each type that an annotation allows in files."""
     options = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
     return [option for option in options if get_origin(option) is not np.ndarray]
 
@@ -173,7 +171,6 @@ def _of_files(kind: Any) -> tuple[Any, bool]:
 
 
 def _plain(kind: Any) -> bool:
-    """Whether a type is one of the values that files hold."""
     if get_origin(kind) in (Annotated, tuple, list, dict, Sequence, Mapping):
         inner = (part for part in get_args(kind) if part is not Ellipsis and not isinstance(part, msgspec.Meta))
         return all(map(_plain, inner))

@@ -152,7 +152,6 @@ def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
 
 
 def _mode(path: Path, test: Any) -> bool:
-    """Whether there is something at a path, and its mode is one of those."""
     with suppress(OSError, ValueError):  # a text that is no path
         return bool(test(path.stat().st_mode))
     return False
@@ -179,9 +178,7 @@ def _extended(path: Path) -> dict[str, Any]:
         if any(files[-1].samefile(other) for other in files[:-1]):
             raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
         if len(files) > MAX_EXTENDED:
-            raise ConfigurationError(
-                f"{path} extends a file that extends another, and so on: more than {MAX_EXTENDED} in all"
-            )
+            raise ConfigurationError(f"{path} extends a file that extends another …, more than {MAX_EXTENDED} in all")
     tables = parts.pop()
     for over in reversed(parts):
         if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
@@ -191,7 +188,6 @@ def _extended(path: Path) -> dict[str, Any]:
 
 
 def _texts(value: object) -> Iterator[str]:
-    """All texts in nested tables and lists."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, (dict, list)):

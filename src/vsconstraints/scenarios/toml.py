@@ -44,10 +44,7 @@ def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: 
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """The tables of a TOML text; raises ConfigurationError that names ``where``.
-
-    Also refused are integers of more than 64 bits, and more than :data:`MAX_DEPTH` levels.
-    """
+    """The tables of a TOML text; ConfigurationError that names ``where``, also for what is too large or too deep."""
     too_deep = f"{where}: tables and lists lie in each other more than {MAX_DEPTH} levels deep"
     try:
         tables = tomllib.loads(text)

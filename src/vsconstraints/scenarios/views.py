@@ -49,9 +49,7 @@ def pose_from(
     if quaternion_wxyz is not None or quaternion_xyzw is not None:
         return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
     if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
-        raise InvalidInput(
-            f"rpy are angles in radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?"
-        )
+        raise InvalidInput(f"rpy are radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?")
     return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
 
 
@@ -75,10 +73,6 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
     values, places = demand_table(table, where), parameters(Places)
     demand_known(values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where)
     mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
-    if mounts.keys() == {"mount", "fixed"}:
-        raise ConfigurationError(
-            f"{where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
-        )
     if len(mounts) > 1:
         raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(mounts)}")
     if "calibration" in values:

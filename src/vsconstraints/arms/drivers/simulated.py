@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import ConfigurationError, SceneError
+from ...errors import SceneError
 from ...rows import Array
 from ...simulation import Setup
 from ..driver import Address, ArmError, Driver, Joints
@@ -19,12 +19,8 @@ class SimulatedArm(Driver):
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
-        if address.host or address.port is not None:
-            raise ConfigurationError(f"simulated:// is in this process, and at no address like {address.host!r}")
+        address.demand_none()
         self._plant, self._t, self._sent = setup.plant(), 0.0, setup.qd0.copy()
-
-    def connect(self) -> None:
-        """Nothing to do."""
 
     def read(self) -> Joints:
         """Where the joints are."""
@@ -42,6 +38,3 @@ class SimulatedArm(Driver):
 
     def halt(self, deceleration: float) -> None:
         """It does what it is sent, and nothing else."""
-
-    def close(self) -> None:
-        """Nothing to do."""

@@ -42,11 +42,10 @@ class UrRtde(Driver):
     ``send`` is ``position`` (servoJ) or ``speed`` (speedJ); servoJ has a ``lookahead`` of 0.03 to 0.2 s, the longer the
     smoother and later, and a ``gain`` of 100 to 2000. The order of the joints is that of the URDF: base, shoulder,
     elbow, wrist 1 to 3. Safety functions stay those of the arm: this driver looks whether they have acted, and changes
-    none of them.
+    none.
 
-    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits for: servoJ and
-    speedJ are written to the register that it watches. The package's ``kickWatchdog`` writes there, too: *no command*,
-    which overwrites a setpoint of the same cycle before the arm has read it.
+    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits for. The package's
+    ``kickWatchdog`` would write *no command* to the same register, over a setpoint that the arm has not read yet.
     """
 
     known = ("send", "lookahead", "gain")
@@ -57,9 +56,7 @@ class UrRtde(Driver):
         if not address.host:
             raise ConfigurationError("ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2")
         if address.port is not None:
-            raise ConfigurationError(
-                f"an arm of Universal Robots has ports of its own: ur-rtde://{address.host}, without :{address.port}"
-            )
+            raise ConfigurationError(f"an arm has ports of its own: ur-rtde://{address.host}, without :{address.port}")
         if self.n != 6:
             raise ConfigurationError(f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}")
         if self.period < LEAST_PERIOD - 1e-9:

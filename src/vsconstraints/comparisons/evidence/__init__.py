@@ -5,23 +5,19 @@ from ..runs.pool import processes
 from .call_times import MEASURED, CallTimes, call_times
 from .campaign import Campaign
 from .merge import merge
-from .parquet import KEYS, RUNS, SCENES, TABLES, TIMING
-from .runner import Finished, Plan, Progress, collect
+from .parquet import TABLES, TIMING
+from .runner import Plan, Progress, collect
 from .stored import Evidence
 from .work import Batch, Part, Shard, scored
 
 __all__ = [
-    "KEYS",
     "MEASURED",
-    "RUNS",
-    "SCENES",
     "TABLES",
     "TIMING",
     "Batch",
     "CallTimes",
     "Campaign",
     "Evidence",
-    "Finished",
     "Keep",
     "Part",
     "Plan",

@@ -19,7 +19,7 @@ from ..runs.pool import Failure, OpenWorkers
 from ..runs.signals import deadline
 from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming
 from .campaign import Campaign
-from .work import Batch, Bench, set_up, tasks_of
+from .work import Batch, benches, tasks_of
 
 MEASURED = "measured"  #: What stands for a file of call times where they are measured.
 SCENES = 3  #: Training scenes of each family on which they are.
@@ -32,17 +32,14 @@ HOW = (
 
 @dataclass(frozen=True)
 class CallTimes:
-    """How long a call of each law takes, by its name in the campaign or else its type; tables of a file.
-
-    Raises InvalidInput if a number is not of the right sign.
-    """
+    """How long a call of each law takes, by its name in the campaign or else its type; InvalidInput for wrong signs."""
 
     calls: dict[str, float]  #: In units.
     unit_s: float  #: [s].
     how: str = ""  #: Where the numbers are from, for reports.
     slower: float = 1.0  #: How many times as slow the computer is.
     #: What each law may compute per sampling time of a scene [s]: it is called as often as that allows, from four times
-    #: as often as the scene says to a quarter as often. As the scene says if not given.
+    #: as often as the scene says, which is meant without it, to a quarter as often.
     budget_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -88,10 +85,7 @@ def call_times(
     workers: OpenWorkers,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> CallTimes:
-    """Those of a file, or of a folder of results; or :data:`MEASURED`, once for results in ``folder`` if there is one.
-
-    Raises ConfigurationError or InvalidInput if they cannot be read.
-    """
+    """Those of a file, or of a folder of results; or :data:`MEASURED`, once for results in ``folder`` if any."""
     if source != MEASURED:
         path = Path(source)
         return from_table(CallTimes, _stored(path) if path.is_dir() else read_toml(path), source)
@@ -127,14 +121,8 @@ def time_calls(task: Batch) -> list[tuple[str, str, float]]:
     with deadline(task.limit) as step:
         for number in task.scenes:
             step()
-            scene, setups = set_up(task, number)
-            if isinstance(scene, str) or not scene.found:
-                continue
-            for condition in task.conditions:
-                bench = Bench(scene, condition, setups.get(condition))
-                for entry in task.controllers:
-                    if entry.name == BASELINE:
-                        continue
+            for bench in benches(task, number)[1].values():
+                for entry in (entry for entry in task.controllers if entry.name != BASELINE):
                     step()
                     times = [bench.run(entry).trajectory.step_time[1:] for _ in range(REPEATS)]
                     if calls := min(map(len, times)):

@@ -14,12 +14,11 @@ from ...scenarios import Scenario
 from ...scenarios.families import HALVES, SHIPPED, Family
 from ...scenarios.reading import Table, demand_known, demand_table, from_table
 from ...scenarios.toml import read_toml
-from ..experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
+from ..experiment import Entries, Experiment, demand_names, entries_of
 from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
 
-#: Nested tables of plain values, as JSON has them; the same wherever the same campaign is run.
-Identity = dict[str, Any]
+Identity = dict[str, Any]  #: Nested tables as JSON has them; the same wherever the same campaign is run.
 
 MAX_SHOWN = 3  # differences that a message shows
 MAX_SCENES = 10_000_000  # of a family in a campaign
@@ -50,33 +49,44 @@ def of_family(family: Family) -> Identity:
     }
 
 
-def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
-    """Sentences that name what differs, with both values."""
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        for name in dict.fromkeys((*there, *here)):
-            if name not in there or name not in here:
-                yield f"{key}{name} is only {'there' if name in there else 'here'}"
+def different(a: Any, b: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Paths to what differs, None where it is missing, as deep as both have the same tables, or lists of as many."""
+    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
+    if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
+        a, b = (dict(enumerate(side)) for side in (a, b))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        for key in dict.fromkeys((*a, *b)):
+            if key in a and key in b:
+                yield from different(a[key], b[key], (*path, str(key)))
             else:
-                yield from differences(there[name], here[name], f"{key}{name}.")
-    elif there != here:
-        name = key.rstrip(".")
-        values = f"{name} is {shown(there)} there and {shown(here)} here"
-        yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else values
+                yield (*path, str(key)), a.get(key), b.get(key)
+    elif a != b:
+        yield path, a, b
 
 
-def in_words(texts: Sequence[str], most: int = MAX_SHOWN) -> str:
+def differences(there: Any, here: Any) -> Iterator[str]:
+    """Sentences that name what differs, with both values."""
+    for path, old, new in different(there, here):
+        name = ".".join(path)
+        if old is None or new is None:
+            yield f"{name} is only {'there' if new is None else 'here'}"
+        else:
+            said = f"{name} is {shown(old)} there and {shown(new)} here"
+            yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else said
+
+
+def in_words(texts: Sequence[str]) -> str:
     """The first of many differences, and how many there are."""
-    more = len(texts) - most
-    return "; ".join(texts[:most]) + (f"; and {more} more" if more > 0 else "")
+    more = len(texts) - MAX_SHOWN
+    return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
 class Campaign(Experiment):
     """So many scenes of each family, drawn with a seed, each run in every condition with every controller.
 
-    ``question`` is what it is to answer, for reports. Scenes are of the ``half`` ``"held-out"`` or ``"training"``.
-    Without ``conditions`` each family is run in all that it has; ``scenes_in`` limits the number of scenes in some.
-    ``call_times`` are :class:`.CallTimes` as data if the laws' commands are late by these.
+    ``question`` is what it is to answer, for reports. Without ``conditions`` each family is run in all that it has;
+    ``scenes_in`` limits the number of scenes in some; ``call_times`` are :class:`.CallTimes` as data.
     """
 
     name: str
@@ -96,10 +106,7 @@ class Campaign(Experiment):
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Campaign:
-        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` without one.
-
-        Raises ConfigurationError or InvalidInput if the file cannot be read, or something in it cannot be used.
-        """
+        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` without one."""
         source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
         folder = source.parent if path else Path()
         file: _File = from_table(_File, read_toml(source), source.name)
@@ -111,7 +118,7 @@ class Campaign(Experiment):
             controllers += entries_of(tuned, f"{name}.controllers", folder)
         families = tuple(Family.load(name, folder) for name in file.families)
         name, title, conditions = source.stem, file.title or source.stem, tuple(file.conditions)
-        sizes = file.scenes, file.half, file.seed, dict(file.scenes_in)
+        sizes = file.scenes, file.half, file.seed, file.scenes_in
         return cls(name, title, file.question, families, controllers, conditions, *sizes).checked()
 
     def select(
@@ -123,17 +130,10 @@ class Campaign(Experiment):
     ) -> Campaign:
         """The campaign a command line asks for, with families and controllers of these names, or paths, if any.
 
-        KEY of ``settings``, ``KEY=VALUE``, is ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``,
-        or a controller's name and an option.
+        KEY of ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or a controller's name and an option.
         """
-        own = {family.name: family for family in self.families}
-        campaign = replace(
-            self,
-            families=tuple(own.get(name) or Family.load(name) for name in dict.fromkeys(families or own)),
-            controllers=chosen_entries(self.controllers, controllers),
-            scenes=self.scenes if scenes is None else scenes,
-        )
-        return campaign.with_settings(settings).checked()
+        campaign = self if scenes is None else replace(self, scenes=scenes)
+        return campaign._selected("families", Family.load, families, controllers).with_settings(settings).checked()
 
     def _with(self, key: str, value: Any) -> Campaign:
         table, _, condition = key.partition(".")
@@ -141,9 +141,8 @@ class Campaign(Experiment):
             return replace(self, half=str(value))
         if key == "conditions":
             return replace(self, conditions=tuple(map(str, value if isinstance(value, list) else [value])))
-        if table == "scenes_in" and condition:
-            return replace(self, scenes_in={**self.scenes_in, condition: value})
-        return super()._with(key, value)
+        in_some = table == "scenes_in" and condition
+        return replace(self, scenes_in={**self.scenes_in, condition: value}) if in_some else super()._with(key, value)
 
     def checked(self) -> Campaign:
         """The campaign with the unconstrained baseline in it; raises what is wrong if something cannot be used."""
@@ -167,27 +166,20 @@ class Campaign(Experiment):
                 raise ConfigurationError(f"scenes_in.{name} must be an integer, 0 or more, not {shown(most)}")
         for family in self.families:
             if not self.conditions_of(family):
-                raise ConfigurationError(
-                    f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
-                    f"{', '.join(family.conditions)}"
-                )
+                none, its = ", ".join(self.conditions), ", ".join(family.conditions)
+                raise ConfigurationError(f"family {family.name} has none of the conditions {none}; it has {its}")
         for entry, family in product(self.controllers, self.families):
-            heavy = [
-                name for name in self.conditions_of(family) if entry.run.call_time and family.has_key("plant", name)
-            ]
-            if heavy:
-                raise ConfigurationError(
-                    f"controllers.{entry.name}.run: call_time delays commands of arms without mass, and family "
-                    f"{family.name} has masses in {', '.join(heavy)}: choose other conditions"
-                )
+            heavy = [name for name in self.conditions_of(family) if family.has_key("plant", name)]
+            if entry.run.call_time and heavy:
+                masses = f"family {family.name} has masses in {', '.join(heavy)}: choose other conditions"
+                why = f"call_time delays commands of arms without mass, and {masses}"
+                raise ConfigurationError(f"controllers.{entry.name}.run: {why}")
         return self.with_baseline()
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
         """The conditions in which a family's scene of that number is run, in the family's order."""
-        wanted = self.conditions or family.conditions
-        return tuple(
-            name for name in family.conditions if name in wanted and number < self.scenes_in.get(name, self.scenes)
-        )
+        wanted, most = self.conditions or family.conditions, self.scenes_in
+        return tuple(name for name in family.conditions if name in wanted and number < most.get(name, self.scenes))
 
     def identity(self, family: Family) -> Identity:
         """All that the results of one family's scenes depend on."""
@@ -207,21 +199,19 @@ class Campaign(Experiment):
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
-        names = ("title", "question", "scenes", "half", "seed")
-        families = {
-            family.name: {
-                "folder": _portable(family.folder),
-                "conditions": list(self.conditions_of(family)),
-                "tables": plain(family.tables),
-            }
-            for family in self.families
-        }
+        families, shipped = {}, SHIPPED.resolve()
+        for family in self.families:
+            # within that of the shipped families as seen from it, since that differs from machine to machine
+            folder = family.folder.resolve()
+            at = folder.relative_to(shipped).as_posix() if folder.is_relative_to(shipped) else str(folder)
+            conditions = list(self.conditions_of(family))
+            families[family.name] = {"folder": at, "conditions": conditions, "tables": plain(family.tables)}
         return {
             "campaign": self.name,
-            **{name: getattr(self, name) for name in names},
+            **{name: getattr(self, name) for name in ("title", "question", "scenes", "half", "seed")},
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
-            "controllers": self.resolved_controllers(),
+            "controllers": {entry.name: entry.table for entry in self.controllers},
             "families": families,
             **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
@@ -241,9 +231,3 @@ class _File:
     seed: int = 0
     scenes_in: Table = field(default_factory=dict)
     tuned: str = ""
-
-
-def _portable(folder: Path) -> str:
-    """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
-    whole, shipped = folder.resolve(), SHIPPED.resolve()
-    return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)

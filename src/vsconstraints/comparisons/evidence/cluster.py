@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import operator
 import os
 import pickle
 import threading
@@ -66,7 +67,7 @@ def answered(packed: bytes) -> bytes:
     if pool is None or name != session.name:
         if pool is not None:  # of an earlier session
             pool.__exit__(None, None, None)
-        pool = Pool(_call, 1)
+        pool = Pool(operator.call, 1)
         with _lock:
             _may_have_children()
             _pools[thread] = session.name, pool
@@ -91,16 +92,11 @@ def _answer(
     pool: Pool[Any], function: Callable[..., Any], arguments: Any = (), limit: float | None = None, again: bool = True
 ) -> Any:
     limits = {} if limit is None else {0: limit}
-    ((_, answer),) = pool.run({0: (function, arguments)}, limits, again=again)
+    ((_, answer),) = pool.run({0: (function, *arguments)}, limits, again=again)
     return answer
 
 
-def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    return function(*arguments)
-
-
 def _may_have_children() -> None:
-    """Make this Dask worker a process that may have children: it is started as one that may not."""
     if multiprocessing.current_process().daemon:
         multiprocessing.current_process().daemon = False
     for variable in THREAD_VARIABLES:  # pools set them for a moment, and here each thread has one
@@ -112,14 +108,13 @@ def _may_have_children() -> None:
 
 @contextmanager
 def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
-    """The workers of a Dask scheduler, for as long as the ``with`` block lasts.
+    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, but send answers.
 
-    Workers store nothing: answers are sent back. A worker that dies loses only its current call, which another one
-    gets. One that comes later takes part if it would give the same results; otherwise it gets nothing, with a warning.
-
-    ``address`` is the scheduler's, such as ``tcp://10.0.0.1:8786``; ``identity``, picklable, returns what results
-    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers there, it has no
-    worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go away.
+    A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would
+    give the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results
+    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it
+    has no worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go
+    away.
     """
     demand("cluster")
     client = _connected(address)
@@ -137,7 +132,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
 
 
 class _Cluster:
-    """The workers of a scheduler, each asked what results depend on there before it is given anything."""
+    """Each worker is asked what results depend on there before it is given anything."""
 
     def __init__(self, client: Any, address: str, session: Session) -> None:
         self._client, self._address, self._session = client, address, session
@@ -152,10 +147,8 @@ class _Cluster:
             time.sleep(SOON)
             threads = self._threads()
         if not threads:
-            raise ConfigurationError(
-                f"the scheduler at {self._address} has no worker; start one or more on each machine with "
-                f"`dask worker {self._address}`"
-            )
+            start = f"start one or more on each machine with `dask worker {self._address}`"
+            raise ConfigurationError(f"the scheduler at {self._address} has no worker; {start}")
         self._started = True
 
     def _threads(self) -> dict[str, int]:
@@ -289,7 +282,6 @@ def _connected(address: str) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what distributed logs of a scheduler that is not there: the error says it."""
     logger = logging.getLogger("distributed")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
-from ...scenarios.families import Drawn
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
@@ -20,7 +19,7 @@ from ..runs.signals import deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES
-from .work import Batch, Bench, set_up, task_of
+from .work import Batch, benches, task_of
 
 MARK = "runs"  # the table that is written last: a shard is there when this part of it is
 MAX_NAMED = 5  # ranges of scenes that a message names
@@ -28,7 +27,7 @@ MAX_NAMED = 5  # ranges of scenes that a message names
 
 @dataclass(frozen=True)
 class Facts:
-    """The footer of a shard: its scenes, what they depend on, the machine, number of runs, and process time [s]."""
+    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time [s]."""
 
     family: str
     scenes: tuple[int, ...]
@@ -42,23 +41,18 @@ class Facts:
         """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
         table = parquet.facts_of(path)
         try:
-            facts: Facts = from_table(cls, table, "its footer")
+            return from_table(cls, table, "its footer")
         except ConfigurationError as error:
             raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
-        return facts
 
 
 class StoredShard(NamedTuple):
-    """A shard of a folder, with its footer."""
+    """A shard of a folder: its name, its footer, and the path of the part that is written last."""
 
     folder: Path
     name: str
     facts: Facts
-
-    @property
-    def path(self) -> Path:
-        """Of the part that is written last."""
-        return shard_file(self.folder, MARK, self.name)
+    path: Path
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
         """The lines of one of its tables, of the named columns or all."""
@@ -77,7 +71,8 @@ def shard_names(folder: Path) -> list[str]:
 
 def shards(folder: Path) -> list[StoredShard]:
     """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be read."""
-    return [StoredShard(folder, name, Facts.of(shard_file(folder, MARK, name))) for name in shard_names(folder)]
+    paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
+    return [StoredShard(folder, path.stem, Facts.of(path), path) for path in paths]
 
 
 def stored_files(folder: Path) -> list[Path]:
@@ -99,26 +94,6 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
 
     Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were made otherwise.
     """
-    _remove_unfinished(folder)
-    identities = campaign.identities()
-    there = [shard.facts for shard in shards(folder)]
-    problems: list[str] = []
-    for facts in there:
-        family = facts.family
-        only = [] if family in identities else [f"family {family} is only there"]
-        problems = problems or only or list(differences(facts.identity, identities[family]))
-    last = max((max(facts.scenes) for facts in there), default=-1)
-    if not problems and last >= campaign.scenes:
-        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
-    if problems:
-        raise ConfigurationError(
-            f"{folder} holds evidence of another campaign: {in_words(problems)}. Give another folder with --out, or "
-            "--fresh to replace what is there"
-        )
-    return there
-
-
-def _remove_unfinished(folder: Path) -> None:
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
@@ -131,6 +106,18 @@ def _remove_unfinished(folder: Path) -> None:
     for path in stored_files(folder):
         if path.suffix == ".parquet" and path.stem not in whole:
             path.unlink()
+    identities, problems = campaign.identities(), list[str]()
+    there = [shard.facts for shard in shards(folder)]
+    for facts in there:
+        only = [] if facts.family in identities else [f"family {facts.family} is only there"]
+        problems = problems or only or list(differences(facts.identity, identities[facts.family]))
+    last = max((max(facts.scenes) for facts in there), default=-1)
+    if not problems and last >= campaign.scenes:
+        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
+    if problems:
+        instead = "Give another folder with --out, or --fresh to replace what is there"
+        raise ConfigurationError(f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}")
+    return there
 
 
 def clear(folder: Path) -> None:
@@ -147,8 +134,7 @@ def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wan
         missing[facts.family].difference_update(facts.scenes)
     lost = []
     for name, numbers in missing.items():
-        firsts = sorted(number for number in numbers if number - 1 not in numbers)
-        lasts = sorted(number for number in numbers if number + 1 not in numbers)
+        firsts, lasts = (sorted(n for n in numbers if n + step not in numbers) for step in (-1, 1))
         lost += [f"{name} {first}–{last}" for first, last in zip(firsts, lasts, strict=True)]
     return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
 
@@ -180,10 +166,7 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers) -> int:
-    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then.
-
-    Repeated runs are the same. Raises OSError.
-    """
+    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then."""
     if keep == "none":
         return 0
     wanted = {trajectory_file(folder, key): key for key in chosen(folder, keep)}
@@ -211,10 +194,8 @@ def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     entries = {entry.name: entry for entry in task.controllers}
     with deadline(task.limit) as step:
         step()
-        scene, _ = set_up(task, task.scenes[0])
-        if isinstance(scene, Drawn):
-            benches = {condition: Bench(scene, condition) for condition in task.conditions}
-            for key in sorted(keys, key=lambda key: task.conditions.index(key.condition)):
-                step()
-                records[key] = benches[key.condition].run(entries[key.controller])
+        _, there = benches(task, task.scenes[0])
+        for key in sorted(keys if there else (), key=lambda key: task.conditions.index(key.condition)):
+            step()
+            records[key] = there[key.condition].run(entries[key.controller])
     return records

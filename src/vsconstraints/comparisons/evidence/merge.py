@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
@@ -27,8 +28,7 @@ COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controller
 Manifests = Mapping[Path, Mapping[str, Any]]  # by folder
 
 
-@dataclass(frozen=True)
-class Merged:
+class Merged(NamedTuple):
     """How many scenes, runs and trajectories were put together, and what a reader should know of the folders."""
 
     scenes: int
@@ -40,9 +40,8 @@ class Merged:
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
     """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has left.
 
-    Raises ConfigurationError if they are not of the same code, settings and package versions, scenes are missing, or a
-    scene is there twice with different results; it says what, and where, and nothing has been written then. Raises
-    StorageError if something cannot be written.
+    Raises ConfigurationError, before anything is written, if they are not of the same code, settings and packages,
+    scenes are missing, or a scene is there twice with different results; StorageError if something cannot be written.
     """
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:
@@ -63,16 +62,15 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     with locked(out, "evidence"):
         clear(out)
         with storing("evidence", out):
-            counts = dict.fromkeys(TABLES, 0)
+            counts = Counter[str]()
             for source, scenes in once:
                 tables = {name: _lines(source, name, scenes) for name in TABLES}
-                counts = {name: counts[name] + table.num_rows for name, table in tables.items()}
+                counts.update({name: table.num_rows for name, table in tables.items()})
                 name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
                 facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
                 write_parts(out, name if len(scenes) < len(source.facts.scenes) else source.name, tables, facts)
-            kept = _copy_trajectories(manifests, out)
             remarks = tuple(text for evidence in read.values() for text in evidence.remarks)
-            merged = Merged(counts["scenes"], counts[MARK], kept, remarks)
+            merged = Merged(counts["scenes"], counts[MARK], _copy_trajectories(manifests, out), remarks)
             write_json(out / MANIFEST, _merged_manifest(list(manifests.values()), merged))
             seal(out, stored_files(out))
     return merged
@@ -86,28 +84,22 @@ def _lines(source: StoredShard, name: str, scenes: Sequence[int]) -> Any:
 def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
     """Raise ConfigurationError if code, settings or packages differ; machines, and folders of families, may."""
 
-    def common(source: StoredShard) -> dict[str, Any]:
-        return {name: source.facts.identity.get(name) for name in COMMON}
+    def demand_same(what: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
+        (there, one), *others = [*what] or [(Path(), {})]
+        for here, other in others:
+            if one != other:
+                texts = [f"{text} ({there} and {here})" for text in differences(one, other)]
+                raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
 
-    def settings(folder: Path) -> dict[str, Any]:
-        configuration = manifests[folder]["configuration"]
+    for family in {source.facts.family for source in sources}:
+        demand_same((each.folder, each.facts.identity) for each in sources if each.facts.family == family)
+    demand_same((each.folder, {name: each.facts.identity.get(name) for name in COMMON}) for each in sources)
+    settings = {}
+    for folder, manifest in manifests.items():
+        configuration = manifest["configuration"]
         families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
-        return {**configuration, "families": families}
-
-    def demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, here: Path) -> None:
-        if one != other:
-            texts = [f"{text} ({there} and {here})" for text in differences(one, other)]
-            raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
-
-    first: dict[str, StoredShard] = {}
-    for source in sources:
-        other = first.setdefault(source.facts.family, source)
-        demand_same(other.facts.identity, source.facts.identity, other.folder, source.folder)
-    for source in first.values():
-        demand_same(common(sources[0]), common(source), sources[0].folder, source.folder)
-    start, *others = manifests
-    for folder in others:
-        demand_same(settings(start), settings(folder), start, folder)
+        settings[folder] = {**configuration, "families": families}
+    demand_same(settings.items())
 
 
 def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
@@ -147,10 +139,9 @@ def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]
     for name in TABLES:
         if differ(name, scenes):
             at = next(number for number in scenes if differ(name, [number]))
-            raise ConfigurationError(
-                f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}: "
-                "one of them was changed, or the law is not the same from run to run"
-            )
+            twice = f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}"
+            why = "one of them was changed, or the law is not the same from run to run"
+            raise ConfigurationError(f"{twice}: {why}")
 
 
 def _copy_trajectories(folders: Manifests, out: Path) -> int:

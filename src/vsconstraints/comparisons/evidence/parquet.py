@@ -20,18 +20,12 @@ import pyarrow as pa  # noqa: E402 - a missing package is reported with what ins
 import pyarrow.parquet as pq  # noqa: E402
 
 joined = pa.concat_tables  #: One table of the lines of several.
-
 FACTS = b"vsconstraints"  # under which a file's footer holds facts, as JSON
 EXPANDED = 100_000  # bytes that a line may take when it is read: a reason has 2000 characters, rows some thousand
 
 UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)  #: Exceptions of pyarrow for a damaged file.
 
 Kind = Literal["text", "flag", "whole", "number"]
-
-#: Of columns, by those of metrics.
-KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "time": "number"}
-
-# Numbers keep all their digits, so that folders can be compared.
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
 _CELLS: dict[Kind, Callable[[Any], Any]] = {
     "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),  # it may hold what no encoding has
@@ -51,9 +45,7 @@ class Column(NamedTuple):
 
 #: What identifies a run.
 KEYS = (
-    Column("family", "text", category=True),
-    Column("condition", "text", category=True),
-    Column("half", "text", category=True),
+    *(Column(name, "text", category=True) for name in ("family", "condition", "half")),
     Column("scene", "whole"),
     Column("controller", "text", category=True),
 )
@@ -61,7 +53,9 @@ KEYS = (
 
 def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
     """The keys of runs, then those columns of a comparison's tables that are not its own keys."""
-    kinds: dict[str, Kind] = {each.column: KINDS[each.kind] for each in metrics if each.value is not None}
+    kinds: dict[str, Kind] = {
+        each.column: "number" if each.kind == "time" else each.kind for each in metrics if each.value is not None
+    }
     categories = ("status", "constraint", "kind", "unit")
     return (*KEYS, *(Column(name, kinds[name], name in categories) for name in names if name not in RUN))
 
@@ -72,18 +66,12 @@ ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 #: One line for each scene: ``rejected`` and ``values`` as JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
-    Column("found", "flag"),
-    Column("attempts", "whole"),
-    Column("rejected", "text"),
-    Column("challenged", "text"),
-    Column("share_to_hold", "number"),
-    Column("values", "text"),
-    Column("least_time_s", "number"),
-    Column("duration_s", "number"),
+    *(Column("found", "flag"), Column("attempts", "whole"), Column("rejected", "text"), Column("challenged", "text")),
+    *(Column("share_to_hold", "number"), Column("values", "text")),
+    *(Column("least_time_s", "number"), Column("duration_s", "number")),
 )
 TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: By the folders of their shards.
-#: Columns that depend on the machine and the time; all others are the same wherever a scene is run.
-TIMING = TIMING_COLUMNS
+TIMING = TIMING_COLUMNS  #: All other columns are the same wherever and whenever a scene is run.
 
 
 def schema(columns: Sequence[Column]) -> Any:
@@ -128,10 +116,7 @@ def line_count(path: Path) -> int:
 
 
 def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None) -> Any:
-    """One table of the lines of all files, of the named columns or all.
-
-    Raises ConfigurationError if one of them cannot be read, or holds other columns.
-    """
+    """One table of the lines of all files, of the named columns or all; ConfigurationError if one cannot be read."""
     wanted = schema([column for column in columns if names is None or column.name in names])
     tables = [wanted.empty_table()]
     for path in paths:

@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from ...compiled import prepare
 from ..runs.files import seal, storing, write_json
@@ -25,27 +24,20 @@ OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a
 GRACE = 60.0  # a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
 
 
-class Kind(NamedTuple):
-    """What runs in different scenes have in common."""
-
-    family: str
-    condition: str
-    controller: str
+Kind = tuple[str, str, str]  #: Family, condition and controller.
 
 
 @dataclass
 class Progress:
     """How far a campaign is.
 
-    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included; ``found`` were found now.
-    ``runs`` were made now in ``seconds`` of process time; ``of_kind`` counts them, ``failed`` those that failed, and
-    ``reasons`` says why the first of each kind did.
+    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``runs`` are new, in
+    ``seconds`` of process time; ``reasons`` says why the first run of each kind ``failed``.
     """
 
     scenes: int
     stored_before: int
     done: int = 0
-    found: int = 0
     runs: int = 0
     of_kind: Counter[Kind] = field(default_factory=Counter)
     failed: Counter[Kind] = field(default_factory=Counter)
@@ -55,29 +47,25 @@ class Progress:
     def add(self, task: Batch, part: Part) -> None:
         """Count the result of a task."""
         self.done += len(task.scenes)
-        self.found += sum(part.scenes["found"].to_pylist())
         self.runs += part.runs.num_rows
         self.seconds += part.seconds
-        for line in part.runs.select([*Kind._fields, "status", "reason"]).to_pylist():
-            kind = Kind(*(line[name] for name in Kind._fields))
-            self.of_kind[kind] += 1
-            if line["status"] == "failed":
-                self.failed[kind] += 1
-                self.reasons.setdefault(kind, line["reason"])
+        for line in part.runs.select(["family", "condition", "controller", "status", "reason"]).to_pylist():
+            family, condition, controller, status, reason = line.values()
+            self.of_kind[family, condition, controller] += 1
+            if status == "failed":
+                self.failed[family, condition, controller] += 1
+                self.reasons.setdefault((family, condition, controller), reason)
 
     @property
     def all_failed(self) -> bool:
         """Whether runs were made, and all of the compared controllers failed."""
-        compared = [kind for kind in self.of_kind if kind.controller != BASELINE] or list(self.of_kind)
+        compared = [kind for kind in self.of_kind if kind[2] != BASELINE] or list(self.of_kind)
         return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign: where it is, how far, how long it took [s], how many trajectories are kept.
-
-    ``interrupted`` is the number of the signal that ended it; 0 if none did.
-    """
+    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, and which signal ended it."""
 
     folder: Path
     progress: Progress
@@ -95,9 +83,8 @@ class Finished:
 class Plan:
     """How a campaign is carried out; it changes none of its results.
 
-    ``shard`` is the part of the scenes, ``keep`` says whose trajectories are kept, ``limit`` how long a run may take
-    [s] (by its number of samples if None), ``fresh`` whether the content of the folder is replaced, ``workers`` who
-    makes the runs.
+    ``limit`` is how long a run may take [s] (by its number of samples if None), ``fresh`` whether the content of the
+    folder is replaced, ``workers`` who makes the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -117,9 +104,8 @@ def collect(
 ) -> Finished:
     """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
 
-    ``command`` is what the user typed, for the manifest; ``on_progress`` is called first of all and after every task.
-    Raises ConfigurationError if the folder cannot be used, or a family has no scene, and StorageError if something
-    cannot be written; what is there stays.
+    ``on_progress`` is called first of all and after every task. Raises ConfigurationError if the folder cannot be used,
+    or a family has no scene, and StorageError if something cannot be written; what is there stays.
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
@@ -168,15 +154,9 @@ def collect(
         finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
         if progress.runs:
             manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
-        manifest.update(
-            process_time_s=sum(facts.seconds for facts in there) + progress.seconds,
-            runs=sum(facts.runs for facts in there) + progress.runs,
-            scenes=progress.scenes,
-            finished=progress.done,
-            stored_before=stored,
-            trajectories=kept,
-            loaded=loaded_versions(),
-        )
+        seconds, runs = sum(facts.seconds for facts in there), sum(facts.runs for facts in there)
+        manifest.update(process_time_s=seconds + progress.seconds, runs=runs + progress.runs, scenes=progress.scenes)
+        manifest.update(finished=progress.done, stored_before=stored, trajectories=kept, loaded=loaded_versions())
         with storing("evidence", folder):
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))
@@ -186,8 +166,8 @@ def collect(
 def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
     """The result of every task, with its number, as soon as it is there.
 
-    Tasks that no worker survives are made again run by run when all others are done: what no worker survives then fails
-    with the reason. Pieces of all tasks stand in one queue, so that no process waits for the last piece of a task.
+    Tasks that no worker survives are made again run by run when all others are done, pieces of all of them in one
+    queue: what no worker survives then fails with the reason.
     """
     pieces: dict[tuple[int, int], Batch] = {}
     for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):

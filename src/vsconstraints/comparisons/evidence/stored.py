@@ -15,13 +15,13 @@ from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.families.frozen import family_of
 from ...scenarios.reading import Table
 from ...simulation.trajectory import Outcome
-from ..experiment import demand_stored_names
+from ..experiment import demand_names
 from ..record import RunRecord
 from ..runs.files import TRAJECTORIES, demand_unchanged
-from ..runs.folder import MANIFEST, Keep, kind_of
+from ..runs.folder import MANIFEST, Keep, StoredResults, entries, kind_of
 from ..runs.machine import most_samples
 from ..runs.spec import ControllerSpec
-from ..stored import Number, Texts, entries, read_folder
+from ..stored import Number, Texts
 from . import parquet
 from .campaign import MAX_SCENES
 from .folder import MARK, Facts, RunKey, StoredShard, shard_file, shard_names, shards, stored_files, trajectory_file
@@ -31,31 +31,10 @@ MAX_ROWS = 1000  # rows that a run may have in a shard
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """The results of a campaign in their folder, with its manifest.
+class Evidence(StoredResults):
+    """The results of a campaign in their folder."""
 
-    Where it is ``trusted``, code that families and controllers name as ``module:Class`` may run. ``remarks`` are what a
-    reader should know: that there are no checksums, or that code is not run.
-    """
-
-    folder: Path
-    manifest: Mapping[str, Any]
-    trusted: bool = False
-    remarks: tuple[str, ...] = ()
-
-    @classmethod
-    def load(cls, folder: Path, trust: bool = False) -> Evidence:
-        """Read a folder; nothing that is named in it is imported unless it is trusted.
-
-        Raises ConfigurationError that says what is missing in it, or is not what a campaign has stored.
-        """
-        if kind_of(folder) != "evidence":
-            raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
-        # trajectories are many: each is checked where it is read
-        tables = [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
-        manifest, remarks = read_folder(folder, tables, _demand_readable, trust, ("families", "controllers"))
-        _demand_planned(folder, manifest)
-        return cls(folder, manifest, trust, remarks)
+    with_code = ("families", "controllers")
 
     @property
     def families(self) -> dict[str, Family]:
@@ -72,11 +51,6 @@ class Evidence:
         """The conditions in which scenes were run, in the order in which families name them."""
         stored = self.manifest["configuration"]["families"].values()
         return tuple(dict.fromkeys(name for entry in stored for name in entry["conditions"]))
-
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """Names of the controllers, the unconstrained baseline first."""
-        return tuple(self.manifest["configuration"]["controllers"])
 
     @cached_property
     def runs(self) -> Any:
@@ -125,55 +99,51 @@ class Evidence:
         # rows of a run stay in their order
         return table.sort_values(keys, kind="stable", ignore_index=True)
 
+    @classmethod
+    def _files(cls, folder: Path) -> Sequence[Path]:
+        if kind_of(folder) != "evidence":
+            raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
+        # trajectories are many: each is checked where it is read
+        return [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
 
-def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
-    """Raise ConfigurationError if something in a manifest is not what a campaign writes there."""
-    others: dict[str, Any] = {
-        **dict.fromkeys(("machine", "packages"), Table),
-        **dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number),
-        **dict.fromkeys(("runs", "scenes", "finished"), int),
-    }
-    others |= {"command": Texts, "shard": tuple[int, int], "keep": Keep}
-    manifest = entries(manifest, where, {"configuration": Table}, others)
-    where += ".configuration"
-    needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
-    configuration = entries(manifest["configuration"], where, needed, {"scenes_in": dict[str, int]})
-    scenes, families, controllers = (configuration[name] for name in ("scenes", "families", "controllers"))
-    if not (0 < scenes <= MAX_SCENES and configuration["seed"] >= 0 and configuration["half"] in HALVES):
-        raise ConfigurationError(
-            f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
-        )
-    demand_stored_names({"family": families, "controller": controllers}, where)
-    for name, entry in families.items():
-        at = f"{where}.families.{name}"
-        family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
-        demand_stored_names({"condition": family["conditions"]}, at)
-    for name, entry in controllers.items():
-        ControllerSpec.from_table(name, entry, f"{where}.controllers")
+    def _demand_planned(self) -> None:
+        configuration, owner = self.manifest["configuration"], dict[tuple[str, int], str]()
+        for shard in shards(self.folder):
+            facts, path = shard.facts, shard.path
+            if any(Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES):
+                raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
+            if problem := _foreign(facts, self.manifest) or next(_wrong_lines(shard, configuration), ""):
+                raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
+            for scene in facts.scenes:
+                other = owner.setdefault((facts.family, scene), shard.name)
+                if other != shard.name:
+                    raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
 
-
-def _demand_planned(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Raise ConfigurationError unless all lines of all shards are what the manifest asks for.
-
-    It names the first shard of another campaign, with a scene that another one has too, or whose lines are not those of
-    its scenes: some are missing, there twice, or of other laws.
-    """
-    owner: dict[tuple[str, int], str] = {}
-    for shard in shards(folder):
-        facts, path = shard.facts, shard.path
-        if any(Facts.of(shard_file(folder, table, shard.name)) != facts for table in TABLES):
-            raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
-        problem = _foreign(facts, manifest) or next(_wrong_lines(shard, manifest["configuration"]), "")
-        if problem:
-            raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
-        for scene in facts.scenes:
-            other = owner.setdefault((facts.family, scene), shard.name)
-            if other != shard.name:
-                raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
+    @classmethod
+    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+        others: dict[str, Any] = {"machine": Table, "packages": Table, "command": Texts, "keep": Keep}
+        others |= {"shard": tuple[int, int], **dict.fromkeys(("runs", "scenes", "finished"), int)}
+        others |= dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number)
+        manifest = entries(manifest, where, {"configuration": Table}, others)
+        where += ".configuration"
+        needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
+        configuration = entries(manifest["configuration"], where, needed, {"scenes_in": dict[str, int]})
+        scenes, families, controllers = (configuration[name] for name in ("scenes", "families", "controllers"))
+        if not (0 < scenes <= MAX_SCENES and configuration["seed"] >= 0 and configuration["half"] in HALVES):
+            must = f"scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
+            raise ConfigurationError(f"{where}: {must}")
+        demand_names("family", families, f"{where}: ")
+        demand_names("controller", controllers, f"{where}: ")
+        for name, entry in families.items():
+            at = f"{where}.families.{name}"
+            family = entries(entry, at, {"folder": str, "conditions": Texts, "tables": Table})
+            demand_names("condition", family["conditions"], f"{at}: ")
+        for name, entry in controllers.items():
+            ControllerSpec.from_table(name, entry, f"{where}.controllers")
 
 
 def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
-    """What of a footer contradicts the manifest; empty if nothing does."""
+    """What of a footer contradicts the manifest, if anything."""
     configuration, identity, scenes = manifest["configuration"], facts.identity, facts.scenes
     family = configuration["families"].get(facts.family)
     if family is None:
@@ -213,10 +183,9 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
         for scene, condition, law in product(facts.scenes, conditions, configuration["controllers"])
         if scene < most.get(condition, configuration["scenes"])
     }
-    if counts["scenes"] != len(facts.scenes):
-        yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-    if counts[MARK] != facts.runs or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
-        yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {len(planned)} runs"
+    expected = {**counts, "scenes": len(facts.scenes), MARK: facts.runs}
+    if counts != expected or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
+        yield f"it has {counts} lines, not {expected}, or more than planned: {len(planned)} runs"
     scenes = lines("scenes", "family", "half", "scene", "found")
     if Counter(line[:3] for line in scenes) != Counter((facts.family, half, scene) for scene in facts.scenes):
         yield "its scenes are not those of its footer"
@@ -224,13 +193,11 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
     runs = lines(MARK, *keys, "violated")
     there = Counter(line[:-1] for line in runs)
     drawn = {scene for *_, scene, found in scenes if found}
-    for problem, wrong in (
-        ("has no run", {key for key in planned if key[3] in drawn} - there.keys()),
-        ("has a run", there.keys() - planned),
-        ("has more than once", {key for key, count in there.items() if count > 1}),
-    ):
+    missing = {key for key in planned if key[3] in drawn} - there.keys()
+    more = there.keys() - planned, {key for key, count in there.items() if count > 1}
+    for problem, wrong in zip(("no run", "a run", "more than once"), (missing, *more), strict=True):
         if wrong:
-            yield f"it {problem} {', '.join(map(str, min(wrong, key=str)))}"
+            yield f"it has {problem} {', '.join(map(str, min(wrong, key=str)))}"
     rows = Counter(lines("rows", *keys, "constraint"))
     violated = {(*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label}
     once = max(rows.values(), default=1) == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
@@ -16,7 +16,7 @@ from ...plugins.classes import beside
 from ...scenarios.families import Drawn, Family
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
-from ..metrics import Score, score
+from ..metrics import score
 from ..record import RunRecord
 from ..runs.machine import run_limit
 from ..runs.signals import INTERRUPTS, deadline
@@ -25,9 +25,8 @@ from . import parquet
 from .campaign import Campaign
 from .parquet import TABLES
 
-# Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written. At
-# 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
-# shards of some hundred kilobytes each. No result depends on it, nor on how many tasks a family is split into at least.
+# Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file that is written: some
+# 12 s and a hundred kilobytes), and how many tasks a family is split into at least. No result depends on either.
 RUNS_OF_TASK, MIN_TASKS = 600, 16
 
 Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
@@ -62,7 +61,8 @@ class Batch:
 
     Each of the ``scenes`` of a family is run in every condition with every controller, the unconstrained baseline
     first. One step, drawing a scene or one run, may take ``limit`` [s] until the worker's process is ended. ``single``
-    is the only controller whose runs are requested; None for all, and the line of each scene.
+    is the only controller whose runs are requested; None for all, and the line of each scene. ``drawn`` is the only
+    scene if it is there already.
     """
 
     family: Family
@@ -73,6 +73,7 @@ class Batch:
     seed: int
     limit: float | None = None
     single: str | None = None
+    drawn: Drawn | None = None
 
     @property
     def name(self) -> str:
@@ -82,20 +83,16 @@ class Batch:
     def pieces(self) -> list[Batch]:
         """One task for each run, and one for the lines of each scene without any."""
         own = [replace(self, scenes=(number,)) for number in self.scenes]
-        return [
-            *(replace(task, conditions=()) for task in own),
-            *(
-                replace(task, conditions=(condition,), single=entry.name)
-                for task, condition, entry in product(own, self.conditions, self.controllers)
-            ),
-        ]
+        runs = product(own, self.conditions, self.controllers)
+        pieces = [replace(task, conditions=()) for task in own]
+        return pieces + [replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs]
 
 
 ALL = Shard()
 
 
 def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
-    """The task of these scenes of a family, run in the same conditions; without ``limit`` by a run's samples."""
+    """The task of scenes that are run in the same conditions; without ``limit`` by a run's samples."""
     limit = limit or run_limit(family.tables)
     conditions = campaign.conditions_of(family, scenes[0])
     return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
@@ -104,10 +101,7 @@ def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: fl
 def tasks_of(
     campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Collection[tuple[str, int]] = ()
 ) -> list[Batch]:
-    """A campaign's tasks, but for scenes that are ``there``: families and numbers.
-
-    Families come in turn, so that one of slow scenes is not left for the end.
-    """
+    """A campaign's tasks, but for scenes that are ``there``: of all families in turn, so that no slow one is left."""
     scenes = shard.scenes(campaign.scenes)
 
     def of_family(family: Family) -> list[Batch]:
@@ -122,7 +116,7 @@ def tasks_of(
 
 
 class Part(NamedTuple):
-    """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
+    """The result of a task: Arrow tables, and how long it took [s]."""
 
     runs: Any
     rows: Any
@@ -132,41 +126,37 @@ class Part(NamedTuple):
     @classmethod
     def of(cls, lines: Lines, seconds: float) -> Part:
         """From lines by table."""
-        runs, rows, scenes = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
-        return cls(runs, rows, scenes, seconds)
+        return cls._make((*(parquet.table(columns, lines[name]) for name, columns in TABLES.items()), seconds))
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
         """All of them as one, in their order."""
-        runs, rows, scenes, seconds = zip(*parts, strict=True)
-        return cls(parquet.joined(runs), parquet.joined(rows), parquet.joined(scenes), sum(seconds))
+        *tables, seconds = zip(*parts, strict=True)
+        return cls._make((*map(parquet.joined, tables), sum(seconds)))
 
 
 def scored(task: Batch) -> Part:
-    """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
+    """Draw the scenes of a task, run every controller on each in every condition with the same noise, and score that.
 
-    All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
-    with its reason; what ends the process is left to the caller.
+    A run that fails in any way becomes a line with its reason; what ends the process is left to the caller.
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
     with deadline(task.limit) as step:
         for number in task.scenes:
             step()
-            scene, setups = set_up(task, number)
+            scene, there = benches(task, number)
             if task.single is None:
                 lines["scenes"].append(_scene_line(task, number, scene))
-            if isinstance(scene, str) or not scene.found:
-                continue
-            for condition in task.conditions:
-                bench, baseline = Bench(scene, condition, setups.get(condition)), None
+            for condition, bench in there.items():
+                baseline = None
                 for entry in task.controllers:
                     if task.single in (None, entry.name) or entry.name == BASELINE:
                         step()
                         record = bench.run(entry)
                         baseline = record if entry.name == BASELINE else baseline
                         if task.single in (None, entry.name):
-                            _add(lines, task, (number, condition, entry.name), _scored(record, baseline))
+                            _add(lines, task, (number, condition, entry.name), record, baseline)
     return Part.of(lines, time.perf_counter() - begun)
 
 
@@ -177,20 +167,30 @@ def failed(task: Batch, reason: str) -> Part:
     if task.single is None:
         lines["scenes"].append(_scene_line(task, number, reason))
     else:
-        _add(lines, task, (number, task.conditions[0], task.single), score(RunRecord.failed(reason, ""), None))
+        _add(lines, task, (number, task.conditions[0], task.single), RunRecord.failed(reason, ""))
     return Part.of(lines, 0.0)
 
 
-def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
-    """A scene and its setups by condition; the reason if drawing it raised something, which only own parts do."""
+def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
+    """A scene, and what its runs are made on by condition: nothing if none is found.
+
+    Instead of the scene the reason if drawing it raised something, which only own parts do.
+    """
     try:
         with chdir("."), beside(task.family.folder):
-            return task.family.set_up(number, task.half, task.seed)
+            scene, setups = (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
     except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
         return described(error), {}
+    return scene, {name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found}
 
 
-def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> None:
+def _add(
+    lines: Lines, task: Batch, key: tuple[int, str, str], record: RunRecord, baseline: RunRecord | None = None
+) -> None:
+    try:
+        run = score(record, baseline)
+    except Exception as error:  # arrays of own parts can be anything
+        run = score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
     names = ("family", "half", "scene", "condition", "controller")
     keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
     lines["runs"].append({**keys, **run.result})
@@ -202,18 +202,15 @@ def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> No
 
 
 def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
-    if isinstance(scene, str):
-        # could not be drawn, and nothing else is known of it
+    if isinstance(scene, str):  # could not be drawn, and nothing else is known of it
         scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
     return {
         "family": task.family.name,
         "half": task.half,
         "scene": number,
-        "found": scene.found,
-        "attempts": scene.attempts,
+        **{name: getattr(scene, name) for name in ("found", "attempts", "share_to_hold")},
         "rejected": _json(scene.rejected),
         "challenged": "; ".join(scene.challenged),
-        "share_to_hold": scene.share_to_hold,
         "values": _json(scene.values),
         "least_time_s": scene.least_time,
         "duration_s": scene.duration,
@@ -224,18 +221,10 @@ def _json(data: Any) -> str:
     return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
 
 
-def _scored(record: RunRecord, baseline: RunRecord | None) -> Score:
-    try:
-        return score(record, baseline)
-    except Exception as error:  # arrays of own parts can be anything
-        return score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
-
-
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    The setup, which may be there already, is used again after runs of the package's own laws, which leave nothing in
-    it. Own laws and constraints may, and so may what fails: after these it is made anew.
+    The setup is used again after runs of the package's own laws, which leave nothing in it, and made anew after others.
     """
 
     def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
@@ -244,17 +233,19 @@ class Bench:
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """A run; whatever goes wrong becomes a failed one with its reason."""
+        scene = self._scene
         try:
             # own parts may change the working directory, and import what lies beside them whenever they like
-            with chdir("."), beside(self._scene.folder, entry.folder):
-                own_parts = bool(self._scene.scenario(self._condition).own_parts)
-                prepared, remarks = self._ready or self._prepare(own_parts)
-                self._ready = None
+            with chdir("."), beside(scene.folder, entry.folder):
+                own_parts = bool(scene.scenario(self._condition).own_parts)
+                if self._ready is None:
+                    setup, self._setup = self._setup, None
+                    setup = until_settled(scene.setup(self._condition) if setup is None or own_parts else setup)
+                    self._ready = Prepared(setup), setup.check_start()
+                (prepared, remarks), self._ready = self._ready, None
                 setup = entry.run.of(prepared.setup)
-                run = simulate(
-                    setup, entry.make(), remarks=remarks, prepared=prepared if setup is prepared.setup else None
-                )
-                record = RunRecord.of(setup, run, "")
+                same = prepared if setup is prepared.setup else None
+                record = RunRecord.of(setup, simulate(setup, entry.make(), remarks=remarks, prepared=same), "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
@@ -262,9 +253,3 @@ class Bench:
         if record.trajectory.status != "failed" and ":" not in entry.law and not own_parts:
             self._ready = prepared, remarks
         return record
-
-    def _prepare(self, own_parts: bool) -> tuple[Prepared, list[str]]:
-        setup, self._setup = self._setup, None
-        setup = until_settled(self._scene.setup(self._condition) if setup is None or own_parts else setup)
-        remarks = setup.check_start()
-        return Prepared(setup), remarks

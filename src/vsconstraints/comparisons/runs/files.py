@@ -20,7 +20,7 @@ from ...errors import ConfigurationError, StorageError
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
 
-#: Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends.
+#: Lines are added as files come, and written anew when the command that makes them ends.
 SUMS = "checksums.sha256"
 TRAJECTORIES = "trajectories"  #: Folder of the runs' records, below that of the results.
 
@@ -33,14 +33,13 @@ def storing(what: str, folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StorageError(
-            f"{what} cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
-        ) from error
+        why = f"{error}; what is there stays, and the same command goes on"
+        raise StorageError(f"{what} cannot be stored in {folder}: {why}") from error
 
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A file to be written, which then takes the place of ``path``; if anything is raised, it is removed instead."""
+    """A file that then takes the place of ``path``; if anything is raised, it is removed instead."""
     part = path.with_name(path.name + ".part")
     try:
         yield part
@@ -74,8 +73,7 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
 
-    Before anything is expanded, the archive and the header of each array have to claim that all of it together takes no
-    more than ``most`` bytes.
+    Nothing is expanded unless the archive and each array's header claim no more than ``most`` bytes together.
     """
     with path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
@@ -106,10 +104,9 @@ def digests(folder: Path, paths: Iterable[Path]) -> Sums:
 
 
 def recorded(folder: Path) -> Sums | None:
-    """The hashes recorded in a folder; None if there are none.
+    """The hashes recorded in a folder, without an incomplete last line of a process that was ended; None without any.
 
-    An incomplete last line is left out: the process was ended meanwhile. Raises ConfigurationError if another line is
-    no checksum, or the file cannot be read.
+    Raises ConfigurationError if another line is no checksum, or the file cannot be read.
     """
     path = folder / SUMS
     try:
@@ -129,26 +126,23 @@ def recorded(folder: Path) -> Sums | None:
 def write_sums(folder: Path, sums: Mapping[str, str]) -> None:
     """Replace what is recorded; raises OSError."""
     with replaced(folder / SUMS) as part:
-        part.write_text(_text(sums), encoding="utf-8")
+        part.write_bytes(_lines(sums))
 
 
 def add_sums(folder: Path, paths: Iterable[Path]) -> None:
     """Record files that have just been written, in one line each; raises OSError."""
-    text = _text(digests(folder, paths))
+    lines = _lines(digests(folder, paths))
     # in one piece: a process that is ended leaves all of it, or none
     with (folder / SUMS).open("ab", buffering=0) as file:
-        file.write(text.encode())
+        file.write(lines)
 
 
-def _text(sums: Mapping[str, str]) -> str:
-    return "".join(f"{digest}  {name}\n" for name, digest in sums.items())
+def _lines(sums: Mapping[str, str]) -> bytes:
+    return "".join(f"{digest}  {name}\n" for name, digest in sums.items()).encode()
 
 
 def seal(folder: Path, paths: Iterable[Path]) -> None:
-    """Record these files and no other, which are all that will not be written again; raises OSError.
-
-    Those that are recorded are not read once more.
-    """
+    """Record these files and no other, all that will not be written again, those not read that are; raises OSError."""
     known = recorded(folder) or {}
     names = {path.relative_to(folder).as_posix(): path for path in paths if path.is_file()}
     known |= digests(folder, (path for name, path in names.items() if name not in known))
@@ -156,10 +150,7 @@ def seal(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
-    """Remove files that are not as they were stored, which a command is to make again; raises OSError.
-
-    Where nothing is recorded, all are taken as they are.
-    """
+    """Remove files that are not as they were stored, where that is recorded; raises OSError."""
     if (sums := recorded(folder)) is not None:
         for name, digest in digests(folder, paths).items():
             if sums.get(name) != digest:
@@ -169,10 +160,10 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
 def check_sums(
     folder: Path, paths: Iterable[Path], finished: bool = True, all_there: bool = True
 ) -> tuple[list[str], str]:
-    """Sentences on what is wrong with a folder's files, and a remark for the reader; empty where nothing is.
+    """Sentences on what is wrong with the files of results, and a remark for the reader; empty where nothing is.
 
-    ``paths`` are the files that results consist of. Before the command that makes them has ``finished``, those that it
-    still writes are not recorded. Trajectories may be missing, which reports name, unless ``all_there``.
+    Before the command that makes them has ``finished``, those that it still writes are not recorded. Trajectories may
+    be missing, which reports name, unless ``all_there``.
     """
     if (sums := recorded(folder)) is None:
         return [], f"{folder} carries no checksums: it cannot be told whether a file in it was changed"
@@ -194,10 +185,8 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
     """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there later, or lost."""
     problems, remark = check_sums(folder, paths, finished, all_there)
     if problems:
-        raise ConfigurationError(
-            f"{folder} is not whole: {'; '.join(problems)}. Put back what was stored, or give the command again that "
-            "made it"
-        )
+        instead = "Put back what was stored, or give the command again that made it"
+        raise ConfigurationError(f"{folder} is not whole: {'; '.join(problems)}. {instead}")
     return remark
 
 

@@ -7,10 +7,14 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast, get_args
+from typing import Any, ClassVar, Literal, Self, TypeVar, cast, get_args
 
 from ...errors import ConfigurationError, unknown_name
+from ...plugins.classes import code_named, untrusted
+from ...scenarios.reading import NOTHING, Table, checked, demand_table
+from .files import demand_unchanged
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -23,16 +27,21 @@ _locked: set[Path] = set()
 
 @contextmanager
 def locked(folder: Path, kind: Kind) -> Iterator[None]:
-    """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
+    """Lock a folder, created if need be, so that no other process stores anything in it; a process may do so twice.
 
-    A process may lock it more than once. The lock ends with the process. Raises ConfigurationError if the folder cannot
-    be created, holds something else, or another process has locked it; nothing in it has been touched then.
+    Raises ConfigurationError if the folder cannot be created, holds something else, or another process has locked it;
+    nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _locked:
         yield
         return
-    _demand_nothing_else(path, kind)
+    there = kind_of(path)
+    if there is not None and there != kind:
+        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
+    if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
+        nothing = f"no {kind.removeprefix('a ')} that could go on"
+        raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
     try:
         path.mkdir(parents=True, exist_ok=True)
         demand_inside(path)
@@ -46,10 +55,8 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.seek(0)
-            raise ConfigurationError(
-                f"process {lock.read().strip() or 'unknown'} is storing results in {folder}: "
-                "wait until it ends, or give another folder"
-            ) from None
+            storing = f"process {lock.read().strip() or 'unknown'} is storing results in {folder}"
+            raise ConfigurationError(f"{storing}: wait until it ends, or give another folder") from None
         except OSError:
             pass  # a file system without locks
         with suppress(OSError):  # a full disk: others are refused without the process id
@@ -69,10 +76,8 @@ def demand_inside(folder: Path) -> None:
     for at, folders, files in os.walk(folder):
         for path in (os.path.join(at, name) for name in (*folders, *files)):
             if os.path.islink(path) and os.path.commonpath([whole, os.path.realpath(path)]) != whole:
-                raise ConfigurationError(
-                    f"{path} is a link that leads out of the folder, where results would be written to: replace it "
-                    "by what it leads to"
-                )
+                why = "where results would be written to: replace it by what it leads to"
+                raise ConfigurationError(f"{path} is a link that leads out of the folder, {why}")
 
 
 def kind_of(folder: Path) -> Kind | None:
@@ -102,19 +107,74 @@ def read_manifest(path: Path) -> Any:
     return manifest
 
 
-def _demand_nothing_else(path: Path, kind: Kind) -> None:
-    there = kind_of(path)
-    if there is not None and there != kind:
-        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
-    if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
-        raise ConfigurationError(
-            f"{path} holds something, and no {kind.removeprefix('a ')} that could go on: give a folder that is empty "
-            "or new"
-        )
+@dataclass(frozen=True)
+class StoredResults:
+    """Results in their folder, with their manifest.
+
+    Where they are ``trusted``, code that is named in them as ``module:Class`` may run. ``remarks`` are what a reader
+    should know: that there are no checksums, or that code is not run.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    trusted: bool = False
+    remarks: tuple[str, ...] = ()
+
+    with_code: ClassVar[tuple[str, ...]]  #: Tables of the configuration that may name code.
+
+    @classmethod
+    def load(cls, folder: Path, trust: bool = False) -> Self:
+        """Read a folder; nothing that is named in it is imported unless it is trusted.
+
+        Raises ConfigurationError that says what is missing in it, was changed, or is not what was stored; and for links
+        that lead out of it.
+        """
+        files = cls._files(folder)
+        demand_inside(folder)
+        remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
+        path = folder / MANIFEST
+        try:
+            manifest = read_manifest(path)
+        except (OSError, ValueError, RecursionError) as error:
+            raise ConfigurationError(f"{path} cannot be read: {error}") from error
+        cls._demand_readable(manifest, str(path))
+        code = [] if trust else list(code_named([manifest["configuration"][name] for name in cls.with_code]))
+        remarks = remark, str(untrusted("some of what is drawn", code)) if code else ""
+        stored = cls(folder, dict(manifest), trust, tuple(filter(None, remarks)))
+        stored._demand_planned()
+        return stored
+
+    @classmethod
+    def _files(cls, folder: Path) -> Sequence[Path]:
+        """Those whose checksums are looked at; raises ConfigurationError if there are no such results."""
+        raise NotImplementedError
+
+    @classmethod
+    def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
+        """Raise ConfigurationError if something in a manifest is not what is written there."""
+        raise NotImplementedError
+
+    def _demand_planned(self) -> None:
+        """Raise ConfigurationError unless all lines of all tables are what the manifest asks for."""
+        raise NotImplementedError
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Names of the controllers, the unconstrained baseline first."""
+        return tuple(self.manifest["configuration"]["controllers"])
 
 
-#: Runs whose trajectories are kept: none; those that failed or were aborted; of each kind of run the one with the
-#: deepest violation, of equal ones the first; those that come first; all.
+def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:
+    """The entries of a table that readers need, by what they are; raises ConfigurationError for wrong ones."""
+    table = demand_table(value, where)
+    for name in needed:
+        if name not in table:
+            raise ConfigurationError(f"{where}: the key {name!r} is missing")
+    kinds = {**needed, **others}
+    return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}
+
+
+#: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest violation, or the first.
 Keep = Literal["none", "failed", "worst", "first", "all"]
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
@@ -136,16 +196,13 @@ def kept_lines(lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tu
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]
     if keep == "worst":
+        outside = [line for line in lines if line["violation_depth"] > 0.0]  # not where it is NaN
         worst: dict[tuple[Any, ...], Line] = {}
-        violating = [line for line in lines if line["violation_depth"] > 0.0]  # not where it is NaN
-        for line in sorted(violating, key=lambda line: line["violation_depth"], reverse=True):
+        for line in sorted(outside, key=lambda line: -line["violation_depth"]):
             worst.setdefault(tuple(line[name] for name in kind), line)
-        chosen = set(map(id, worst.values()))
-        return [line for line in lines if id(line) in chosen]
+        return list(worst.values())
     if keep == "first":
         group, number = first
-        lowest: dict[Any, Any] = {}
-        for line in lines:
-            lowest[line[group]] = min(lowest.get(line[group], line[number]), line[number])
+        lowest = {line[group]: line[number] for line in sorted(lines, key=lambda line: -line[number])}
         return [line for line in lines if line[number] == lowest[line[group]]]
     return list(lines) if keep == "all" else []

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
@@ -27,19 +28,14 @@ OPTIONAL = ("quadprog",)  # used wherever they are installed
 
 PROCESS_MEMORY = 300e6  # of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
 
-# A run may take so long [s], and so long for each sample: shipped laws take 1e-5 to 1e-3 s a sample, and the first run
-# of a process may have to compile.
-MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
+MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1  # how long a run may take [s], which may have to compile, and each sample
 
 
 def machine() -> dict[str, str | int]:
     """Processor, cores, system and Python."""
-    return {
-        "processor": _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine(),
-        "cores": os.cpu_count() or 0,
-        "system": f"{platform.system()} {platform.machine()}",
-        "python": python_version(),
-    }
+    processor = _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine()
+    system = f"{platform.system()} {platform.machine()}"
+    return {"processor": processor, "cores": os.cpu_count() or 0, "system": system, "python": python_version()}
 
 
 def python_version() -> str:
@@ -81,12 +77,12 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
-    """Versions of modules, which are loaded for it, each after the distribution that it comes from."""
+    """Versions of modules by their names: see :func:`module_version`."""
     return {name: module_version(name) for name in modules}
 
 
 def module_version(name: str) -> str:
-    """The version of a module, after the name of the distribution whose file was loaded."""
+    """The version of a module, which is loaded for it, after the name of the distribution that it comes from."""
     try:
         module = import_module(name)
     except ImportError:
@@ -122,10 +118,9 @@ def _required(name: str, extra: str = "") -> tuple[str, ...]:
 
 
 def _version(name: str) -> str:
-    try:
+    with suppress(PackageNotFoundError):
         return version(name)
-    except PackageNotFoundError:
-        return "not installed"
+    return "not installed"
 
 
 def code_identity() -> dict[str, Any]:
@@ -162,12 +157,10 @@ def git_commit() -> str:
 
 
 def _field(path: str, name: str) -> str:
-    """A field of one of Linux' lists; empty where there is none."""
-    try:
+    with suppress(OSError):
         lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+        return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
+    return ""
 
 
 def cores() -> int:
@@ -188,10 +181,9 @@ def available_memory() -> float:
 
 
 def most_samples(tables: Mapping[str, Any]) -> float:
-    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers, as a family's.
+    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
 
-    It may take three durations until it settles, of a law that is called four times as often; on an arm it also holds
-    the periods of its stop.
+    It may take three durations until it settles, of a law that is called four times as often; or the stop of an arm.
     """
     return 1000.0 + 16.0 * _samples(tables, math.inf)
 

@@ -10,9 +10,10 @@ import signal
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
@@ -26,7 +27,7 @@ from .signals import SIGNALS, signals_held
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
 
-# Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
+#: Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 DIED = "the process that ran it died"
@@ -63,10 +64,9 @@ OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 class Pool(Generic[Answer]):
     """Calls one function of a module in several processes, which are started when they are needed.
 
-    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure` with the reason. If a process
-    dies, its call is made once more when all others are done and nothing else runs. A call that takes longer than its
-    limit is ended with its process. Processes end with the pool, at once if the ``with`` block is left by an exception,
-    and with the process that started them, for whatever reason that ends.
+    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a process dies, its call
+    is made once more when all others are done. A call that takes longer than its limit is ended with its process.
+    Processes end with the pool, at once if its block is left by an exception, and with the process that started them.
     """
 
     def __init__(self, function: Callable[..., Answer], processes: int) -> None:
@@ -90,8 +90,7 @@ class Pool(Generic[Answer]):
     ) -> Iterator[tuple[Key, Answer | Failure]]:
         """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be started.
 
-        ``calls`` are arguments of the function, started in this order; ``limits`` how long calls may take [s], without
-        an entry as long as they like; ``again`` whether a call whose process died is made once more.
+        ``limits`` say how long calls may take [s]; ``again`` whether a call whose process died is made once more.
         """
         limits = limits or {}
         waiting, suspects = deque(calls), deque[Key]()
@@ -140,11 +139,9 @@ class Pool(Generic[Answer]):
         worker.end(0.0)
         self._failed_starts += not worker.ready
         if self._failed_starts >= MAX_FAILED_STARTS:
-            raise VsconstraintsError(
-                f"{self._failed_starts} processes in a row ended before they were ready, the last one with exit code "
-                f"{worker.process.exitcode}; a script that uses several needs `if __name__ == '__main__':` around "
-                "what it does"
-            )
+            ended = f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
+            needs = "a script that uses several needs `if __name__ == '__main__':` around what it does"
+            raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 
 
 def processes(count: int | None = None) -> OpenWorkers:
@@ -157,20 +154,23 @@ def run_all(
     *batches: Mapping[Key, tuple[Any, ...]],
     workers: int | None = None,
     limits: Mapping[Key, float] | None = None,
+    here: Container[Key] = (),
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
     """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their keys.
 
-    Calls of a batch are started when all of the one before are answered. ``on_answer`` is called with every answer as
-    it comes, ``on_progress`` with the numbers of calls that are answered and that there are.
+    Calls of a batch are started when all of the one before are answered; those ``here`` are made by this process.
+    ``on_progress`` is called with the numbers of calls that are answered and that there are.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
     on_progress(0, total)
     with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
         for batch in batches:
-            for key, answer in pool.run(batch, limits):
+            own = ((key, function(*call)) for key, call in batch.items() if key in here)
+            others = {key: call for key, call in batch.items() if key not in here}
+            for key, answer in chain(own, pool.run(others, limits)):
                 answers[key] = answer
                 on_answer(key, answer)
                 on_progress(len(answers), total)
@@ -186,8 +186,6 @@ def unpacked(packed: bytes) -> Any:
 
 
 class _Worker:
-    """A process as its pool sees it: the call that it answers, with its limit, and whether it is ready or dead."""
-
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")  # they start alike on every system and inherit no threads
         self.connection, self._theirs = context.Pipe()
@@ -234,7 +232,7 @@ class _Worker:
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile: libraries read them when they are loaded."""
+    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile."""
     missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:

@@ -14,20 +14,12 @@ from types import FrameType
 #: What asks a command to stop: Ctrl-C, the system, and a terminal that is closed.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-# Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
-# ends services, send several; while the first one is obeyed tables are written.
-SAME_REQUEST = 2.0
-
-# A step may take so much longer than its limit [s]: setting the clock for every short one would take a share of it.
-SLACK = 1.0
+SAME_REQUEST = 2.0  # signals within this time of one that was obeyed [s] mean the same: closing terminals send several
+SLACK = 1.0  # a step may take so much longer than its limit [s]: setting the clock takes a share of a short one
 
 
 class Stopped(BaseException):
     """A signal, with this number, asked this process to stop."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.signal = number
 
 
 #: What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is KeyboardInterrupt.
@@ -36,19 +28,16 @@ INTERRUPTS = (KeyboardInterrupt, Stopped)
 
 def signal_of(interrupt: BaseException) -> int:
     """Number of the signal that raised one of :data:`INTERRUPTS`."""
-    return interrupt.signal if isinstance(interrupt, Stopped) else int(signal.SIGINT)
+    return int(interrupt.args[0]) if isinstance(interrupt, Stopped) else int(signal.SIGINT)
 
 
 def exit_code(number: int) -> int:
-    """What a process that was ended by this signal answers."""
+    """That of a process that was ended by this signal."""
     return 128 + number
 
 
-class _Held:
-    """Signals of this process that are held: how often, and which one waits (0 if none)."""
-
-    depth = 0
-    waiting = 0
+class _Held:  # signals of this process: how often they are held, and which one waits
+    depth = waiting = 0
 
 
 def obey_signals() -> None:
@@ -94,10 +83,9 @@ def signals_held() -> Iterator[None]:
 
 @contextmanager
 def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
-    """End this process if a step takes longer than its limit [s], also while compiled code keeps the interpreter busy.
+    """End this process if a step takes longer than its limit [s], also in compiled code; None is no limit.
 
-    The function that it yields is called where a step begins and the one before has ended. None is no limit; one
-    deadline at a time in a process.
+    The function that it yields is called where a step begins and the one before has ended.
     """
     if limit is None:
         yield lambda: None

@@ -26,10 +26,7 @@ ROUNDING = 1e-9  #: Of numbers of periods, relative to one.
 
 @dataclass(frozen=True)
 class RunTiming:
-    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes of one law alone.
-
-    Time limit, challenged rows and baseline stay those of the scene.
-    """
+    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes of one law alone."""
 
     #: T_s of the law by that of the scene. Images come as before, or once a period if that is less often, none fresher;
     #: the noise of accelerations is drawn for the law's periods, and makes speeds as uncertain.
@@ -103,10 +100,7 @@ class ControllerSpec:
 
     @classmethod
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
-        """A controller as command lines and sessions call it: a registered name or ``module:Class``.
-
-        Without ``name`` results call it as its class does. Raises ConfigurationError if there is none.
-        """
+        """A controller by its registered name or ``module:Class``; without ``name`` it has that of its class."""
         own = controller_class(law, folder).name if ":" in law else law
         if not isinstance(own, str):
             raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
@@ -137,8 +131,8 @@ SLIDING_MODE = ControllerSpec("sliding-mode")
 class RunSpec:
     """One run: a scenario, or the name of a shipped one, a controller, a trial. Two are equal if their results are.
 
-    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where it starts, see
-    :meth:`Scenario.setup`; ``may_end_early``, that it is run to see how it fails or is aborted.
+    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where it starts;
+    ``may_end_early``, that it is run to see how it fails or is aborted.
     """
 
     scenario: Scenario | str
@@ -191,7 +185,7 @@ class RunSpec:
 
     @property
     def has_own_parts(self) -> bool:
-        """Whether controller or constraints are somebody's own."""
+        """Whether parts of it are somebody's own."""
         return ":" in self.controller.law or bool(self.load().own_parts)
 
     @property
@@ -201,20 +195,14 @@ class RunSpec:
 
     @property
     def here(self) -> bool:
-        """Whether only the process that asks for it can run it: a part of it is defined there, and nowhere else."""
+        """Whether only the process that asks for it can run it."""
         return self.controller.here or self.load().in_session
 
     @property
     def fingerprint(self) -> str:
         """Identifies what is run but for the files it is made of: the code included, and whether it runs compiled."""
-        what = (
-            self.tables or str(self),
-            self.controller.table,
-            self.trial,
-            self.seed,
-            code_identity(),
-            used_versions({**self.tables, "law": self.controller.options}),
-        )
+        run = self.tables or str(self), self.controller.table, self.trial, self.seed
+        what = *run, code_identity(), used_versions({**self.tables, "law": self.controller.options})
         return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 

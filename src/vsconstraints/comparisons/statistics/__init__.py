@@ -3,12 +3,9 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
-from .families import Across, across_families, left_out_ranks
-from .judged import LAW, OUTCOMES, SCENE, Verdict, distinguishable, judged_metrics, simultaneous, verdict
-from .ranking import Profile, Ranks, profile, ranks
+from .judged import OUTCOMES, SCENE, distinguishable, judged_metrics, simultaneous, verdict
+from .ranking import Profile, Ranks, across_families, left_out_ranks, profile, ranks
 from .rates import (
-    Median,
-    Paired,
     PairedRates,
     Rate,
     detectable,
@@ -18,22 +15,18 @@ from .rates import (
     paired,
     rate,
     rate_of,
+    rate_text,
+    with_interval,
 )
 from .tables import compare_laws, costs, medians, rates
-from .text import rate_text, with_interval
 
 __all__ = [
-    "LAW",
     "OUTCOMES",
     "SCENE",
-    "Across",
-    "Median",
-    "Paired",
     "PairedRates",
     "Profile",
     "Ranks",
     "Rate",
-    "Verdict",
     "across_families",
     "compare_laws",
     "costs",

@@ -16,17 +16,13 @@ Better = Literal["less", "more"]  #: which values are better
 
 Verdict = Literal["better", "worse", "not distinguishable", "too few"]  #: what is said of a against b
 
-#: Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
-#: 2/2ⁿ, which is above 0.05 for n ≤ 5.
-MIN_SCENES = 6
-#: Columns that say which scene a run is of, and what went otherwise than assumed in it.
-SCENE = ("family", "condition", "half", "scene")
-
+MIN_SCENES = 6  #: fewer are too few: an exact two-sided test of n pairs never gives less than 2/2ⁿ
+SCENE = ("family", "condition", "half", "scene")  #: columns that say which scene a run is of, and its condition
 LAW = "controller"  #: the column that says which law
 
 
 def checked_confidence(confidence: float) -> float:
-    """A confidence strictly between 0 and 1."""
+    """One strictly between 0 and 1."""
     if not isinstance(confidence, (int, float)) or not 0.0 < confidence < 1.0:
         raise ConfigurationError(f"confidence must be between 0 and 1, such as 0.95, not {shown(confidence)}")
     return float(confidence)
@@ -83,20 +79,10 @@ def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
 
 
 def verdict(low: float, high: float, *, n: int = MIN_SCENES, better: Better = "less") -> Verdict:
-    """What is said of a against b, from the interval of a − b, which is simultaneous for all that is compared.
-
-    They differ if it excludes zero. Fewer than :data:`.judged.MIN_SCENES` scenes are too few to tell.
-    """
+    """What is said of a against b, from the interval of a − b, which is simultaneous for all that is compared."""
     if not distinguishable(low, high, n):
         return "too few" if n < MIN_SCENES else "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"
-
-
-class Outcome(NamedTuple):
-    """A flag of every run, and whether it is wanted."""
-
-    flag: Callable[[Any], Any]
-    better: Better
 
 
 def converged(runs: Any) -> Any:
@@ -105,13 +91,17 @@ def converged(runs: Any) -> Any:
 
 
 def violated(runs: Any, column: str = "violated") -> Any:
-    """Whether each run violated a row, by the strict standard or as another column has it.
-
-    Raises ConfigurationError without that column: runs that were scored before there was one.
-    """
+    """Whether each run violated a row, by the strict standard or as another column has it, which has to be there."""
     if column not in runs.columns:
         raise ConfigurationError(f"runs have no column {column!r}; another version may have scored them")
     return runs[column].astype(object).fillna("") != ""
+
+
+class Outcome(NamedTuple):
+    """A flag of every run, and whether it is wanted."""
+
+    flag: Callable[[Any], Any]
+    better: Better
 
 
 #: Outcomes of a run. A success converged and violated nothing: by the strict standard, or by the tolerant one.
@@ -123,18 +113,13 @@ OUTCOMES: Mapping[str, Outcome] = {
     "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
 
-
 #: What statuses mean where no row is violated; any other status is a failure.
 ENDINGS: Mapping[str, str] = {"converged": "success", "trapped": "stuck", "slow": "slow", "unfinished": "slow"}
 UNSUCCESSFUL = ("violated", "stuck", "slow", "failed")  #: How runs end that are no success.
 
 
 def endings(runs: Any) -> Any:
-    """How each run ended: ``"success"``, or exactly one of :data:`UNSUCCESSFUL`.
-
-    *Violated* is a run that violated a row by the strict standard, whatever else; of the others *stuck* came to rest
-    away from the goal, *slow* was still moving at the end of its time, and *failed* was broken off.
-    """
+    """How each run ended: ``"success"``, or one of :data:`UNSUCCESSFUL`: violated, strictly, or else by its status."""
     return runs["status"].astype(str).map(ENDINGS).fillna("failed").where(~violated(runs), "violated")
 
 

@@ -15,20 +15,14 @@ from ...errors import InvalidInput, shown
 from ...rows import Array
 from .judged import Better, array, checked_confidence, checked_name, flags, numbers, pair
 
-#: Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ
-#: rejects up to twice as often as it says.
-CONTINUITY = 1.0
+CONTINUITY = 1.0  #: Taken off |only a − only b|, which comes in steps (Edwards 1948).
 
 Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 
 @dataclass(frozen=True)
 class Rate:
-    """``count`` of ``of`` scenes, and the interval of the true rate.
-
-    It is that of Clopper and Pearson (1934): exact and two-sided: each end alone is exceeded with a chance of at most
-    (1 − confidence)/2. 0 of 10 000 at 95 %: from 0 to 3.7e-4.
-    """
+    """``count`` of ``of`` scenes, and the exact two-sided interval of the rate (Clopper and Pearson 1934)."""
 
     count: int
     of: int
@@ -70,9 +64,9 @@ class Median(NamedTuple):
 class Paired(NamedTuple):
     """How a differs from b on the n scenes, ``of`` all, in which both have a value.
 
-    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero, from
-    −∞ to ∞, where they differ in none; NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is
-    two-sided, of the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
+    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero where
+    they differ in none, NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is two-sided, of
+    the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
     """
 
     median: float
@@ -110,16 +104,14 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
 def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates:
     """Whether a flag is set more often in a than in b on the same scenes, (n,) booleans each.
 
-    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference δ, at
-    δ = 0 and turned round.
+    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference.
     """
     first, second = flags(a, "a"), flags(b, "b")
     pair(first, second)
     n, only_a, only_b = len(first), int((first & ~second).sum()), int((second & ~first).sum())
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
-    p = min(2.0 * float(norm.sf(score)), 1.0)
-    difference = (only_a - only_b) / n if n else math.nan
+    difference, p = (only_a - only_b) / n if n else math.nan, min(2.0 * float(norm.sf(score)), 1.0)
     return PairedRates(difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b)
 
 
@@ -133,10 +125,8 @@ def difference_interval(
 ) -> tuple[float, float]:
     """Interval of a difference of two rates on the same n scenes: Tango's score interval, corrected for continuity.
 
-    All differences δ that a score test does not reject: |only_a − only_b − n δ| − correction ≤
-    z √(n (2 p + δ (1 − δ))), where p is the most likely rate of "only b" under δ (Tango, Statistics in Medicine 17,
-    1998, eqs. 24–26, without a correction). Unlike ± standard errors it says something where the two never differ, and
-    stays within −1 and 1.
+    All differences δ with |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ))), where p is the most likely
+    rate of "only b" under δ (Tango, Statistics in Medicine 17, 1998, eqs. 24–26, without a correction).
     """
     z = _quantile(confidence)
     return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
@@ -161,10 +151,9 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
 
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """Smallest difference of two rates on the same n scenes that :func:`mcnemar` finds with so much power.
+    """Smallest difference of two rates on n scenes, which differ in a share of these, that :func:`mcnemar` finds.
 
-    ``differing`` is the share of scenes in which the two differ; where the difference itself is greater, that.
-    ``power`` is the chance to find it, in the right direction. Infinite where not even 1 would be found.
+    ``power`` is the chance to find it, in the right direction; infinite where not even 1 would be found.
     """
     z, m = _quantile(confidence), np.arange(n + 1)
     needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins of m scenes that differ
@@ -180,9 +169,9 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is NaN, or no number.
 
-    The interval is exact and assumes no distribution: from the k-th value in order to the k-th from the end, where k is
-    the greatest for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that
-    are not zero it excludes zero if and only if the two-sided sign test rejects at the level α.
+    The interval is exact, without a distribution: from the k-th value to the k-th from the end, where k is the greatest
+    for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that are not zero it
+    excludes zero if and only if the two-sided sign test rejects at the level α.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(array(values, "values"))
@@ -209,9 +198,8 @@ def paired(
 ) -> Paired:
     """Compare two columns of numbers, (n,) each, entry i of both being scene i.
 
-    NaN stands for a run that does not count (one that diverged, or violated): its scene is left out for both. Values
-    that are no more than ``least`` apart are equal. Raises InvalidInput if the lengths differ, a value is infinite, or
-    one is negative of which a ratio is asked; ConfigurationError if an option is none.
+    Scenes with NaN, of a run that does not count, are left out for both. Values no more than ``least`` apart are equal.
+    Raises InvalidInput if lengths differ, a value is infinite, or negative in a ratio; ConfigurationError for options.
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)
@@ -234,3 +222,57 @@ def log_ratios(a: Array, b: Array) -> Array:
         raise InvalidInput(f"no ratio of negative values: {shown(negative[0])}")
     with np.errstate(divide="ignore", invalid="ignore"):  # logarithms of zero, as said
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
+
+
+def with_interval(value: float, low: float, high: float, factor: float = 1.0, unit: str = "") -> str:
+    """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not known is said so."""
+    value, low, high = factor * value, factor * low, factor * high
+    after = f" {unit}" if unit else ""
+    if math.isnan(value):
+        return "no value"
+    if math.isinf(low) and math.isinf(high):
+        return f"{_decimals(value, _places(0.0, value))}{after} (too few for an interval)"
+    half = (high - low) / 2.0
+    places = _places(half if math.isfinite(half) else 0.0, value)
+    return f"{_decimals(value, places)} ({_decimals(low, places)} to {_decimals(high, places)}){after}"
+
+
+def rate_text(rate: Rate) -> str:
+    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``, or one end of it: ``0 of 10 000: at most 3.7e-4 (95 %)``."""
+    level = f"{100.0 * rate.confidence:g} %"
+    count, of = (f"{each:,}".replace(",", " ") if each >= 10_000 else str(each) for each in (rate.count, rate.of))
+    counted = f"{count} of {of}"
+    if rate.of == 0:
+        return f"{counted}: nothing is known"
+    if rate.count == 0:  # rounded up to two digits
+        places = _places(rate.high, rate.high)
+        up = math.ceil(rate.high * 10.0**places) / 10.0**places
+        most = _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
+        return f"{counted}: at most {most} ({level})"
+    if rate.count == rate.of:  # rounded down to two digits of what it leaves
+        places = _places(1.0 - rate.low, rate.low)
+        least = _decimals(100.0 * (math.floor(rate.low * 10.0**places) / 10.0**places), places - 2)
+        return f"{counted}: at least {least} % ({level})"
+    places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
+    low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
+    return f"{counted}: {share} % ({level}: {low} to {high} %)"
+
+
+def _short(text: str) -> str:
+    return text.replace("e-0", "e-").replace("e+0", "e+")
+
+
+def _places(half: float, value: float) -> int:
+    """Decimals that show two digits of half an interval's width, or three of the value where that is zero."""
+    size, digits = (half, 2) if half > 0.0 else (abs(value), 3)
+    return digits - 1 - math.floor(math.log10(size)) if size > 0.0 and math.isfinite(size) else 0
+
+
+def _decimals(value: float, places: int) -> str:
+    if not math.isfinite(value):
+        return "∞" if value > 0.0 else "-∞"
+    shown = round(value, places) + 0.0  # no −0
+    size = math.floor(math.log10(abs(shown))) if shown else 0
+    if places > 5 or size > 5:
+        return _short(f"{shown:.{max(size + places, 0)}e}")
+    return f"{shown:.{max(places, 0)}f}"

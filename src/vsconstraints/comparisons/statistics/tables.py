@@ -36,8 +36,8 @@ BY = ("family", "condition")  #: scenes that have these in common are looked at 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
     """How often each law's runs have one of :data:`.judged.OUTCOMES`: one line per group, of columns ``by``, and law.
 
-    ``runs`` has one line per run, with the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``;
-    the pandas.DataFrame that is returned ``by``, controller, count, of, share, low, high: :class:`.rates.Rate`.
+    ``runs`` has the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``; the pandas.DataFrame
+    that is returned ``by``, controller, count, of, share, low, high: :class:`.rates.Rate`.
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
@@ -49,10 +49,9 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
 
 
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """The median of a metric over those of each law's runs that count, and how many do.
+    """The median of a metric over those of each law's runs that count, not to be compared: see :func:`compare_laws`.
 
-    Laws need not count in the same scenes, so these are not to be compared: that is :func:`compare_laws`. Columns:
-    ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
+    Columns: ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
     """
     judged, lines = judged_metric(metric), []
     for group, own in _groups(runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)):
@@ -62,7 +61,7 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
 
 
 class Costs(NamedTuple):
-    """One line per scene, one column per law: less is better, ∞ for a run that does not count (pandas.DataFrame).
+    """(pandas.DataFrame) one line per scene, one column per law: less is better, ∞ for a run that does not count.
 
     ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
     """
@@ -81,7 +80,6 @@ def costs(runs: Any, metric: str) -> Costs:
 
 
 def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Groups by columns or levels, in the order of their names; all lines as one, without columns."""
     if not by:
         yield (), lines
     else:
@@ -89,7 +87,7 @@ def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], An
 
 
 def _by_law(runs: Any, scene: Sequence[str], value: Any) -> Any:
-    """One line per scene, one column per law, both in the order of their names; NaN where a law has not run."""
+    """One line per scene, one column per law; NaN where a law has not run."""
     which = [*dict.fromkeys(scene), LAW]
     return runs[which].assign(value=value).astype({LAW: str}).set_index(which)["value"].unstack(LAW)
 
@@ -138,11 +136,8 @@ def compare_laws(
     """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one reference.
 
     In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which both runs count
-    (:func:`.judged.counts`): ``only_a`` and ``only_b`` say how many more there are in which one does.
-
-    Intervals are simultaneous, and p-values corrected, for all pairs of a group that are tested (Bonferroni), those of
-    :data:`.judged.MIN_SCENES` scenes or more. Choose a reference before looking at the runs; the best of them is
-    one of all pairs.
+    (:func:`.judged.counts`). Intervals are simultaneous, and p-values corrected, for all pairs of a group that are
+    tested (Bonferroni), those of :data:`.judged.MIN_SCENES` scenes or more.
 
     Parameters
     ----------
@@ -152,20 +147,18 @@ def compare_laws(
     metric
         One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
     reference
-        Law that is b in every pair.
+        Law that is b in every pair, chosen before looking at the runs.
     least
         Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
-    confidence
-        That all intervals of a group hold at once.
 
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes that both ran, paired: that are compared, only_a, only_b, differ: in which the two
-        are not equal; difference, low, high: of the rates, or the median of a − b, as stored, over the scenes in which
-        they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of outcomes and where values are negative);
-        effect: chance that a is better on a scene, equal values counting half; p (of McNemar's test, or of the sign
-        test), p_corrected; verdict: :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
+        ``by``, metric, a, b; scenes that both ran, paired: compared, only_a, only_b: in which only one counts, differ:
+        in which the two are not equal; difference, low, high: of the rates, or the median of a − b over the scenes in
+        which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of outcomes and negative values);
+        effect: chance that a is better on a scene, equal values counting half; p (of McNemar's or of the sign test),
+        p_corrected; verdict: :func:`.judged.verdict`.
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)

@@ -2,25 +2,131 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...controllers import Choices, Range, law_ranges
 from ...controllers.observer import without_observer
 from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
-from ..evidence import Campaign
+from ..evidence import Batch, Campaign, scored
 from ..evidence.campaign import of_controllers, of_family
-from ..evidence.work import Bench
-from ..metrics import score
-from ..runs.machine import code_identity, module_versions, process_count, run_limit
-from ..runs.pool import Failure, Pool, run_all
+from ..evidence.runner import results
+from ..runs.machine import code_identity, module_versions, run_limit
+from ..runs.pool import Failure, processes, run_all
 from ..runs.spec import BASELINE, ControllerSpec
-from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
+
+
+class Objective(NamedTuple):
+    """A quantity to be minimized; ``worst`` bounds it and is that of a run that does not converge."""
+
+    column: str
+    title: str
+    worst: float
+    unit: float  #: Weighs as much as one unit of another objective.
+
+
+#: A tenth of the space, a decade of variation and a tenth of the settling time weigh the same.
+OBJECTIVES = (
+    Objective("unused", "unused space", 1.0, 0.1),
+    Objective("log_variation", "log₁₀ of acceleration variation", 4.0, 1.0),
+    Objective("settling", "settling time by that of tracking", 2.0, 0.1),
+)
+
+REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
+
+STILL_MOVING = ("slow", "unfinished")  #: statuses of runs that are still moving when time is up
+ROUNDING = 1e-12  #: distances that differ by less, relatively, are the same
+
+Point = tuple[float, ...]  #: a value of each objective
+
+
+class Outcome(NamedTuple):
+    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run has none."""
+
+    status: str
+    violated: bool
+    point: Point
+
+
+class Judged(NamedTuple):
+    """Means of a setting's objectives, share of runs with a violation, numbers of runs; successes violate nothing."""
+
+    point: Point
+    violations: float
+    runs: int
+    converged: int
+    successes: int
+
+    @property
+    def success(self) -> str:
+        """As reports show it."""
+        return f"{100.0 * self.successes / self.runs:.1f} %"
+
+
+def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
+    """The outcome of a run, from its line of results and that of the unconstrained baseline in the same scene.
+
+    A run that does not converge has the worst value of every objective; but if it and the baseline are still moving
+    when time is up, no law can reach the goal, and it counts by its variation alone. Of one that converges, the unused
+    space is left out where nothing was challenged, and the settling time where the baseline does not settle.
+    """
+    status, violated = str(result["status"]), bool(result["violated"])
+    if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
+        return Outcome(status, violated, REFERENCE)
+    variation, tracking = float(result["acceleration_variation"]), float(baseline["settling_time_s"])
+    values = (
+        1.0 - float(result["utilization"]),
+        math.log10(variation) if variation > 0.0 else -math.inf,
+        float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
+    )
+    # log10 of a command that never changes has no lower bound
+    bounded = (
+        value if math.isnan(value) else min(max(value, -worst), worst)
+        for value, worst in zip(values, REFERENCE, strict=True)
+    )
+    return Outcome(status, violated, tuple(bounded))
+
+
+def judged(outcomes: Sequence[Outcome]) -> Judged:
+    """All outcomes of one setting; an objective that no run has is at its worst. The order of runs does not matter."""
+    point = []
+    for i, worst in enumerate(REFERENCE):
+        values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
+        point.append(math.fsum(values) / len(values) if values else worst)
+    violated = sum(each.violated for each in outcomes)
+    converged = [each for each in outcomes if each.status == "converged"]
+    successes = sum(not each.violated for each in converged)
+    return Judged(tuple(point), violated / len(outcomes), len(outcomes), len(converged), successes)
+
+
+def loss(judged: Judged) -> float:
+    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their units."""
+    lengths = (value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True))
+    return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
+
+
+def choose(settings: Sequence[Judged]) -> int:
+    """Position of the setting with the most successes; of as many, the one nearest to their ideal point.
+
+    That has the least value of each objective; distances are Euclidean, in the objectives' units ("compromise
+    programming": Zeleny 1973). Of points as near, to rounding, the one with the least first objective is taken, etc.
+    """
+    most = max(each.successes for each in settings)
+    best = [i for i, each in enumerate(settings) if each.successes == most]
+    points = np.array([settings[i].point for i in best]) / [objective.unit for objective in OBJECTIVES]
+    distance = np.linalg.norm(points - points.min(axis=0), axis=1)
+    nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
+    return min((best[i] for i in nearest), key=lambda i: (settings[i].point, i))
+
 
 Options = dict[str, Any]
 
@@ -70,24 +176,9 @@ class Budget:
     scenes: int = 10
 
     def __post_init__(self) -> None:
-        for name in ("evaluations", "seeds", "scenes"):
-            value = getattr(self, name)
+        for name, value in vars(self).items():
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f"{name} must be 1 or more, not {shown(value)}")
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A training scene in one condition; ConfigurationError for a scene of the other half."""
-
-    scene: Drawn
-    condition: str
-
-    def __post_init__(self) -> None:
-        if self.scene.half != TRAINING:
-            raise ConfigurationError(
-                f"{self.scene.name} is a scene of the {self.scene.half} half: laws are tuned on training scenes alone"
-            )
 
 
 @dataclass(frozen=True)
@@ -125,74 +216,54 @@ class Problem:
             "scenes": self.budget.scenes,
             "controllers": of_controllers(campaign.controllers),
             "families": {
-                family.name: {**of_family(family), "conditions": list(campaign.conditions_of(family))}
-                for family in campaign.families
+                each.name: {**of_family(each), "conditions": list(campaign.conditions_of(each))}
+                for each in campaign.families
             },
         }
 
-    def stages(
+    def tasks(
         self, workers: int | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
-    ) -> tuple[Stage, ...]:
-        """Draw the training scenes, each in all conditions; the same for any number of workers.
+    ) -> tuple[Batch, ...]:
+        """Draw the training scenes: one task for each condition of each, of the baseline alone.
 
         Raises ConfigurationError if none is found, or drawing one raises something.
         """
         campaign, each = self.campaign, range(self.budget.scenes)
         calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
         answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
-        stages: list[Stage] = []
+        tasks: list[Batch] = []
         for family in campaign.families:
-            scenes = [answers[family.name, i] for i in each]
-            for scene in scenes:
+            drawn: list[Drawn] = []
+            for scene in (answers[family.name, i] for i in each):
                 if isinstance(scene, Failure):
                     raise ConfigurationError(f"family {family.name}: a training scene cannot be drawn: {scene.reason}")
-            drawn = [scene for scene in scenes if isinstance(scene, Drawn) and scene.found]
+                drawn += [scene] if scene.found else []
             if not drawn:
                 family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
-            stages += [Stage(scene, condition) for scene in drawn for condition in campaign.conditions_of(family)]
-        return tuple(stages)
-
-
-def outcomes(stage: Stage, baseline: ControllerSpec, settings: Sequence[ControllerSpec]) -> list[Outcome]:
-    """Run each setting on one stage, with the same disturbances and noise, and compare it with the baseline."""
-    bench = Bench(stage.scene, stage.condition)
-    tracking = bench.run(baseline)
-    reference = score(tracking, tracking).result
-    return [outcome(score(bench.run(setting), tracking).result, reference) for setting in settings]
+            for scene, name in product(drawn, campaign.conditions_of(family)):
+                what = family, (scene.number,), (name,), (self.baseline,), TRAINING, campaign.seed
+                tasks.append(Batch(*what, run_limit(scene.tables[name]), drawn=scene))
+        return tuple(tasks)
 
 
 @contextmanager
-def evaluating(stages: Sequence[Stage], baseline: ControllerSpec, workers: int | None) -> Iterator[Evaluate]:
-    """Processes that judge settings over all stages; as many as there are cores and memory for, if None.
-
-    Settings on a stage on which one of them ends its process, or takes too long, are run once more, each by itself; one
-    that fails again counts as a failed run.
-    """
-    with Pool(outcomes, process_count(workers)) as pool:
+def evaluating(tasks: Sequence[Batch], workers: int | None) -> Iterator[Evaluate]:
+    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is a failed run."""
+    with processes(workers)(scored) as pool:
+        families = [task.family.name for task in tasks]
         of_family = {
-            name: [at for at, stage in enumerate(stages) if name in (ALL, stage.scene.family)]
-            for name in (ALL, *dict.fromkeys(stage.scene.family for stage in stages))
+            name: [at for at, family in enumerate(families) if name in (ALL, family)] for name in (ALL, *families)
         }
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
-            results: dict[tuple[int, int], Outcome] = {}
-            calls = [(at, tuple(range(len(settings)))) for at in range(len(stages)) if settings]
-            for last in (False, True):
-                arguments, limits = {}, {}
-                for at, numbers in calls:
-                    arguments[at, numbers] = stages[at], baseline, [settings[i] for i in numbers]
-                    tables = stages[at].scene.tables[stages[at].condition]
-                    limits[at, numbers] = (1 + len(numbers)) * run_limit(tables)
-                calls = []
-                for (at, numbers), answer in pool.run(arguments, limits):
-                    if not isinstance(answer, Failure):
-                        results |= {(at, i): result for i, result in zip(numbers, answer, strict=True)}
-                    elif last:
-                        results[at, numbers[0]] = FAILED
-                    else:
-                        calls += [(at, (i,)) for i in numbers]
+            named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
+            calls = [replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings]
+            found = {}
+            for at, part in results(calls, pool):
+                lines = part.runs.to_pandas().set_index("controller").to_dict("index")
+                found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
             return [
-                {name: judged([results[at, i] for at in own]) for name, own in of_family.items()}
+                {name: judged([found[at][i] for at in own]) for name, own in of_family.items()}
                 for i in range(len(settings))
             ]
 

@@ -20,8 +20,7 @@ from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
-from .objectives import OBJECTIVES, Judged, choose, loss
-from .problem import ALL, ByFamily, Evaluate, Options, Problem, Searched, evaluating
+from .problem import ALL, OBJECTIVES, ByFamily, Evaluate, Judged, Options, Problem, Searched, choose, evaluating, loss
 
 JOURNAL, TUNED, EVALUATIONS = "journal.jsonl", "tuned.toml", "evaluations.parquet"
 
@@ -32,10 +31,10 @@ Progress = Callable[[str, int, int], None]
 
 
 class Search:
-    """Suggests settings of a law, one after the other, the default first.
+    """Suggests settings of a law, one after the other, the default first; they depend on the seed and what was told.
 
     The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all options together:
-    Falkner et al. 2018), which uses the order of settings alone. They depend only on the seed and on what was told.
+    Falkner et al. 2018), which uses the order of settings alone.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
@@ -76,9 +75,9 @@ class Search:
 class Journal(dict[Setting, ByFamily]):
     """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
 
-    A last line without an end, which was being written when the process ended, is cut off; nothing else is ever written
-    again. (Optuna's JournalStorage has no checksums, stops at such a line, and its samplers do not go on from it as if
-    they had never ended.) Raises ConfigurationError that names a damaged line, StorageError if it cannot be written.
+    A last line without an end is cut off, and nothing else is ever written again. (Optuna's JournalStorage has no
+    checksums, and its samplers do not go on from it as if they had never ended.) Raises ConfigurationError that names a
+    damaged line, StorageError if it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -98,10 +97,8 @@ class Journal(dict[Setting, ByFamily]):
                     for family, values in entry["judged"].items()
                 }
             except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-                raise ConfigurationError(
-                    f"{path}, line {number} is damaged ({type(error).__name__}): delete it, and its setting is "
-                    "evaluated again"
-                ) from error
+                where = f"{path}, line {number} is damaged ({type(error).__name__})"
+                raise ConfigurationError(f"{where}: delete it, and its setting is evaluated again") from error
         if rest:
             with storing("evaluations", path.parent):
                 os.truncate(path, len(data) - len(rest))
@@ -122,7 +119,7 @@ def _checksum(entry: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A setting that a tuner with this seed suggested, by its number there (0 is the default), and how it is judged."""
+    """The setting of this number, 0 the default, that a tuner with this seed suggested, and how it is judged."""
 
     seed: int
     number: int
@@ -131,7 +128,7 @@ class Evaluation:
 
     @property
     def judged(self) -> Judged:
-        """How it is judged on all runs."""
+        """On all runs."""
         return self.by_family[ALL]
 
 
@@ -140,7 +137,7 @@ class Tuned:
     """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default."""
 
     law: Searched
-    evaluations: tuple[Evaluation, ...]
+    evaluations: Sequence[Evaluation]
 
     @property
     def default(self) -> Evaluation:
@@ -153,7 +150,7 @@ class Tuned:
         return self.best(ALL)
 
     def best(self, family: str) -> Evaluation:
-        """The evaluation that :func:`.objectives.choose` finds by the runs of a family."""
+        """The evaluation that :func:`.choose` finds by the runs of a family."""
         return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
 
     def success(self, family: str, evaluations: int) -> list[float]:
@@ -168,20 +165,16 @@ class Tuned:
     @classmethod
     def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
         """A law's evaluations in any order."""
-        return cls(law, tuple(sorted(evaluations, key=lambda each: (each.seed, each.number))))
+        return cls(law, sorted(evaluations, key=lambda each: (each.seed, each.number)))
 
     def toml(self, family: str) -> list[str]:
         """Lines of the setting that is best in a family as a table of controllers."""
-        name, best = self.law.name, self.best(family)
         if not self.law.ranges:
-            return [f"# {name}: nothing is searched"]
-        judged, default = (each.by_family[family] for each in (best, self.default))
-        setting = self.law.setting(best.options)
-        return [
-            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default",
-            f"[controllers.{toml_text(f'{name}-tuned')}]",
-            *toml_items(setting.table),
-        ]
+            return [f"# {self.law.name}: nothing is searched"]
+        best, default = self.best(family), self.default.by_family[family]
+        judged, setting = best.by_family[family], self.law.setting(best.options)
+        succeed = f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default"
+        return [succeed, f"[controllers.{toml_text(f'{self.law.name}-tuned')}]", *toml_items(setting.table)]
 
 
 @dataclass(frozen=True)
@@ -240,21 +233,19 @@ def tune(
 ) -> Tuning:
     """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if needed.
 
-    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions depend only on earlier
-    results: not on the number of processes, nor on where an earlier call was ended. Settings that are stored in the
-    folder are not run again. ``workers`` is the maximum number of processes, ``command`` is for the manifest.
-
-    Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds something else;
-    StorageError if evaluations cannot be written: what could be stays.
+    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions do not depend on the
+    number of processes, at most ``workers``, nor on where an earlier call was ended. Settings that are stored are not
+    run again. Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds
+    something else; StorageError if evaluations cannot be written: what could be stays.
     """
     demand("tune")
     with locked(folder, "a tuning"):
         prepare()
         _claim(folder, problem, command)
-        stages = problem.stages(workers, lambda done, total: on_progress("drawing training scenes", done, total))
+        tasks = problem.tasks(workers, lambda done, total: on_progress("drawing training scenes", done, total))
         journal = Journal(folder / JOURNAL)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
-        with evaluating(stages, problem.baseline, workers) as evaluate:
+        with evaluating(tasks, workers) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
                 evaluations[law.name].append(evaluation)
         tuning = Tuning(problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws))
@@ -272,11 +263,8 @@ def _evaluations(
         on_progress("evaluating", number, budget.evaluations)
         asked = [(search, search.ask()) for search in searches if number == 0 or search.searched.ranges]
         keys = [(search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked]
-        new = {
-            key: search.searched.setting(options)
-            for key, (search, options) in zip(keys, asked, strict=True)
-            if key not in journal
-        }
+        settings = (search.searched.setting(options) for search, options in asked)
+        new = {key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal}
         for key, judged in zip(new, evaluate(list(new.values())), strict=True):
             journal.add(key, judged)
         for key, (search, options) in zip(keys, asked, strict=True):
@@ -292,9 +280,8 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     if there is None:
         raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
     if there != here:
-        raise ConfigurationError(
-            f"{folder} holds another tuning: {in_words(list(differences(there, here)))}. Give another folder with --out"
-        )
+        other = in_words(list(differences(there, here)))
+        raise ConfigurationError(f"{folder} holds another tuning: {other}. Give another folder with --out")
     manifest = {
         "tuning": here,
         "evaluations": problem.budget.evaluations,

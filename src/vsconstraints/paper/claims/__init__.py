@@ -1,5 +1,5 @@
-"""The paper's claims, one function for each sentence: importing this package registers all of them."""
+"""The paper's claims, one function or formula for each sentence: importing this package registers all of them."""
 
-from . import case_study, experiments, general, planar, sweeps
+from . import experiments, general, simulations
 
-__all__ = ["case_study", "experiments", "general", "planar", "sweeps"]
+__all__ = ["experiments", "general", "simulations"]

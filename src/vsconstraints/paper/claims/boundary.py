@@ -10,7 +10,7 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ..studies import StudyResult
-from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, finding
 
 VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
@@ -40,6 +40,11 @@ def with_sigma(labels: Iterable[str]) -> list[str]:
     return [label for label in labels if not label.startswith("speed")]
 
 
+def greatest_phi(run: Run, labels: Sequence[str]) -> float:
+    """Greatest φ of rows."""
+    return max(float(run.phi(label).max()) for label in labels)
+
+
 def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
     sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
@@ -51,7 +56,7 @@ def fulfilled(run: Run, label: str) -> Finding:
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
     own = with_sigma(labels)
-    phi, sigma = max(run.phi(label).max() for label in labels), greatest_sigma(run, *own)
+    phi, sigma = greatest_phi(run, labels), greatest_sigma(run, *own)
     worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
     most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
     part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MAX_EXCESS and samples <= MAX_POSITIVE_SAMPLES
@@ -72,6 +77,17 @@ def fully_used(run: Run, *labels: str) -> Finding:
     used = [0.0 <= share <= FULLY for share in shares.values()]
     rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
     return finding("fully_used", all(used), any(used), {"rows": rows}, **shares)
+
+
+def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
+    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
+    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
+
+
+def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
+    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
+    ends = zip(ends_of(intervals).values(), ends_of(printed).values(), strict=False)
+    return len(intervals) == len(printed) and all(abs(a - b) <= 0.5 for a, b in ends)
 
 
 class Approach(NamedTuple):
@@ -96,11 +112,11 @@ class Approach(NamedTuple):
         return self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
 
 
-def approaches(run: Run, label: str, gap: float) -> list[Approach]:
+def approaches(run: Run, label: str) -> list[Approach]:
     """Every time the row acts for 3 K or longer."""
     K, speed = run.constraint(label).K, run.approach_speed(label)
     every = []
-    for first, last in run.active_intervals(label, gap=gap):
+    for first, last in run.active_intervals(label, gap=0.3):
         if last - first < 3.0 * K:
             continue
         a, b = (int(np.searchsorted(run.t, time - 0.5 * run.sampling_time)) for time in (first, first + 3.0 * K))
@@ -108,9 +124,9 @@ def approaches(run: Run, label: str, gap: float) -> list[Approach]:
     return every
 
 
-def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
+def smoothly(run: Run, *labels: str) -> Finding:
     """Of ``the boundary is reached smoothly``: every approach of these rows is."""
-    by_row = {label: approaches(run, label, gap) for label in labels}
+    by_row = {label: approaches(run, label) for label in labels}
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
         return finding("never_approached", False, bool(every), {"rows": missing})
@@ -127,6 +143,6 @@ def number(study: StudyResult, *key: str | float) -> float:
     return value
 
 
-def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str | float, float]]:
+def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str, float]]:
     """The first part and the value of each number of a study whose key ends with this."""
-    return ((first, value) for (first, *others), value in study.numbers.items() if tuple(others) == last)
+    return ((str(first), value) for (first, *others), value in study.numbers.items() if tuple(others) == last)

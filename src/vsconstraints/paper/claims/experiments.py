@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import NamedTuple
-
 import numpy as np
 
 from ...comparisons.run import Run
@@ -12,43 +9,23 @@ from ...comparisons.runs.spec import RunSpec
 from ...robots.order_filter import OrderFilter
 from ...rows import BoolArray
 from ..studies import StudyResult
-from ..studies.unselected_experiments import APPLIED, LITTLE, VERY_SIMILAR
-from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, worded
+from ..studies.unselected_experiments import KINDS
+from ..verdicts import Finding, NotMeasured, claim, finding, judged, register_formulas, worded
+from . import boundary
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
-PBVS, IBVS = RunSpec("experiment-1-pbvs"), RunSpec("experiment-2-ibvs")
-
-
-class Experiment(NamedTuple):
-    """One of the two: its run without errors, and the kind of its visibility rows."""
-
-    name: str
-    exact: RunSpec
-    kind: str
-
-    @property
-    def erroneous(self) -> RunSpec:
-        """With the error (49) of the gradient."""
-        return RunSpec(f"{self.exact.name}-gradient-error")
-
-    @property
-    def alone(self) -> RunSpec:
-        """With ∇σ_e in L_gφ alone."""
-        return RunSpec(self.erroneous.name, overrides={"disturbances.gradient_error_in_phi": False})
-
-
-FIRST, SECOND = Experiment("experiment 1", PBVS, "fov"), Experiment("experiment 2", IBVS, "occlusion")
-
-TEN_TIMES = {"task.Kp0": 6.0, "duration": 60.0}
-FASTER_OF = tuple((experiment, Ts) for experiment in (FIRST, SECOND) for Ts in (0.1, 0.01))
+PBVS, IBVS = map(RunSpec, KINDS)
+#: With the error (49) of the gradient.
+PBVS_ERROR, IBVS_ERROR = (RunSpec(f"{scenario}-gradient-error") for scenario in KINDS)
+#: With ten times the gain at zero error, sampled as in the experiments and ten times as fast.
 FASTER = tuple(
-    RunSpec(experiment.exact.name, overrides={**TEN_TIMES, "sampling_time": Ts}, may_end_early=True)
-    for experiment, Ts in FASTER_OF
+    RunSpec(scenario, overrides={"task.Kp0": 6.0, "duration": 60.0, "sampling_time": Ts}, may_end_early=True)
+    for scenario in KINDS
+    for Ts in (0.1, 0.01)
 )
+PBVS_TEN, PBVS_TEN_FASTER, IBVS_TEN, IBVS_TEN_FASTER = FASTER
 
 EXPONENTIAL = 1.1  #: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
-
-PBVS_ERROR, IBVS_ERROR = FIRST.erroneous, SECOND.erroneous
 
 #: Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone.
 CASES = ("plus", "minus", "plus-action")
@@ -77,6 +54,11 @@ def sliding_row(run: Run, kind: str) -> str:
     return max(acting, key=lambda label: int(acts(run, label).sum()))
 
 
+def passes(run: Run, kind: str) -> bool:
+    """Whether it reaches the goal, and every row of a kind keeps its boundary."""
+    return run.trajectory.status == "converged" and clear(run, *run.labels(kind)) >= 0.0
+
+
 def exponentially(run: Run, kind: str) -> Finding:
     """Whether the row that slides is approached no faster than with the time constant K, from when it acts on."""
     label = sliding_row(run, kind)
@@ -96,8 +78,8 @@ def one_marker_slides(run: Run, kind: str) -> Finding:
     least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
     kept = sigma <= 0.0 and least >= 0.0
     good = kept and len(acting) == 1 and share <= FULLY
-    shown = {"acting": acting, "times": times, "apart": np.diff(times).max(initial=0.0), "clear": least}
-    shown["excess"] = excess(run, row)
+    apart = np.diff(times).max(initial=0.0)
+    shown = {"acting": acting, "times": times, "apart": apart, "clear": least, "excess": excess(run, row)}
     return finding("one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting))
 
 
@@ -106,23 +88,6 @@ def reached(run: Run) -> Finding:
     end, values = run.trajectory, {"settling": run.settling_time}
     posed = np.isfinite(end.camera_error[-1, 0])
     return finding("reached", end.status == "converged", False, {"end": end, "posed": posed}, **values)
-
-
-for experiment, slides, smooth, ends in ((FIRST, "6a", "6b", "6c"), (SECOND, "6e", "6f", "6g")):
-    claim(slides, experiment.exact)(partial(one_marker_slides, kind=experiment.kind))
-    claim(smooth, experiment.exact)(partial(exponentially, kind=experiment.kind))
-    claim(ends, experiment.exact)(reached)
-
-
-@claim("6l", *FASTER)
-def _motion_must_be_slow(*runs: Run) -> Finding:
-    """Ten times the gain at zero error, sampled as in the experiments and ten times as fast."""
-    experiments = [experiment for experiment, _ in FASTER_OF]
-    least = [clear(run, *run.labels(one.kind)) for run, one in zip(runs, experiments, strict=True)]
-    good = [run.trajectory.status == "converged" and near >= 0.0 for run, near in zip(runs, least, strict=True)]
-    slow = not good[0] and not good[2]
-    shown = {"runs": list(zip(experiments, runs, least, strict=True))}
-    return finding("6l", slow and good[1] and good[3], slow, shown)
 
 
 @claim("6m", PBVS, IBVS)
@@ -139,94 +104,24 @@ def _integrated_twice(*runs: Run) -> Finding:
     return finding("6m", most <= 1e-9, False, {"places": max(places), "speeds": max(speeds)}, left=most)
 
 
-def in_unselected(study: StudyResult, scenario: str, what: str, here: bool) -> tuple[Verdict, str]:
-    """A verdict on this scene and the unselected ones, and the counts in words."""
+def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
+    """Whether an error in the gradient leaves things as they are, in the shipped scene and in unselected ones."""
     counts, scenes = ([number(study, scenario, case, name) for case in CASES] for name in (what, "scenes"))
     if min(scenes) < SCENES:
         raise NotMeasured(f"the study {UNSELECTED} has {min(scenes):.0f} scenes of {scenario}, fewer than {SCENES}")
     for case, N in zip(CASES, scenes, strict=True):
-        if number(study, scenario, case, "applied") < NEARLY_ALL * N:
+        in_shipped = number(study, scenario, case, "shipped", "applied")
+        if number(study, scenario, case, "applied") < NEARLY_ALL * N or not in_shipped:
             raise NotMeasured(f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?")
     plus, minus, alone = (x / N for x, N in zip(counts, scenes, strict=True))
-    text = worded("unselected", here=here, of=[f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)])
-    both = min(plus, minus)
-    return judged(here and both >= NEARLY_ALL, max(both, alone) >= MOST), text
+    both, here = min(plus, minus), number(study, scenario, CASES[0], "shipped", what) == 1.0
+    shown = {"here": here, "of": [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]}
+    names = ("track_px", "speed_share", "clearance_share")
+    values = {name: number(study, scenario, CASES[0], "shipped", name) for name in names}
+    shown["alone"] = {name: number(study, scenario, CASES[2], "shipped", name) for name in names}
+    good, part = here and both >= NEARLY_ALL, max(both, alone) >= MOST
+    text = f"{worded('unselected', **shown)}. {worded(what, **shown, **values)}"
+    return Finding(judged(good, part), text, values)
 
 
-class Difference(NamedTuple):
-    """How a run with an error in the gradient differs from the one without.
-
-    ``track`` is the greatest distance of a marker at the same time [px], ``speed`` the greatest difference of a joint's
-    speed, ``fastest`` the greatest speed without the error [rad/s], ``sigma`` the greatest σ of a visibility row with
-    it; ``fine`` says that both reach the goal and the boundary is kept, ``same`` that the same marker slides.
-    """
-
-    track: float
-    speed: float
-    fastest: float
-    sigma: float
-    fine: bool
-    same: bool
-
-    @classmethod
-    def between(cls, exact: Run, erroneous: Run, kind: str) -> Difference:
-        """That of two runs; raises NotMeasured if the error shows nowhere."""
-        N = min(len(exact.t), len(erroneous.t))
-        apart = np.linalg.norm(exact.trajectory.features_px[:N] - erroneous.trajectory.features_px[:N], axis=2)
-        if not apart.max() > APPLIED:
-            raise NotMeasured(f"tracks differ by {apart.max():.2g} px: was the error of the gradient applied?")
-        sigma = greatest_sigma(erroneous, *erroneous.labels(kind))
-        return cls(
-            float(apart.max()),
-            float(np.abs(exact.trajectory.qd[:N] - erroneous.trajectory.qd[:N]).max()),
-            float(np.abs(exact.trajectory.qd).max()),
-            sigma,
-            all(run.trajectory.status == "converged" for run in (exact, erroneous)) and sigma <= 0.0,
-            sliding_row(exact, kind) == sliding_row(erroneous, kind),
-        )
-
-    def similar(self, width: float) -> bool:
-        """Whether the runs are very similar in an image of this width [px]."""
-        return self.fine and self.same and self.track <= VERY_SIMILAR * width
-
-    @property
-    def little_speed(self) -> bool:
-        """Whether joint speeds differ only a little."""
-        return self.speed <= LITTLE * self.fastest
-
-
-def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, of: Experiment) -> Finding:
-    """Differences between the runs without and with errors in the gradient, here and in unselected scenes."""
-    width = float(exact.setup.scene.camera.size[0])
-    here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
-    verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
-    statuses = [run.trajectory.status for run in (erroneous, alone)]
-    text = worded("similar", scenes=scenes, here=here, alone=other, statuses=statuses)
-    return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
-
-
-def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, of: Experiment) -> Finding:
-    """Differences of joint speeds, here and in unselected scenes."""
-    here = Difference.between(exact, erroneous, of.kind)
-    verdict, scenes = in_unselected(study, of.exact.name, "little_speed", here.little_speed)
-    values = {"share": here.speed / here.fastest}
-    return Finding(verdict, worded("little_speed", scenes=scenes, here=here, **values), values)
-
-
-for experiment, similar, little in ((FIRST, "6d", "6j"), (SECOND, "6h", "6k")):
-    pair = (experiment.exact, experiment.erroneous)
-    claim(similar, *pair, experiment.alone, UNSELECTED)(partial(very_similar, of=experiment))
-    claim(little, *pair, UNSELECTED)(partial(little_speed_difference, of=experiment))
-
-
-@claim("6i", *(spec for one in (FIRST, SECOND) for spec in (one.exact, one.erroneous)), UNSELECTED)
-def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study: StudyResult) -> Finding:
-    verdicts, experiments = set(), []
-    for experiment, exact, run in ((FIRST, pbvs, pbvs_error), (SECOND, ibvs, ibvs_error)):
-        sigma = Difference.between(exact, run, experiment.kind).sigma
-        seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
-        good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
-        verdict, scenes = in_unselected(study, experiment.exact.name, "satisfactory", good)
-        verdicts.add(verdict)
-        experiments.append((experiment.name, scenes, run, sigma))
-    return finding("6i", verdicts == {"holds"}, verdicts != {"does not hold"}, {"experiments": experiments})
+register_formulas(vars(boundary) | globals())

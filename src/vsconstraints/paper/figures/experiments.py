@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ...comparisons.run import Run
 from ...reports.plots import INK, Sheet, above_legend, line, signal, symbol
-from ...reports.plots.image import tracks
+from ...reports.plots.image import Plane, tracks
 from ...rows import Array
 from ...vision.features import ImagePoints
 from . import lines as paper
-
-VISIBILITY = ("fov", "occlusion")
-DASHED: Any = (0, (4, 2))
-INITIAL, DESIRED = symbol("o", paper.START, label="initial pose"), symbol("x", INK, label="desired pose")
-
-
-def visibility_rows(run: Run) -> list[str]:
-    """Labels of the rows on where markers are in the image."""
-    return [label for label, kind in zip(run.trajectory.labels, run.record.kinds, strict=True) if kind in VISIBILITY]
 
 
 def is_image_based(run: Run) -> bool:
@@ -30,8 +19,11 @@ def is_image_based(run: Run) -> bool:
 
 def image_errors(run: Run) -> Array:
     """(N, 2 m) u₁, v₁, u₂, … minus where the goal wants them [px]."""
-    goal = run.setup.task.goals[-1].pixels
-    return np.asarray((run.trajectory.features_px - goal).reshape(len(run.t), -1))
+    return (run.trajectory.features_px - _goal(run)).reshape(len(run.t), -1)
+
+
+def _goal(run: Run) -> Array:
+    return np.asarray(run.setup.task.goals[-1].pixels)
 
 
 def draw_signals(run: Run) -> Sheet:
@@ -48,7 +40,7 @@ def draw_signals(run: Run) -> Sheet:
         above_legend(errors[0], 8)
     else:
         paper.pose_errors(errors, run, legend=above_legend)
-    qdd, rows = run.trajectory.qdd_command, visibility_rows(run)
+    qdd, rows = run.trajectory.qdd_command, [*run.labels("fov"), *run.labels("occlusion")]
     names = [rf"$\ddot{{q}}_{{c{k + 1}}}$" for k in range(qdd.shape[1])]
     paper.signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
     above_legend(action, len(names))
@@ -63,32 +55,23 @@ def draw_signals(run: Run) -> Sheet:
     return sheet
 
 
-def _poses(ax: Any, run: Run) -> None:
-    """Where markers start, and where the goal wants them."""
-    ax.plot(*run.setup.task.goals[-1].pixels.T, **DESIRED, zorder=6.3)
-    ax.plot(*run.trajectory.features_px[0].T, **INITIAL, zorder=6.2)
-
-
 def draw_tracks(run: Run) -> Sheet:
-    """Figs. 15 and 18: tracks in the image, and the target as the camera sees it in the desired pose."""
+    """Figs. 15 and 18: tracks in the image, and the target at the start and in the desired pose."""
     sheet = Sheet(paper.LEFT)
-    ax = paper.image_view(sheet, run, 3.75)
-    pixels, entries = run.trajectory.features_px, []
-    for corners, colour in ((pixels[0], paper.START), (run.setup.task.goals[-1].pixels, INK)):
-        ax.plot(*corners[[*range(len(corners)), 0]].T, color=colour, linewidth=1.0, linestyle=(0, (2, 2)), zorder=3.5)
-    for i, start in enumerate(pixels[0]):
-        paper.track(ax, run, i, color=paper.COLOURS[i])
-        ax.annotate(str(i + 1), start, (7, 5), textcoords="offset points", fontsize=8.5, zorder=7)
-        entries.append(line(f"marker {i + 1}", paper.COLOURS[i]))
-    _poses(ax, run)
-    sheet.side_legend([*entries, INITIAL, DESIRED, *paper.boundaries(run)])
+    (ax,) = sheet.views(paper.image_size(run, 3.75))
+    entries = paper.draw_tracks(ax, run)
+    for name, corners, colour in (("start", run.trajectory.features_px[0], paper.GREEN), ("goal", _goal(run), INK)):
+        look = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
+        ax.plot(*corners[[*range(len(corners)), 0]].T, **look, zorder=3.5)
+        entries.append(look)
+    sheet.side_legend(entries)
     return sheet
 
 
 def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
     """Figs. 16 and 19: without and with errors in the gradient vector."""
-    looks = (line("no errors", paper.BLUE), line("30 % error in the gradient", paper.MAGENTA, DASHED))
-    runs = ((exact, {"color": paper.BLUE}), (erroneous, {"color": paper.MAGENTA, "linestyle": DASHED}))
+    looks = (line("no errors", paper.BLUE), line("30 % error in the gradient", paper.MAGENTA, paper.DASHED))
+    runs = ((exact, {"color": paper.BLUE}), (erroneous, {"color": paper.MAGENTA, "linestyle": paper.DASHED}))
     sheet = Sheet(paper.LEFT)
     if is_image_based(exact):
         sheet.legend(looks)
@@ -98,11 +81,13 @@ def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
                 signal(ax, run.t, values, **look, linewidth=1.2)
         paper.over_time(ax, exact, "visual feature errors [px]")
     else:
-        ax = paper.image_view(sheet, exact, 3.0)
+        (ax,) = sheet.views(paper.image_size(exact, 3.0))
+        plane = Plane.of(exact.setup)
+        plane.draw(ax)
         for run, look in runs:
             tracks(ax, run.trajectory.features_px, **look, linewidth=1.8, zorder=4)
-        _poses(ax, exact)
-        sheet.side_legend([*looks, INITIAL, DESIRED, *paper.boundaries(exact)])
+        ax.plot(*exact.trajectory.features_px[0].T, **symbol("o", *paper.START), zorder=6.2)
+        sheet.side_legend([*looks, symbol("o", *paper.START, label="start"), *plane.entries("boundary")])
     speeds = sheet.panels(exact.trajectory.qd.shape[1], 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", ""))
     for k, ax in enumerate(speeds):
         for run, look in runs:

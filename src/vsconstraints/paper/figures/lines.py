@@ -1,12 +1,14 @@
-"""What the paper's figures have in common: its colours, signals over time, tracks with symbols at their ends."""
+"""What the paper's figures have in common: colours, signals over time, tracks with symbols at their ends."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from ...comparisons.run import Run
-from ...reports.plots import INK, Sheet, inside_legend, signal, symbol, time_axis, zero_line
+from ...reports.plots import INK, inside_legend, line, signal, symbol, time_axis, zero_line
 from ...reports.plots.image import Plane
 from ...rows import Array
 
@@ -16,37 +18,44 @@ COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")
 BLUE, MAGENTA, GREEN = COLOURS[:3]
 RED, CYAN = "#D42A2A", "#00A0C6"
 BAND = "#DCE6FA"
-#: The paper's light green of starting positions.
-START = "#86DC6A"
+#: Face and edge of symbols at the start, at the end of the first phase, and at the end.
+START, SWITCH, END = ("#86DC6A", INK), ("white", INK), (INK, "white")
+DASHED: Any = (0, (4, 2))
 
-DASHES = ("-", "--", ":")
 PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Of an error of the camera's pose.
 
 LEFT = 0.85
 
 
-def image_view(sheet: Sheet, run: Run, height: float, upwards: bool = False) -> Any:
-    """Axes of the whole image, with what constrains markers in it."""
-    plane = Plane.of(run.setup)
-    (ax,) = sheet.views((height * plane.size[0] / plane.size[1], height))
-    plane.draw(ax, upwards=upwards)
-    return ax
-
-
-def boundaries(run: Run, boundary: str = "boundary") -> list[dict[str, Any]]:
-    """Legend entries of the image and what is forbidden in it."""
-    return Plane.of(run.setup).entries(boundary)
-
-
 def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
-    """The path of a marker (counted from 0) in the image."""
-    ax.plot(*run.trajectory.features_px[:, marker].T, **{"linewidth": 2.0, "zorder": 4, **look})
+    """The path of a marker (counted from 0) in the image, with symbols at its start and at the end of each phase."""
+    pixels = run.trajectory.features_px[:, marker]
+    mark = ("o", "*" if run.trajectory.features_px.shape[1] == 2 else "^", "s", "*")[marker]
+    ax.plot(*pixels.T, **{"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look})
+    for k in [int(np.searchsorted(run.t, goal.from_time - 1e-9)) for goal in run.setup.task.goals[1:]]:
+        ax.plot(*pixels[k], **symbol(mark, *SWITCH), zorder=5.9)
+    ax.plot(*pixels[-1], **symbol(mark, *END), zorder=6)
+    ax.plot(*pixels[0], **symbol(mark, *START), zorder=6.2)
 
 
-def ends(ax: Any, pixels: Array, marker: int, mark: str) -> None:
-    """Symbols where a marker starts and ends, from the markers' pixels (N, M, 2)."""
-    ax.plot(*pixels[-1, marker], **symbol(mark, INK, "white"), zorder=6)
-    ax.plot(*pixels[0, marker], **symbol(mark, START), zorder=6.2)
+def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]]:
+    """The whole image with the paths of all markers; returns entries for a legend."""
+    plane, count = Plane.of(run.setup), run.trajectory.features_px.shape[1]
+    plane.draw(ax, upwards=upwards)
+    for i in range(count):
+        track(ax, run, i)
+    entries = [line(f"feature {i + 1}", COLOURS[i]) for i in range(count)]
+    shown = {"start": START, "end of phase 1": SWITCH, "end": END}
+    if len(run.setup.task.goals) == 1:
+        del shown["end of phase 1"]
+    entries += [symbol("o", *colours, label=name) for name, colours in shown.items()]
+    return [*entries, *plane.entries("boundary")]
+
+
+def image_size(run: Run, height: float) -> tuple[float, float]:
+    """Of axes for the image [in]."""
+    width, tall = map(float, run.setup.scene.camera.size)
+    return height * width / tall, height
 
 
 def over_time(ax: Any, run: Run, label: str = "") -> None:
@@ -69,7 +78,7 @@ def pose_errors(
     kinds = (("position\nerror [m]", (0, 1, 2)), ("orientation\nerror [rad]", (3, 4, 5)))
     for ax, (label, own) in zip(panels, kinds, strict=True):
         shown = [part for part in own if part in parts]
-        for part, dash in zip(shown, DASHES, strict=False):
+        for part, dash in zip(shown, ("-", "--", ":"), strict=False):
             look = {"color": (BLUE, MAGENTA, RED)[part % 3], "linestyle": dash, "label": f"$e_{{{PARTS[part]}}}$"}
             signal(ax, run.t, run.trajectory.error[:, part], **look)
         over_time(ax, run, label)

@@ -1,4 +1,4 @@
-"""Laws that studies compare, and figures of studies, drawn as ``studies.toml`` says."""
+"""Figures of studies, drawn as ``studies.toml`` says."""
 
 from __future__ import annotations
 
@@ -9,33 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec
-from ...reports.plots import INK, REFERENCE, Look, Sheet, darker, logarithmic, looks, widths
-from .points import Numbers, Points, about, ended_early, grouped, scenario_title, where
-
-
-def potential_field(blend: str, region: float = 0.2, strength: float = 1.0) -> ControllerSpec:
-    """A potential field; the default region is that of studies that do not vary it."""
-    name = "potential-field" if blend == "additive" else f"potential-field-{blend}"
-    options = {"blend": blend, "region": region} | ({"strength": strength} if strength != 1.0 else {})
-    return ControllerSpec(name, "potential-field", options)
-
-
-def hierarchical_qp(alpha: float = 20.0) -> ControllerSpec:
-    """The hierarchical QP with barrier rows of rate α [1/s]; the default is that of studies that do not vary it."""
-    return ControllerSpec("hierarchical-qp", options={"rows": "barrier", "alpha": alpha})
-
-
-ACTIVE_QP = ControllerSpec("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
-
-#: Every law that studies compare with its usual options, by name.
-LAWS: dict[str, ControllerSpec] = {
-    law.name: law
-    for law in (SLIDING_MODE, potential_field("additive"), potential_field("priority"), hierarchical_qp(), ACTIVE_QP)
-}
-
-LOOKS: dict[str, Look] = looks(["tracking", *LAWS])
-DASHED = {name: REFERENCE[name] for name in ("linestyle", "linewidth")}
+from ...reports.plots import INK, REFERENCE, Sheet, darker, logarithmic, widths
+from ...reports.plots.style import LOOKS
+from .tables import Numbers, Points, about, ended_early, grouped, scenario_title, where
 
 
 def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Sheet:
@@ -44,11 +20,12 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
     Below a legend there is for each of the ``measures`` a row of panels, one for each scenario; with ``columns`` in the
     ``layout`` one panel for each measure, and so many in a row. The layout gives the left margin, the height of panels
     and what is between them in inches, and of the horizontal axis the column ``x``, its label (``below``), ``limits``
-    and, if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is drawn there. A measure is
-    logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it has a ``label`` or a ``title``, and may
-    have ``ticks``, horizontal ones too (``below``), a ``level`` to compare with, a ``margin``, or limits: ``low``, and
-    ``top`` or ``headroom`` times what the data reach, the ``same`` in all panels. What differs between scenarios is a
-    table by scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see :class:`Series`.
+    (or only the last one) and, if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is
+    drawn there. A measure is logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it has a ``label``
+    or a ``title``, and may have ``ticks``, horizontal ones too (``below``), a ``level`` to compare with, a ``margin``,
+    or limits: ``low``, and ``top`` or ``headroom`` times what the data reach, the ``same`` in all panels. What differs
+    between scenarios is a table by scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see
+    :class:`Series`.
     """
     layout, measures = table["layout"], table["measures"]
     series = list(all_series(table, points, numbers))
@@ -63,14 +40,29 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
     size = {"height": layout["height"], "gap": layout.get("gap", 0.7), "labels": (layout["below"], "")}
     axes = dict(zip(places, sheet.panels(len(places), layout.get("columns", len(scenarios)), **size), strict=True))
     for (name, scenario), ax in axes.items():
-        own, across = (_in(scenario, given) for given in (measures[name], layout))
+        own = {key: value[scenario] if isinstance(value, dict) else value for key, value in measures[name].items()}
         if scenario == scenarios[0] or own != measures[name]:
             ax.set_ylabel(own.get("label", ""))
         ax.set_title(scenario_title(scenario) if scenario and name == next(iter(measures)) else own.get("title", ""))
         for one in series:
             if name in one.layer.get("on", measures):
                 one.draw(ax, layout, name, scenario)
-        _scale(ax, across, own)
+        ticks = own.get("below", layout.get("ticks"))
+        if ticks is not None:
+            logarithmic(ax.xaxis, ticks)
+        if not own.get("linear"):
+            logarithmic(ax.yaxis, own.get("ticks"), own.get("linear_below"))
+        if "limits" in layout:
+            *first, last = layout["limits"]
+            ax.set_xlim(*(first or ax.get_xlim()[1:]), last)
+        if "names" in layout:
+            ax.set_xticks(ticks, layout["names"])
+        ax.margins(layout.get("margin"), own.get("margin"))
+        if "level" in own:
+            ax.axhline(own["level"], **REFERENCE)
+        if "low" in own:
+            reached = own.get("headroom", 1.0) * ax.get_ylim()[1]
+            ax.set_ylim(own["low"], max(reached, own.get("top", 0.0)))
     for name in [name for name, measure in measures.items() if measure.get("same")]:
         row = [ax for place, ax in axes.items() if place[0] == name]
         top = max(ax.get_ylim()[1] for ax in row)
@@ -79,36 +71,13 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
     return sheet
 
 
-def _in(scenario: str | None, given: Mapping[str, Any]) -> dict[str, Any]:
-    """What is given for a scenario, or for all of them."""
-    return {key: value[scenario] if isinstance(value, dict) else value for key, value in given.items()}
-
-
-def _scale(ax: Any, layout: Mapping[str, Any], measure: Mapping[str, Any]) -> None:
-    """Scales, ticks and limits of a panel, once everything is drawn."""
-    ticks = measure.get("below", layout.get("ticks"))
-    if ticks is not None:
-        logarithmic(ax.xaxis, ticks)
-    if not measure.get("linear"):
-        logarithmic(ax.yaxis, measure.get("ticks"), measure.get("linear_below"))
-    if "limits" in layout:
-        ax.set_xlim(*layout["limits"])
-    if "names" in layout:
-        ax.set_xticks(ticks, layout["names"])
-    ax.margins(layout.get("margin"), measure.get("margin"))
-    if "level" in measure:
-        ax.axhline(measure["level"], **REFERENCE)
-    if "low" in measure:
-        reached = measure.get("headroom", 1.0) * ax.get_ylim()[1]
-        ax.set_ylim(measure["low"], max(reached, measure.get("top", 0.0)))
-
-
 class Series(NamedTuple):
     """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the layer.
 
-    Its points are those ``where`` columns have values, or the ``numbers`` about so many of the first varied fields,
-    all together or ``by`` a column. They are joined by a line if their ``kind`` is not ``level`` (a line across the
-    panel), ``below`` (what lies below it is shaded) or ``crosses`` (near the upper edge, of runs that failed); ``y`` is
+    Its points are those ``where`` columns have values, ``without`` those that have others, or the ``numbers`` about so
+    many of the first varied fields, all together or ``by`` a column. They are joined by a line if their ``kind`` is not
+    ``level`` (a line across the panel), ``below`` (what lies below it is shaded), ``crosses`` (near the upper edge, of
+    runs that failed), ``edge`` (at the left edge) or ``distribution`` (against the share of points with less); ``y`` is
     the measure if not another column. They look as a law does, as the table's ``looks`` or the layer's ``palette`` and
     ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
     """
@@ -120,7 +89,7 @@ class Series(NamedTuple):
 
     def draw(self, ax: Any, layout: Mapping[str, Any], measure: str, scenario: str | None) -> None:
         """Draw it into the panel of a measure and of a scenario, or of all of them."""
-        x, y, kind = layout["x"], self.layer.get("y", measure), self.layer.get("kind")
+        x, y, kind = layout.get("x", ""), self.layer.get("y", measure), self.layer.get("kind")
         points = where(self.points, scenario=scenario) if scenario else self.points
         if kind == "crosses":
             shift = self.layer.get("shift", {}).get(self.name, 0.0)
@@ -134,6 +103,13 @@ class Series(NamedTuple):
         if kind in ("level", "below"):
             for point in finite:
                 ax.axhline(point[y], **self.look) if kind == "level" else ax.axvspan(point[y], 1e-9, **self.look)
+            return
+        if kind in ("distribution", "edge"):
+            values = [p[y] for p in finite]
+            if kind == "edge":
+                ax.plot([0.02] * len(values), values, transform=ax.get_yaxis_transform(), **self.look)
+            elif values:
+                ax.ecdf(values + [math.inf] * (len(points) - len(finite)), orientation="horizontal", **self.look)
             return
         least = layout.get("least", -math.inf)
         pairs = sorted((max(p[x], least), p[y]) for p in finite if math.isfinite(p[x]))
@@ -149,22 +125,20 @@ def all_series(table: Mapping[str, Any], points: Points, numbers: Numbers) -> It
             keys = dict.fromkeys(key[:-1] for key in numbers if len(key) == count + 1)
             of = [dict(zip(table["varied"], key, strict=False)) | about(numbers, *key) | {"status": ""} for key in keys]
         own = where(of, **layer.get("where", {}))
+        own = [point for point in own if point not in where(own, **layer["without"])] if "without" in layer else own
         groups = grouped(own, layer["by"]) if "by" in layer else {"": own}
         names = [name for name in looks if name in groups] or [name for name in groups if name or "by" not in layer]
-        thinner = widths(names, *layer["widths"]) if "widths" in layer else {}
+        thinner = widths(names, *layer["widths"]) if "widths" in layer else dict.fromkeys(names, 1.4)
         for k, name in enumerate(names):
-            look = {"linewidth": thinner.get(name, 1.4)} | _look(layer, looks.get(name, {}), name, k)
-            look |= DASHED if layer.get("reference") else {}
+            look: dict[str, Any] = {}
+            if layer.get("kind") != "below":
+                look = {"linewidth": thinner[name], "color": INK, "markersize": 5.0, "label": scenario_title(name)}
+                look |= looks.get(name, {})
+                if law := LOOKS.get(look.pop("law", name)):
+                    look |= {"color": law.colour, "marker": law.marker}
+                if "palette" in layer:
+                    look["color"], look["marker"] = layer["palette"][k]
+                look = {"markeredgecolor": darker(look["color"]), "markeredgewidth": 0.6, **look}
+            if layer.get("reference"):
+                look |= {key: REFERENCE[key] for key in ("linestyle", "linewidth")}
             yield Series(name, groups[name], look | layer.get("look", {}), layer)
-
-
-def _look(layer: Mapping[str, Any], look: Mapping[str, Any], name: str, k: int) -> dict[str, Any]:
-    """How the ``k``-th series of a layer looks, which has a name and maybe a look of its own."""
-    if layer.get("kind") == "below":
-        return {}
-    full = {"color": INK, "markersize": 5.0, "label": scenario_title(name), **look}
-    if law := LOOKS.get(full.pop("law", name)):
-        full |= {"color": law.colour, "marker": law.marker}
-    if "palette" in layer:
-        full["color"], full["marker"] = layer["palette"][k]
-    return {"markeredgecolor": darker(full["color"]), "markeredgewidth": 0.6} | full

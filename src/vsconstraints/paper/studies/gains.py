@@ -1,128 +1,80 @@
-"""How large the switching gain must be, and how the chattering band shrinks with the sampling time."""
+"""How large the switching gain must be, beside moving obstacles too, and how the band shrinks with the period."""
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
-from . import points as data
-from .points import Numbers, Points
-from .study import Sweep
+from ...scenarios import Scenario
+from .study import Found, Results, Sweep
 from .summary import RunSummary
+from .tables import TABLES, Points, greatest, grouped, smallest_gain, where
 
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
-#: What can be required of a switching gain, and the outcome that is enough for it.
-ENOUGH = {"allowed": "beyond band", "in_band": "band, not sliding", "sliding": "sliding"}
+#: What can be required of a switching gain, and the outcomes that are enough for it.
+ENOUGH = {"allowed": OUTCOMES[2:], "in_band": OUTCOMES[3:], "sliding": OUTCOMES[4:]}
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
+OBSTACLES: dict[str, dict[str, Any]] = TABLES["non-static"]["obstacles"]
+#: Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept.
+KEPT: float = TABLES["non-static"]["limits"]["depth"]
 
 
-class SwitchingGain(Sweep):
-    """The first example with ever faster motion, and a grid of switching gains for each speed.
-
-    Three things can be required of a switching gain, each more than the one before: that σ ≤ 0 holds, that φ stays
-    within the band (43), and that φ is back below zero after one sample, as in a sliding mode. Condition (12) promises
-    that φ falls while its row is active. While it is inactive, tracking moves φ at up to L_fφ + L_gφ q̈, so that one
-    sample is enough to come back if u⁺ exceeds L_fφ by as much.
-    """
-
-    name = "switching-gain"
-
-    def spec(self, case: Any) -> RunSpec:
-        """The run of a case: K_p(0) [1/s²], and u⁺."""
-        overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
-        return RunSpec("example-2d-fov", overrides=overrides)
-
-    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
-        """Its outcome, the band, and what u⁺ must exceed to be back after one sample."""
-        band = run.Ts * case.switching_gain
-        outcome = "sliding" if run.longest_run <= 1 else "band, not sliding"
-        if run.ended_early:
-            outcome = "failed"
-        elif run.value("violation_depth") > 0.0:
-            outcome = "violated"
-        elif run.phi_max > band:
-            outcome = "beyond band"
-        bound = run.needed_gain + max(run.entry_push, 0.0)
-        return {"outcome": outcome, "band_bound": band, "bound_sampled": bound}
-
-    def numbers(self, points: Points) -> Numbers:
-        """For every speed the bounds and the smallest gains that are enough; and how many runs above (12) are so."""
-        numbers: Numbers = {}
-        for Kp0, own in data.grouped(points, "Kp0").items():
-            numbers |= data.keyed({name: _bound(own, name) for name in ("bound_12", "bound_sampled")}, Kp0)
-            for name, outcome in ENOUGH.items():
-                smallest = data.smallest_enough(own, "switching_gain", partial(_reaches, outcome=outcome))
-                numbers[Kp0, f"smallest_{name}"] = smallest
-        # along its own motion; without an active row there is no bound to exceed
-        below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
-        above = [point for point in points if point not in below]
-        for side, own in (("above_bound", above), ("below_bound", below)):
-            count = {f"{side}_{name}": sum(_reaches(p, outcome) for p in own) for name, outcome in ENOUGH.items()}
-            numbers |= data.keyed({side: len(own), **count})
-        return numbers
+def _gain_spec(case: Any) -> RunSpec:
+    """K_p(0) in 1/s², and u⁺."""
+    overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
+    return RunSpec("example-2d-fov", overrides=overrides)
 
 
-def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
-    """Whether a run's outcome is this one or better."""
-    return OUTCOMES.index(point["outcome"]) >= OUTCOMES.index(outcome)
+def _gain_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    """Its outcome, the band, and what u⁺ must exceed to be back after one sample."""
+    band = run.Ts * case.switching_gain
+    outcome = "sliding" if run.longest_run <= 1 else "band, not sliding"
+    if run.ended_early:
+        outcome = "failed"
+    elif run.value("violation_depth") > 0.0:
+        outcome = "violated"
+    elif run.phi_max > band:
+        outcome = "beyond band"
+    return [{"outcome": outcome, "band_bound": band, "bound_sampled": run.needed_gain + max(run.entry_push, 0.0)}]
 
 
-def _bound(points: Points, column: str) -> float:
-    """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
-    sliding = data.where(points, outcome="sliding")
-    return data.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
+def _gain_numbers(points: Points) -> Found:
+    """For every speed the bounds and the smallest gains that are enough; and how many runs above (12) are so."""
+    numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
+    for Kp0, own in grouped(points, "Kp0").items():
+        # the greatest along the runs that slide, or along the one with the largest gain if none does
+        bounding = where(own, outcome="sliding") or [max(own, key=lambda point: float(point["switching_gain"]))]
+        numbers[Kp0,] = {name: greatest(bounding, name) for name in ("bound_12", "bound_sampled")}
+        numbers[Kp0,] |= {f"smallest_{name}": smallest_gain(own, outcomes) for name, outcomes in ENOUGH.items()}
+    # along its own motion; without an active row there is no bound to exceed
+    below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
+    above = [point for point in points if point not in below]
+    numbers[()] = {"above_bound": len(above), "below_bound": len(below)}
+    for side, own in (("above_bound", above), ("below_bound", below)):
+        numbers[()] |= {f"{side}_{name}": len(where(own, outcome=[*good])) for name, good in ENOUGH.items()}
+    return numbers
 
 
-class SamplingTime(Sweep):
-    """The sliding-mode law with different sampling times, nothing else changed.
+#: The first example with ever faster motion, and a grid of switching gains for each speed. Three things can be required
+#: of a switching gain, each more than the one before: that σ ≤ 0 holds, that φ stays within the band (43), and that φ
+#: is back below zero after one sample, as in a sliding mode. Condition (12) promises that φ falls while its row is
+#: active. While it is inactive, tracking moves φ at up to L_fφ + L_gφ q̈, so that one sample is enough to come back if
+#: u⁺ exceeds L_fφ by as much.
+SWITCHING_GAIN = Sweep("switching-gain", _gain_spec, _gain_lines, _gain_numbers)
 
-    (43) bounds one step of the constraint action alone: T_s u⁺. In the last sample before a row becomes active,
-    tracking moves φ by up to T_s (L_fφ + L_gφ q̈): that is what the band has above zero, and the sum is what to expect.
-    """
 
-    name = "sampling-time"
-
-    def spec(self, case: Any) -> RunSpec:
-        """The run of a case."""
-        return RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3})
-
-    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
-        """Its band and what is expected of it."""
-        bound = run.value("phi_band_bound")
-        bands = {"band": run.value("phi_band"), "bound_43": bound, "band_expected": bound + run.Ts * run.entry_push}
-        return {"row": "", **bands}
-
-    def points(self, results: Mapping[Any, RunSummary]) -> Points:
-        """A line of data for each run, and for each row of the case study that was active."""
-        points: Points = []
-        for case, run in results.items():
-            points.append(self.point(case, run, self.line(case, run, results)))
-            if case.scenario == ROW_SCENARIO:
-                rows = [row for row in run.rows.values() if row["active_time_s"] > 0]
-                points += [self.point(case, run, _row(row, run.Ts)) for row in rows]
-        return points
-
-    def numbers(self, points: Points) -> Numbers:
-        """How bands grow, for each scenario; how far and how long the rows of the case study are above zero."""
-        numbers: Numbers = {}
-        for scenario in BAND_SCENARIOS:
-            own = [p for p in data.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
-            if own:
-                numbers |= data.keyed(_growth(own), scenario)
-                numbers |= {(scenario, "band", point["Ts_ms"]): point["band"] for point in own}
-        if rows := [point for point in points if point["row"]]:
-            longest = max(rows, key=lambda point: point["longest_run"])
-            found = {"longest_run": longest["longest_run"]}
-            found["longest_run_ms"] = longest["longest_run"] * longest["Ts_ms"]
-            found["greatest_overshoot"] = data.greatest(rows, "relative_overshoot")
-            numbers |= data.keyed(found, ROW_SCENARIO)
-        return numbers
+def _time_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    """The run's band and what is expected of it; and each row of the case study that was active."""
+    bound = run.value("phi_band_bound")
+    bands = {"band": run.value("phi_band"), "bound_43": bound, "band_expected": bound + run.Ts * run.entry_push}
+    rows = run.rows.values() if case.scenario == ROW_SCENARIO else ()
+    return [{"row": "", **bands}, *(_row(row, run.Ts) for row in rows if row["active_time_s"] > 0)]
 
 
 def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
@@ -137,6 +89,23 @@ def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
     }
 
 
+def _time_numbers(points: Points) -> Found:
+    """How bands grow, for each scenario; how far and how long the rows of the case study are above zero."""
+    numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
+    for scenario in BAND_SCENARIOS:
+        if own := [p for p in where(points, scenario=scenario, row="") if math.isfinite(p["band"])]:
+            numbers[scenario,] = _growth(own)
+            numbers[scenario, "band"] = {point["Ts_ms"]: point["band"] for point in own}
+    if rows := [point for point in points if point["row"]]:
+        longest = max(rows, key=lambda point: float(point["longest_run"]))
+        numbers[ROW_SCENARIO,] = {
+            "longest_run": longest["longest_run"],
+            "longest_run_ms": longest["longest_run"] * longest["Ts_ms"],
+            "greatest_overshoot": greatest(rows, "relative_overshoot"),
+        }
+    return numbers
+
+
 def _growth(points: Points) -> dict[str, float]:
     """The bands of a scenario beside what is expected of them, and how they grow with the sampling time."""
     names = ("Ts_ms", "band", "bound_43", "band_expected")
@@ -145,6 +114,76 @@ def _growth(points: Points) -> dict[str, float]:
         "least_excess": (band / bound).min(),
         "greatest_excess": (band / bound).max(),
         "greatest_share_of_expected": (band / expected).max(),
-        "longest_run": data.greatest(points, "longest_run"),
+        "longest_run": greatest(points, "longest_run"),
     }
     return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})
+
+
+#: The sliding-mode law with different sampling times, nothing else changed. (43) bounds one step of the constraint
+#: action alone: T_s u⁺. In the last sample before a row becomes active, tracking moves φ by up to T_s (L_fφ + L_gφ q̈):
+#: that is what the band has above zero, and the sum is what to expect.
+SAMPLING_TIME = Sweep(
+    "sampling-time",
+    lambda case: RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3}),
+    _time_lines,
+    _time_numbers,
+)
+
+
+def _constraint(case: Any) -> dict[str, Any]:
+    """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the meeting time."""
+    obstacle = OBSTACLES[case.scenario]
+    table: dict[str, Any] = copy.deepcopy(Scenario.load(case.scenario).tables["constraints"][0])
+    velocity = np.array(table["motion"]["velocity"])
+    shape = table.get("curve", table)
+    start = np.array(shape[obstacle["place"]]) + (1.0 - case.speed) * obstacle["meeting"] * velocity
+    shape[obstacle["place"]] = start.round(6).tolist()
+    table["motion"] = {"velocity": (case.speed * velocity).round(6).tolist(), "known": case.known}
+    table["switching_gain"] = case.switching_gain
+    return table
+
+
+def _obstacle_spec(case: Any) -> RunSpec:
+    duration = OBSTACLES[case.scenario]["duration"]
+    return RunSpec(case.scenario, overrides={"constraints": [_constraint(case)], "duration": duration})
+
+
+def _obstacle_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    """Its outcome, how deep the obstacle is entered, and K times its speed."""
+    table, factor = _constraint(case), OBSTACLES[case.scenario]["factor"]
+    depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
+    outcome = "kept" if run.value("violation_depth") <= KEPT else "violated"
+    return [
+        {
+            "outcome": "failed" if run.ended_early else outcome,
+            "depth": factor * depth,
+            "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
+        }
+    ]
+
+
+def _obstacle_numbers(points: Points) -> Found:
+    """For every speed the bound, the smallest gain that is enough, the cost of not knowing."""
+    numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
+    above: Points = []
+    for key, own in grouped(points, "scenario", "speed").items():
+        known = where(own, known=True)
+        unknown = next(iter(where(own, known=False)), {"switching_gain": math.nan, "depth": math.nan})
+        same = where(known, switching_gain=unknown["switching_gain"])
+        largest = max(known, key=lambda point: float(point["switching_gain"]))  # whose bound is the speed's
+        numbers[key] = {
+            "bound_12": largest["bound_12"],
+            "smallest_kept": smallest_gain(known, ["kept"]),
+            "depth_known": same[0]["depth"] if same else math.nan,
+            "depth_unknown": unknown["depth"],
+            "depth_expected": largest["depth_expected"],
+        }
+        above += [p for p in known if p["switching_gain"] > largest["bound_12"] and p["outcome"] != "failed"]
+    return {**numbers, (): {"above_bound": len(above), "above_bound_kept": len(where(above, outcome="kept"))}}
+
+
+#: The sliding-mode law with obstacles that move at different speeds, known and unknown. The obstacle is the only
+#: constraint. It is displaced so that it is at the same place at one time whatever its speed, and stands there if the
+#: speed is zero. Claim: ∂φ/∂t only changes the bound (12) on u⁺ (section 5.4). A controller that takes the obstacle for
+#: static keeps σ + K (σ̇ − ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its speed.
+NON_STATIC = Sweep("non-static", _obstacle_spec, _obstacle_lines, _obstacle_numbers)

@@ -12,25 +12,24 @@ import numpy as np
 
 from ...comparisons.record import RunRecord
 from ...comparisons.run import kept_file, perform, unfinished
+from ...comparisons.runs.files import write_arrays
 from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
-from .gains import SamplingTime, SwitchingGain
-from .gradient_errors import GradientErrors
-from .moving_obstacles import NonStatic
-from .potential_fields import Pareto, ShrinkingRegion
+from .gains import NON_STATIC, SAMPLING_TIME, SWITCHING_GAIN
+from .laws import GRADIENT_ERROR, PARETO, SHRINKING_REGION
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
-from .unselected_experiments import UnselectedExperiments
+from .unselected_experiments import UNSELECTED_EXPERIMENTS
 
 Progress = Callable[[int, int], None]  #: Called with the number of runs done and their total.
 
-_SHIPPED = (ShrinkingRegion, SwitchingGain, SamplingTime, GradientErrors, Pareto, NonStatic, UnselectedExperiments)
+_SHIPPED: tuple[Study, ...] = (SHRINKING_REGION, SWITCHING_GAIN, SAMPLING_TIME, GRADIENT_ERROR, PARETO, NON_STATIC)
 #: Studies by the name files and the command line use.
-STUDIES: dict[str, Study] = {study.name: study() for study in _SHIPPED}
+STUDIES = {study.name: study for study in (*_SHIPPED, UNSELECTED_EXPERIMENTS)}
 #: Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only where named.
 CAMPAIGNS = ("real-world",)
 
@@ -56,29 +55,11 @@ def run_studies(
     formats: Formats = PNG,
     kept: Path | None = None,
 ) -> dict[str, StudyResult]:
-    """Run studies and write a figure and a table of each.
+    """Run ``studies``, or those that are named, and write figure and table of each below ``folder`` if it is given.
 
-    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that does.
-
-    Parameters
-    ----------
-    names
-        Which of ``studies``; all if None or empty.
-    folder
-        ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
-    workers
-        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
-    small
-        A few short runs of each study instead of all.
-    formats
-        File formats of the figures.
-    kept
-        Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
-
-    Raises
-    ------
-    ConfigurationError
-        for unknown names, and if the folder cannot be created.
+    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that does. ``workers`` is
+    the greatest number of processes; with ``small`` a few short runs stand for all; finished runs are ``kept`` there
+    until all are, or below the folder. Raises ConfigurationError for unknown names, and if the folder cannot be made.
     """
     for name in names or ():
         if name not in studies:
@@ -127,7 +108,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
                 performed.record.save(kept_file(kept, run))
         summary = summarise(performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
     with suppress(OSError):
-        summary.save(file)
+        write_arrays(file, vars(summary), compressed=False)
     return summary
 
 
@@ -137,9 +118,7 @@ def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | No
     try:
         result, doing = study.evaluate(summaries), "figure"
         if folder is not None:
-            columns = list(dict.fromkeys(column for point in result.points for column in point))
-            lines = [{column: point.get(column, "") for column in columns} for point in result.points]
-            write_table(data_file(folder, study.name), columns, lines)
+            write_table(data_file(folder, study.name), list(next(iter(result.points), {})), result.points)
             for suffix in formats:
                 study.draw(result, figure_file(folder, study.name, (suffix,)))
     except Exception as error:

@@ -5,21 +5,25 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import Figure, Sheet
-from ..texts import filled
+from ..verdicts import filled
 from .drawing import sweep_figure
-from .points import TABLES, Numbers, Points, about
 from .summary import RunSummary
+from .tables import TABLES, Numbers, Points, about
 
 Case = Hashable  #: Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply.
+Results = Mapping[Any, RunSummary]  #: Of a study's runs, by their cases.
+#: From what numbers are about to these numbers by name.
+Found = Mapping[tuple[Any, ...], Mapping[Any, float]]
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class StudyResult:
 class Study(ABC):
     """A question, the runs that answer it, and one figure; listed in :data:`vsconstraints.paper.studies.STUDIES`."""
 
-    name: ClassVar[str]  #: As files, headings and readers know it.
+    name: str  #: As files, headings and readers know it.
     title: str
     question: str
     claims: tuple[int, ...]  #: Which of the paper's claims it answers, as the reproduction numbers them.
@@ -48,7 +52,7 @@ class Study(ABC):
         """Every run by its case, in the order of the figure's data; ``small`` asks for a few short ones."""
 
     @abstractmethod
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+    def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
         """Points, numbers and sentences of :class:`StudyResult`; ``results`` may lack runs, and has failed ones."""
 
     def figure(self, result: StudyResult) -> Sheet:
@@ -59,7 +63,7 @@ class Study(ABC):
         """Draw the figure and write it in the format given by the path's suffix."""
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
-    def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:
+    def evaluate(self, results: Results) -> StudyResult:
         """The result, with the runs that ended early as failures."""
         points, numbers, sentences = self.measure(results)
         failures = [f"{_text(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early]
@@ -69,34 +73,39 @@ class Study(ABC):
 class Sweep(Study):
     """A study whose texts, varied values and columns are the table of its name in ``studies.toml``.
 
-    ``varied`` names the fields of :attr:`Case`, None where one does not apply. Each table of ``runs`` (``small`` for
-    the small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and
-    may set keys of the scenario (``overrides``). ``columns`` are those of the data, behind the case; ``sentences`` is a
-    template, a sentence a line, of the points, the table, the numbers :func:`about` something, and ``helpers``. The
-    figure is that of :func:`.drawing.sweep_figure`.
+    ``varied`` names the fields of a case, None where one does not apply. Each table of ``runs`` (``small`` for the
+    small form) is a product: it gives values, or a list of them, for these fields, the last one varied first, and may
+    set keys of the scenario (``overrides``). ``columns`` are those of the data, behind the case; ``sentences`` is a
+    template, a sentence a line, of the points, the table, the numbers :func:`.tables.about` something, and the helpers.
+    The figure is that of :func:`.drawing.sweep_figure`.
+
+    Parameters
+    ----------
+    spec
+        The run of a case, without the table's overrides.
+    lines
+        The study's own columns of a case's run, given the others too, in one line of data or several.
+    numbers
+        Numbers of :class:`StudyResult`.
+    completed
+        Points with columns that depend on all points.
     """
 
-    Case: ClassVar[Any]
-    table: ClassVar[dict[str, Any]]
-    helpers: ClassVar[dict[str, Any]] = {}
-
-    def __init_subclass__(cls) -> None:
-        table = cls.table = TABLES[cls.name]
-        cls.Case = namedtuple("Case", table["varied"], defaults=[None] * len(table["varied"]))  # type: ignore[misc]
-        cls.title, cls.question, cls.figure_caption = table["title"], table["question"], table["caption"]
-        cls.claims, cls.drift_noted = tuple(table["claims"]), table.get("drift", False)
-
-    @abstractmethod
-    def spec(self, case: Any) -> RunSpec:
-        """The run of a case."""
-
-    @abstractmethod
-    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
-        """The study's own columns of a run."""
-
-    @abstractmethod
-    def numbers(self, points: Points) -> Numbers:
-        """Numbers of :class:`StudyResult`."""
+    def __init__(
+        self,
+        name: str,
+        spec: Callable[[Any], RunSpec],
+        lines: Callable[[Any, RunSummary, Results], list[dict[str, Any]]],
+        numbers: Callable[[Points], Found],
+        completed: Callable[[Points], Points] = lambda points: points,
+        helpers: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
+        self.name, self.spec, self.lines, self.numbers, self.completed = name, spec, lines, numbers, completed
+        self.table = table = TABLES[name]
+        self.helpers = helpers
+        self.Case: Any = namedtuple("Case", table["varied"], defaults=[None] * len(table["varied"]))  # type: ignore[misc]
+        self.title, self.question, self.figure_caption = table["title"], table["question"], table["caption"]
+        self.claims, self.drift_noted = tuple(table["claims"]), table.get("drift", False)
 
     def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
         """See :class:`Study`."""
@@ -109,10 +118,6 @@ class Sweep(Study):
                 spec = self.spec(case)
                 runs[case] = replace(spec, overrides={**spec.overrides, **overrides})
         return runs
-
-    def points(self, results: Mapping[Any, RunSummary]) -> Points:
-        """A line of data for each run."""
-        return [self.point(case, run, self.line(case, run, results)) for case, run in results.items()]
 
     def point(self, case: Any, run: RunSummary, own: Mapping[str, Any]) -> dict[str, Any]:
         """A line of data: the case, and the columns of the table; where they are not the study's own, of the summary.
@@ -134,10 +139,12 @@ class Sweep(Study):
         names = (*case._fields, *self.table["columns"])
         return {name: known[name] if name in known else run.value(name) for name in names}
 
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+    def measure(self, results: Results) -> tuple[Points, Numbers, list[str]]:
         """See :class:`Study`."""
-        points = self.points(results)
-        numbers = self.numbers(points)
+        lines = ((case, run, own) for case, run in results.items() for own in self.lines(case, run, results))
+        points = self.completed([self.point(*line) for line in lines])
+        found = self.numbers(points)
+        numbers = {(*key, name): float(value) for key, own in found.items() for name, value in own.items()}
         context = {"points": points, "table": self.table, "about": partial(about, numbers), **self.helpers}
         return points, numbers, list(filter(None, filled(self.table["sentences"], **context).splitlines()))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,68 +14,47 @@ import numpy as np
 from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
 from ...comparisons.run import Run
-from ...comparisons.runs.files import read_arrays, write_arrays
+from ...comparisons.runs.files import read_arrays
 from ...control import ControlStep
 from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
 from ...rows import Array
 
-#: Trajectories are kept at these intervals [s], and at greater ones where there would be more than 1000 samples.
-GRID = 0.02
-
-MAX_SAMPLES = 1000
+#: Trajectories are kept at these intervals [s], and at greater ones where there would be more samples than this.
+GRID, MAX_SAMPLES = 0.02, 1000
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """One run of a study.
+    """One run of a study."""
 
-    Attributes
-    ----------
-    status, reason
-        How it ended, and why if not converged.
-    result
-        Its line of results.csv (:class:`vsconstraints.comparisons.metrics.Score`).
-    rows
-        By row label, its line of constraints.csv, its u⁺ as ``switching_gain``, and its scale.
-    Ts
-        Sampling time [s].
-    t, q, clearance, pixels, qd
-        (T,) times [s]; joint positions (T, n); clearance of each row (T, m) as a fraction of its characteristic length;
-        markers from the image's centre (T, M, 2) [px]; joint speeds (T, n).
-    needed_gain
-        Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
-    entry_push
-        Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what moves φ past zero.
-    phi_max
-        Greatest φ of any row.
-    longest_run
-        Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
-    """
-
-    status: str
-    reason: str
+    status: str  #: How it ended.
+    reason: str  #: Why, if not converged.
+    #: Its line of results.csv (:class:`vsconstraints.comparisons.metrics.Score`).
     result: Mapping[str, Any] = field(default_factory=dict)
+    #: By row label, its line of constraints.csv, its u⁺ as ``switching_gain``, and its scale.
     rows: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    Ts: float = np.nan
-    t: Array = field(default_factory=lambda: np.empty(0))
-    q: Array = field(default_factory=lambda: np.empty((0, 0)))
-    clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
-    pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
+    Ts: float = np.nan  #: Sampling time [s].
+    t: Array = field(default_factory=lambda: np.empty(0))  #: (T,) times [s] of what follows.
+    q: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (T, n) joint positions.
+    clearance: Array = field(
+        default_factory=lambda: np.empty((0, 0))
+    )  #: (T, m) clearance of each row, as a fraction of its characteristic length.
+    pixels: Array = field(
+        default_factory=lambda: np.empty((0, 0, 2))
+    )  #: (T, M, 2) markers from the image's centre [px].
+    #: Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
     needed_gain: float = np.nan
+    #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what moves φ past zero.
     entry_push: float = np.nan
-    phi_max: float = np.nan
-    longest_run: int = 0
-    qd: Array = field(default_factory=lambda: np.empty((0, 0)))
+    phi_max: float = np.nan  #: Greatest φ of any row.
+    longest_run: int = 0  #: Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
+    qd: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (T, n) joint speeds.
 
     @property
     def ended_early(self) -> bool:
         """Whether the run failed or was aborted."""
         return self.status in ("failed", "aborted")
-
-    def save(self, path: Path) -> None:
-        """Write the file whole or not at all."""
-        write_arrays(path, {f.name: getattr(self, f.name) for f in fields(self)}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> RunSummary | None:

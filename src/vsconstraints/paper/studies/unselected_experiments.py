@@ -12,42 +12,33 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
 from functools import cache
-from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
-from ...reports.plots import REFERENCE, Sheet, line, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
-from . import points as data
-from .points import Numbers, Points
-from .study import StudyResult, Sweep
+from .study import Found, Results, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
+from .tables import TABLES, Points, grouped, where
 
-EXACT = "exact"
-SHIPPED = "shipped"
-
-_ERROR = {"gradient_error": 0.3}
+EXACT, SHIPPED = "exact", "shipped"
 #: ``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone.
 CASES: dict[str, dict[str, Any]] = {
     EXACT: {},
-    "plus": _ERROR,
-    "minus": {**_ERROR, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]},
-    "plus-action": {**_ERROR, "gradient_error_in_phi": False},
+    "plus": {"gradient_error": 0.3},
+    "minus": {"gradient_error": 0.3, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]},
+    "plus-action": {"gradient_error": 0.3, "gradient_error_in_phi": False},
 }
 #: Greatest distance between the two tracks of a marker, at the same time, as a share of the image's width.
 VERY_SIMILAR = 0.05
 #: Greatest difference of a joint's speed, as a share of the greatest speed without errors, that counts as little.
 LITTLE = 0.1
 APPLIED = 0.01  #: Tracks that differ by less than this show no effect of an error [px].
-WIDTH, HEIGHT = 640.0, 480.0  #: Of the experiments' image [px].
-
-
+SIZE = np.array([640.0, 480.0])  #: Of the experiments' image [px].
 #: The kind of the visibility rows in each experiment.
 KINDS = {"experiment-1-pbvs": "fov", "experiment-2-ibvs": "occlusion"}
 
@@ -65,67 +56,37 @@ def rejected_by_run(points: Points) -> Counter[str]:
     return Counter(filter(None, scenes.values()))
 
 
-class UnselectedExperiments(Sweep):
-    """Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
+def _spec(case: Any) -> RunSpec:
+    scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]
+    error = {"disturbances": CASES[case.case]} if CASES[case.case] else {}
+    return RunSpec(case.scenario, overrides={**scene, **error})
 
-    A scene counts if, without an error, the goal is reached and exactly one row acts, which is a visibility row that is
-    not violated: as in the experiments. No run with an error takes part in that.
-    """
 
-    name = "unselected-experiments"
-    helpers: ClassVar[dict[str, Any]] = {"kept_scenes": kept_scenes, "rejected_by_run": rejected_by_run}
+def _lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
+    """Why its scene is not like the experiment's, and how it differs from the run without an error."""
+    exact, kind = results.get(case._replace(case=EXACT)), KINDS[case.scenario]
+    reason = "no run without an error" if exact is None else why_not(kind, exact)
+    return [{"rejected": reason, **compared(kind, run, exact or NOT_RUN)}]
 
-    def spec(self, case: Any) -> RunSpec:
-        """The run of a case."""
-        scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]
-        error = {"disturbances": CASES[case.case]} if CASES[case.case] else {}
-        return RunSpec(case.scenario, overrides={**scene, **error})
 
-    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
-        """The shipped scene and every kept one, in every case."""
-        cases = []
-        for scenario in KINDS:
-            count = 2 if small else len(kept_scenes()[scenario]["scenes"])
-            scenes = (SHIPPED, *map(str, range(count)))
-            cases += [self.Case(scenario, *each) for each in product(scenes, list(CASES)[: 3 if small else 4])]
-        return {case: self.spec(case) for case in cases}
+HOLDS = ("similar", "satisfactory", "little_speed", "applied")  #: What can be said of a scene with an error.
 
-    def line(self, case: Any, run: RunSummary, results: Mapping[Any, RunSummary]) -> dict[str, Any]:
-        """Why its scene is not like the experiment's, and how it differs from the run without an error."""
-        exact, kind = results.get(case._replace(case=EXACT)), KINDS[case.scenario]
-        reason = "no run without an error" if exact is None else why_not(kind, exact)
-        return {"rejected": reason, **compared(kind, run, exact or NOT_RUN)}
 
-    def numbers(self, points: Points) -> Numbers:
-        """In how many scenes every error changes little."""
-        numbers: Numbers = {}
-        for scenario, own in data.grouped(points, "scenario").items():
-            accepted = [point for point in own if not point["rejected"] and point["case"] != EXACT]
-            for case, found in counted(accepted).items():
-                numbers |= data.keyed(found, scenario, case)
-        return numbers
+def _numbers(points: Points) -> Found:
+    """In how many scenes every error changes little, and whether it does in the shipped one."""
+    accepted = [point for point in points if not point["rejected"] and point["case"] != EXACT]
+    numbers = {key: counted(own) for key, own in grouped(accepted, "scenario", "case").items()}
+    names = (*HOLDS, "track_px", "speed_share", "clearance_share")
+    for point in where(accepted, scene=SHIPPED):
+        numbers[point["scenario"], point["case"], SHIPPED] = {name: point[name] for name in names}
+    return numbers
 
-    def figure(self, result: StudyResult) -> Sheet:
-        """One row per experiment; one panel per measure, a line per case."""
-        looks, panels = self.table["looks"], self.table["panels"]
-        present = [case for case in looks if data.where(result.points, case=case)]
-        sheet = Sheet(left=0.95)
-        sheet.legend([line(looks[case][2], looks[case][0], looks[case][1]) for case in present])
-        places = list(product(KINDS, panels.items()))
-        axes = sheet.panels(len(places), len(panels), height=1.7, gap=0.4, same_y=True)
-        sheet.at += 0.15
-        for ax, (scenario, (column, (label, ticks, wanted))) in zip(axes, places, strict=True):
-            own = data.where(result.points, scenario=scenario, rejected="")
-            for case in present:
-                _distribution(ax, data.where(own, case=case), column, *looks[case][:2])
-            ax.axvline(wanted, **REFERENCE, zorder=2)
-            logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
-            ax.set_xlim(ticks[0], ticks[-1])
-            ax.set_ylim(-3.0, 103.0)
-            if column == next(iter(panels)):
-                ax.set_ylabel(f"{data.scenario_title(scenario)}\nscenes with less [%]")
-            ax.set_xlabel(label if scenario == [*KINDS][-1] else "")
-        return sheet
+
+def counted(points: Points) -> dict[str, float]:
+    """In how many unselected scenes what holds, and in how many there is an effect at all."""
+    own = [point for point in points if point["scene"] != SHIPPED]
+    medians = {f"median_{name}": median([point[name] for point in own]) for name in ("track_px", "speed_share")}
+    return {"scenes": len(own), **{name: sum(bool(point[name]) for point in own) for name in HOLDS}, **medians}
 
 
 def why_not(kind: str, exact: RunSummary) -> str:
@@ -158,34 +119,34 @@ def compared(kind: str, run: RunSummary, exact: RunSummary) -> dict[str, Any]:
         "track_px": track,
         "speed_share": 100.0 * fastest,
         "speed_rms_share": 100.0 * rms,
-        "satisfactory": good and bool((np.abs(run.pixels) <= [0.5 * WIDTH, 0.5 * HEIGHT]).all()),
-        "similar": good and nearest in acting_rows(exact) and track <= VERY_SIMILAR * WIDTH,
+        "satisfactory": good and bool((np.abs(run.pixels) <= 0.5 * SIZE).all()),
+        "similar": good and nearest in acting_rows(exact) and track <= VERY_SIMILAR * SIZE[0],
         "little_speed": run.status == "converged" and fastest <= LITTLE,
         "applied": track > APPLIED,
     }
 
 
-def counted(points: Points) -> dict[str, dict[str, float]]:
-    """By case, in how many unselected scenes what holds, and in how many there is an effect at all."""
-    counts = {}
-    for case, every in data.grouped(points, "case").items():
-        own = [point for point in every if point["scene"] != SHIPPED]
-        true = {
-            name: sum(bool(p[name]) for p in own) for name in ("similar", "satisfactory", "little_speed", "applied")
+def _runs(most: int | None, cases: int) -> list[dict[str, Any]]:
+    """The shipped scene and every kept one, or so many, in so many cases."""
+    return [
+        {
+            "scenario": scenario,
+            "scene": [SHIPPED, *map(str, range(len(kept["scenes"])))][:most],
+            "case": [*CASES][:cases],
         }
-        medians = {f"median_{name}": median([point[name] for point in own]) for name in ("track_px", "speed_share")}
-        counts[case] = {"scenes": len(own), **true, **medians}
-    return counts
+        for scenario, kept in kept_scenes().items()
+    ]
 
 
-def _distribution(ax: Any, points: Points, column: str, colour: str, line: str) -> None:
-    """The share of the unselected scenes with less than a value, and a triangle for the shipped scene."""
-    drawn = [p[column] for p in points if p["scene"] != SHIPPED]
-    values = np.sort([value if math.isfinite(value) else math.inf for value in drawn])
-    if len(values):
-        share = 100.0 * np.arange(1, len(values) + 1) / len(values)
-        ax.step(values[np.isfinite(values)], share[np.isfinite(values)], where="post", color=colour, linestyle=line)
-    for point in points:
-        if point["scene"] == SHIPPED and math.isfinite(point[column]):
-            filled = colour if line == "-" else "white"
-            ax.plot([point[column]], [2.0], "^", color=colour, markerfacecolor=filled, markersize=6.0, zorder=4)
+TABLES["unselected-experiments"] |= {"runs": _runs(None, 4), "small": _runs(3, 3)}
+
+#: Both experiments, without and with the gradient error (49), in scenes selected by geometry alone. A scene counts if,
+#: without an error, the goal is reached and exactly one row acts, which is a visibility row that is not violated: as in
+#: the experiments. No run with an error takes part in that.
+UNSELECTED_EXPERIMENTS = Sweep(
+    "unselected-experiments",
+    _spec,
+    _lines,
+    _numbers,
+    helpers={"kept_scenes": kept_scenes, "rejected_by_run": rejected_by_run},
+)

@@ -1,25 +1,29 @@
-"""What holds beyond the families that were run: families as random effects, and each left out in turn."""
+"""What holds beyond the families that were run, and beside the best motions that are known of scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from statistics import median
 from typing import Any, NamedTuple
 
-from ...comparisons.statistics import across_families, left_out_ranks, simultaneous
+from ...comparisons.evidence import parquet
+from ...comparisons.statistics import across_families, left_out_ranks, rate, simultaneous
 from ...rows import Array
-from ..markdown import Table, bold
-from .dataset import Dataset
+from ...scenarios.families.family import NOMINAL
+from ...scenarios.families.frozen import V1, TestSet
+from ..markdown import bold
+from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import Share, condition_text, ranking
 
+TABLE = V1.with_name(f"{V1.name}-best.parquet")  #: what is known of scenes of test set v1: `python -m checks.best`
 FEWEST = 4  #: Families from which on a spread between families can be told.
 
 
 class Beyond(NamedTuple):
-    """Laws in a condition, the most successful first; ``ranks`` (families, laws) are with one family left out.
+    """Laws in a condition, the most successful first, in a further family like those that were run.
 
-    ``shares`` are success in a family like those that were run, ``behind`` the laws that succeed less often there than
-    the first one.
+    ``behind`` are the laws that succeed less often than the first one; ``ranks`` (families, laws) leave one family out.
     """
 
     condition: str
@@ -65,31 +69,12 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     behind = set()
     if len(laws) > 1:
         # with the best, whichever it is: Hsu's multiple comparisons, corrected for all others
-        only, differ = (
-            _counts(success, laws[1:], lambda first, other: first & ~other),
-            _counts(success, laws[1:], lambda first, other: first ^ other),
-        )
+        first, others = success.iloc[:, 0], success.iloc[:, 1:]
+        flags = others.apply(lambda other: first & ~other), others.apply(lambda other: first ^ other)
+        only, differ = (each.groupby(level="family", observed=True).sum().T.to_numpy(float) for each in flags)
         pairs = across_families(only, differ, simultaneous(0.95, len(laws) - 1))
         behind = {law for law, pair in zip(laws[1:], pairs, strict=True) if pair.low > 0.5}
     return Beyond(condition, laws, shares, frozenset(behind), left_out_ranks(groups.mean()))
-
-
-def _counts(success: Any, others: Sequence[str], flag: Any) -> Array:
-    """(others, families) how often a flag of the first law and another one is set."""
-    first = success.iloc[:, 0]
-    flags = success[list(others)].apply(lambda other: flag(first, other))
-    counts: Array = flags.groupby(level="family", observed=True).sum().T.to_numpy(float)
-    return counts
-
-
-def across_table(dataset: Dataset) -> Table:
-    """Success in a family like these, condition by condition, and ranks in the first with one family left out."""
-    every = beyond(dataset)
-    if not every:
-        return Table([], [])
-    first, words = every[0], (condition_text(one.condition, inside=True) for one in every)
-    lines = [[law, *(one.cell(law) if law in one.laws else "" for one in every), first.rank(law)] for law in first.laws]
-    return Table(["law", *(f"{text} [%]" for text in words), "rank, one family left out"], lines)
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:
@@ -102,3 +87,40 @@ def across_findings(dataset: Dataset) -> list[Finding]:
         numbers = {**share.numbers("success", law=leader), "families": families, "stays": one.stays}
         several.append(Finding(text, "across", one.condition, (leader,), numbers))
     return several
+
+
+def known_motions(dataset: Dataset) -> Any:
+    """The lines of :data:`TABLE` on scenes of a campaign, a DataFrame; None if it has none, or other scenes."""
+    import pandas as pd
+
+    testset = TestSet.load()
+    half = dataset.configuration.get("half")
+    frozen = {family.name: family.tables["frozen"].get(half) for family in testset.families}
+    run = dataset.configuration["families"].items()
+    same = {name for name, own in run if own.get("tables", {}).get("frozen", {}).get(half) == frozen.get(name, "")}
+    if not same or parquet.facts_of(TABLE).get("sha256") != testset.sha256:
+        return None
+    known = pd.read_parquet(TABLE)
+    known = known[(known["half"] == half) & known["family"].isin(same)]
+    return known if len(known) else None
+
+
+def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
+    """Of each law its success in scenes that can be reached, and medians: time over the best one, space less its."""
+    reachable = known[known["outcome"] == "reachable"].astype({"family": str})
+    lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
+    found = {}
+    for law, own in lines.groupby("controller"):
+        good = own[own["success"]]
+        ratios = good["settling_time_s"] / good["best_time_s"], good["utilization"] - good["law_space"]
+        time, space = (median(each.dropna().tolist() or [math.nan]) for each in ratios)
+        found[str(law)] = {"success": rate(own["success"].to_numpy(bool)), "time": time, "space": space}
+    return found
+
+
+def beside_best(dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """The same of a campaign without disturbances; empty for scenes of which no best motions are known."""
+    runs = dataset.among(NOMINAL)
+    known = known_motions(dataset) if len(runs) else None
+    found = {} if known is None else regrets(runs, known)
+    return {law: found[law] | {"success": Share.of(found[law]["success"])} for law in dataset.laws if law in found}

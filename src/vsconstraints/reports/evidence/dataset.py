@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
@@ -15,21 +15,52 @@ from ...comparisons.runs.spec import BASELINE, ControllerSpec
 from ...comparisons.statistics.judged import OUTCOMES, endings
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
-from ...scenarios.families.family import NOMINAL
+from ...scenarios.families.family import NOMINAL, TOGETHER
 from ...simulation import Setup, simulate, until_settled
 from ..drawing import picture
 from ..groups import required_information
 from ..plots import PNG, Figure, Formats
 from ..plots.style import TUNED
 from ..replay.runs import ReplayRun, campaign_run
-from .factorial import Factorial
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Value = TypeVar("Value")
-
+MIN_LEVELS = 3  #: Of the first factor of a factorial, over which curves are drawn.
 SCENE = ["family", "scene"]  #: Columns that identify a scene: controllers are compared on the same ones.
+
+
+class Factorial(NamedTuple):
+    """Conditions that are a full factorial of levels, such as speed × latency × noise, as far as they were run.
+
+    Levels of each factor, the nominal one first and the factor with most levels first; and conditions by their levels.
+    """
+
+    factors: tuple[tuple[str, ...], ...]
+    conditions: Mapping[tuple[str, ...], str]
+
+    @classmethod
+    def of(cls, table: Mapping[str, Mapping[str, Any]], run: Collection[str]) -> Factorial | None:
+        """That of a family's table of conditions, of which some were run; None if there is none to draw curves of.
+
+        Conditions that name others together are combinations. Levels that never come together are of one factor.
+        """
+        combined = {frozenset(said[TOGETHER]): name for name, said in table.items() if [*said] == [TOGETHER]}
+        factors: list[list[str]] = []
+        for level in (name for name in table if any(name in levels for levels in combined)):
+            apart = (own for own in factors if not any({level, other} <= one for one in combined for other in own))
+            own = next(apart, None)
+            if own is None:
+                factors.append(own := [NOMINAL])
+            own.append(level)
+        factors.sort(key=len, reverse=True)
+        names = {frozenset(): NOMINAL, **{frozenset([name]): name for own in factors for name in own[1:]}, **combined}
+        cells = {levels: names.get(frozenset(levels) - {NOMINAL}) for levels in product(*factors)}
+        there = {levels: name for levels, name in cells.items() if name is not None and name in run}
+        kept = tuple(tuple(own for own in one if any(c[k] == own for c in there)) for k, one in enumerate(factors))
+        full = None not in cells.values() and kept and len(kept[0]) >= MIN_LEVELS
+        return cls(kept, there) if full else None
 
 
 class Dataset:
@@ -77,9 +108,8 @@ class Dataset:
     def runs(self) -> pd.DataFrame:
         """Runs of the controllers that are compared, with their outcomes.
 
-        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
-        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one; ``ending`` is one of
-        :func:`.endings`. ``tolerance`` is the least one at which a run is a success; infinite if at none.
+        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides, ``tolerant kept`` and
+        ``tolerant success`` the same by the tolerant standard; ``tolerance`` the least one at which a run is a success.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
@@ -137,9 +167,8 @@ def replay(
 ) -> RunRecord:
     """Draw a scene of a campaign again and run a controller on it: the same run, with its whole trajectory.
 
-    Family, scene, condition and controller are named as in the tables of the campaign in ``folder``; with ``trust``,
-    code that the campaign names as ``module:Class`` may run. Raises ConfigurationError if there is no evidence in the
-    folder, it has no such run, or the run needs code that is not trusted.
+    With ``trust``, code that the campaign names as ``module:Class`` may run. Raises ConfigurationError if there is no
+    evidence in the folder, it has no such run, or the run needs code that is not trusted.
     """
     evidence = Evidence.load(Path(folder), trust)
     return rerun(evidence, setup_of(evidence, family, scene, condition), controller)

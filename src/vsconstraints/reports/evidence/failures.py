@@ -1,46 +1,41 @@
-"""How controllers fail: tables, and figures of single scenes made again, the worst and those that divide them most."""
+"""How controllers do and fail in every situation, and figures of single scenes that are made again."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import BASELINE
+from ...comparisons.statistics.judged import UNSUCCESSFUL
 from ...errors import described
 from ...rows.readable import counted
 from ..figures import FIGURES, View
 from ..groups import MAX_LAWS
-from ..markdown import Table, code, enumeration, plain
-from ..numbers import DASH, number
+from ..markdown import code, enumeration, plain
+from ..numbers import number
+from ..page import render_html
 from ..plots import Figure
 from ..results import reason_kind
 from ..scenario import finer_unit
 from .dataset import Dataset, rerun, setup_of
-from .figures import WORST, Shown
-from .ranking import percentage, ranking
+from .ranking import Ranking, Share, ranking
+from .tables import most_frequent
 
 #: Ways to fail in a cell, and of how many of a controller's failed runs at least.
 MAX_REASONS, MIN_SHARE = 3, 0.02
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-
+#: Relative luminance above which black is read better than white, the contrast of both being the same there (WCAG).
+BRIGHT = 0.179
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
 
-def failure_table(dataset: Dataset) -> Table:
-    """How many runs of each controller were no success, and the most frequent ways to fail."""
-    lines = []
-    for law in dataset.laws:
-        own = dataset.of_law(law)
-        bad = own[~own["success"]]
-        columns = (bad[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
-        kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
-        named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
-        named += [("others", len(bad) - sum(n for _, n in named))]
-        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in named if n]
-        lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
-    return Table(["law", "runs without success", "how"], lines, 3)
+def kinds(runs: Any) -> list[tuple[str, int]]:
+    """The most frequent ways in which runs were no success, and how often."""
+    columns = (runs[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
+    every = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
+    return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
 
 
 def _failure_kind(ending: str, violated: str, reason: str) -> str:
@@ -67,20 +62,9 @@ def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
     return examples
 
 
-def example_table(dataset: Dataset) -> Table:
-    """The typical and the worst failure of each controller."""
-    lines = [
-        [
-            law,
-            name,
-            f"{run['family']} {run['scene']}, {run['condition']}",
-            str(run["status"]),
-            reason_text(dataset, run),
-        ]
-        for law, examples in example_failures(dataset).items()
-        for name, run in examples.items()
-    ]
-    return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
+def where(run: Any) -> str:
+    """The scene of a run, and its condition."""
+    return f"{run['family']} {run['scene']}, {run['condition']}"
 
 
 def reason_text(dataset: Dataset, run: Any) -> str:
@@ -102,21 +86,6 @@ def reason_text(dataset: Dataset, run: Any) -> str:
     elif run["violated"]:
         parts.append(f"violates {plain(run['violated'])}")
     return "; ".join(parts) or "the goal is not reached, no row is violated"
-
-
-def worst_figures(dataset: Dataset) -> list[str]:
-    """The figure of the worst runs, simulated again; a run that cannot be is named."""
-    shown, problems = [], []
-    for law, examples in example_failures(dataset).items() if dataset.figures else ():
-        run = examples["worst"]
-        try:
-            setup = setup_of(dataset.evidence, str(run["family"]), int(run["scene"]), str(run["condition"]))
-            records = [rerun(dataset.evidence, setup, name) for name in (law, BASELINE)]
-        except Exception as error:  # own parts that are no longer there can raise anything
-            problems.append(f"The worst run of {law} could not be simulated again: {plain(described(error))}.")
-        else:
-            shown.append(Shown(law, f"{run['family']} {run['scene']}, {run['condition']}", setup, *records))
-    return [dataset.picture(WORST, shown, dataset.laws) if shown else "", *problems]
 
 
 def divisive_scene(dataset: Dataset, family: str) -> int | None:
@@ -147,3 +116,80 @@ def scene_figures(dataset: Dataset) -> list[str]:
         figure = replace(TRACKS, name=f"scene--{family}", title=title, caption=f"{title}. Successful: {successful}.")
         texts.append(dataset.picture(figure, View(setup, runs, (BASELINE, *laws))))
     return texts
+
+
+# --- situations: a family in a condition ---
+
+
+class Cell(NamedTuple):
+    """A controller in a situation: success, how runs ended, and whether it is in ``front``, with others behind it.
+
+    ``worst`` is the scene of its worst run, with its ``status`` and, unless it is a success, the ``reason``.
+    """
+
+    share: Share
+    front: bool
+    endings: dict[str, int]
+    worst: int
+    status: str
+    reason: str
+
+    @property
+    def colours(self) -> tuple[str, str]:
+        """Of the ground, as readable for colour-blind people as for others, and of the text on it."""
+        from matplotlib import colormaps
+        from matplotlib.colors import to_hex
+
+        rgb = colormaps["cividis"](self.share.value)[:3]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in rgb]
+        luminance = sum(w * part for w, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+        return to_hex(rgb), "#000" if luminance > BRIGHT else "#fff"
+
+
+class Situation(NamedTuple):
+    """A family in a condition: how often controllers succeed there, and a cell for each that has runs."""
+
+    family: str
+    condition: str
+    ranked: Ranking
+    cells: dict[str, Cell]
+
+
+def situations(dataset: Dataset) -> list[Situation]:
+    """All situations, in the order of families and conditions, found once."""
+    return dataset.once("situations", lambda: _situations(dataset))
+
+
+def _situations(dataset: Dataset) -> list[Situation]:
+    keys = ["family", "condition", "controller"]
+    counts = Counter(dataset.runs[[*keys, "ending"]].itertuples(index=False, name=None))
+    last = worst_last(dataset.runs).groupby(keys, observed=True).tail(1)
+    worst: dict[tuple[str, ...], Any] = {tuple(run[keys]): run for _, run in last.iterrows()}
+    found = []
+    for family, condition in dataset.situations:
+        ranked, cells = ranking(dataset, condition, families=[family]), {}
+        for law, share in ranked.shares.items():
+            run, front = worst[family, condition, law], law in ranked.front and ranked.next is not None
+            ends = {name: counts[family, condition, law, name] for name in ("success", *UNSUCCESSFUL)}
+            reason = "" if run["success"] else reason_text(dataset, run)
+            cells[law] = Cell(share, front, ends, int(run["scene"]), str(run["status"]), reason)
+        if cells:
+            found.append(Situation(family, condition, ranked, cells))
+    return found
+
+
+def heat_map(dataset: Dataset) -> str:
+    """Success as HTML with a colour for each cell, which leads to its worst run; columns are sorted by a click."""
+    entries, shown = dataset.configuration["controllers"], {"laws": dataset.laws, "endings": UNSUCCESSFUL}
+    own = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
+    return render_html("heat-map.html", situations=situations(dataset), own=own, **shown)
+
+
+def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
+    """For files: a line for each controller in each situation, the share with its interval and counts of endings."""
+    return [
+        {"family": one.family, "condition": one.condition, "law": law, **cell.share.numbers("success")}
+        | {"endings": cell.endings, "front": cell.front, "worst_scene": cell.worst}
+        for one in situations(dataset)
+        for law, cell in one.cells.items()
+    ]

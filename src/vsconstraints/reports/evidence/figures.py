@@ -4,53 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.statistics import Profile, Ranks
 from ...rows import Array
 from ...scenarios.families.family import NOMINAL
-from ...simulation import Setup
-from ..figures import View
-from ..figures.tracks import LAST, VIOLATED, draw_run
-from ..plots import FAINT, INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
-from ..plots.image import START, Plane
-from ..plots.style import LOOKS
-from .factorial import Factorial
+from ..plots import INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
+from .dataset import Factorial
 from .ranking import Ranking
 
 COLUMNS = 3
-
+DEEPEST = 0.1  #: Up to this depth violations are tolerated in the figure of it [L].
 #: Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis.
 MAX_RATIO, TICK_GAP = 100.0, 0.12
-
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
-
-
-DEEPEST = 0.1  #: Up to this depth violations are tolerated in the figure of it [L].
-
+#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a level's room.
+DODGE, SPREAD = 0.05, 0.6
+#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
+NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
 Depths = tuple[str, Any]  #: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
 Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
 Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
 
 
-def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | None:
-    """One panel per condition."""
-    if not panels:
-        return None
-    sheet, depth = Sheet(left=0.62, right=0.2), np.geomspace(NEGLIGIBLE, DEEPEST, 400)
-    options: dict[str, Any] = {"height": 2.0, "gap": 0.4, "above": 0.28, "same_y": True}
-    options["labels"] = "tolerated depth [% of L]", "success [% of scenes]"
-    for ax, (title, least) in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
-        _curves(ax, 100.0 * depth, (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T, least.columns, laws)
-        ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
+def _panels(sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any) -> list[Any]:
+    """Panels with the same vertical axis and a title each."""
+    made = sheet.panels(len(titles), columns, **{"above": 0.28, "same_y": True, **options})
+    for ax, title in zip(made, titles, strict=True):
         ax.set_title(title, loc="left", fontsize=8.5, pad=4)
-        logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
-    _legend(sheet, laws)
-    return sheet
+    return made
 
 
 def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequence[str]) -> None:
@@ -58,30 +43,33 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     look, width = looks(laws), widths(laws, 2.4, 1.2)
     for law, own in zip(shown, shares, strict=True):
         ax.plot(x, 100.0 * own, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(0.0, 102.0)
+    ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
 def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
     sheet.legend([line(shortened(law), one.colour, one.line) for law, one in looks(laws).items()])
 
 
-TOLERANCE = Figure(
-    "tolerance",
-    "success over tolerated depth",
-    "Success over the depth of violations that is tolerated, from the strict standard, left, to 10 % of L; dashed: "
-    "the tolerant standard.",
-    draw_tolerance,
-)
+def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | None:
+    """One panel per condition."""
+    if not panels:
+        return None
+    sheet, depth = Sheet(left=0.62, right=0.2), np.geomspace(NEGLIGIBLE, DEEPEST, 400)
+    labels = "tolerated depth [% of L]", "success [% of scenes]"
+    every = _panels(sheet, [title for title, _ in panels], height=2.0, gap=0.4, labels=labels)
+    for ax, (_, least) in zip(every, panels, strict=True):
+        _curves(ax, 100.0 * depth, (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T, least.columns, laws)
+        ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
+        logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
+    _legend(sheet, laws)
+    return sheet
 
 
 def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sheet | None:
     """One panel per condition, metrics below each other, each with a horizontal axis of its own."""
     if not any(metrics):
         return None
-    sheet = Sheet(left=0.62, right=0.2)
-    options: dict[str, Any] = {"height": 1.75, "gap": 0.2, "above": 0.28, "same_y": True}
-    options["labels"] = "times the least of the scene", "share of scenes [%]"
+    sheet, labels = Sheet(left=0.62, right=0.2), ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
         finite = [profile.ratios[np.isfinite(profile.ratios)] for _, _, profile in panels]
         # where nearly all curves have come to their end
@@ -90,187 +78,87 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
         for tick in TICKS:
             if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
                 ticks.append(tick)
-        for ax, (title, shown, profile) in zip(sheet.panels(len(panels), COLUMNS, **options), panels, strict=True):
+        every = _panels(sheet, [title for title, _, _ in panels], height=1.75, gap=0.2, labels=labels)
+        for ax, (_, shown, profile) in zip(every, panels, strict=True):
             _curves(ax, tau, profile.share(tau).T, shown, laws)
             logarithmic(ax.xaxis, ticks)
-            ax.set_title(title, loc="left", fontsize=8.5, pad=4)
     _legend(sheet, laws)
     return sheet
-
-
-PROFILES = Figure(
-    "profiles",
-    "performance profiles",
-    "Performance profiles: in what share of the scenes a law succeeds with at most so many times the least of any law "
-    "in that scene. Left, how often it is the best; right, how often it succeeds at all.",
-    draw_profiles,
-)
-
-#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a level's room.
-DODGE, SPREAD = 0.05, 0.6
 
 
 def draw_levels(factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]) -> Sheet | None:
     """Over the levels of the first factor, a panel for each combination of the others; ``rankings`` by condition."""
     first, *others = factorial.factors
-    columns = len(others[0]) if others else 1
     panels = [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
-    sheet, look = Sheet(left=0.62, right=0.2), looks(laws)
-    options: dict[str, Any] = {"height": 1.9, "gap": 0.2, "above": 0.3, "same_y": True}
-    options["labels"] = "", "success [% of scenes]"
+    titles = [", ".join(level for level in panel if level != NOMINAL) or NOMINAL for panel in panels]
+    sheet, look, labels = Sheet(left=0.62, right=0.2), looks(laws), ("", "success [% of scenes]")
     step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
-    for ax, panel in zip(sheet.panels(len(panels), columns, **options), panels, strict=True):
-        at = [(k, factorial.conditions.get((level, *panel), "")) for k, level in enumerate(first)]
-        for i, law in enumerate(laws):
+    grid: dict[str, Any] = {"columns": len(others[0]) if others else 1, "height": 1.9, "gap": 0.2, "above": 0.3}
+    for ax, panel in zip(_panels(sheet, titles, **grid, labels=labels), panels, strict=True):
+        for i, (law, own) in enumerate(look.items()):
             places, shares = [], []
-            for k, condition in at:
+            for k, level in enumerate(first):
+                condition = factorial.conditions.get((level, *panel), "")
                 if condition in rankings and law in rankings[condition].shares:
                     places.append(k + step * (i - 0.5 * (len(laws) - 1)))
                     shares.append(rankings[condition].shares[law])
             middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
-            style = {"color": look[law].colour, "linestyle": look[law].line, "marker": look[law].marker}
+            style = {"color": own.colour, "linestyle": own.line, "marker": own.marker}
             error = np.maximum([middle - low, high - middle], 0.0)
             ax.errorbar(places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7)
         ax.set(xlim=(-0.5, len(first) - 0.5), ylim=(-3.0, 103.0), xticks=range(len(first)), xticklabels=first)
-        title = ", ".join(level for level in panel if level != NOMINAL) or NOMINAL
-        ax.set_title(title, loc="left", fontsize=8.5, pad=4)
     small = {"markersize": 4.0, "linewidth": 1.2}
     sheet.legend([line(shortened(law), one.colour, one.line, marker=one.marker) | small for law, one in look.items()])
     return sheet
 
 
-LEVELS = Figure(
-    "levels",
-    "success over levels",
-    "Success over the levels of one factor, with 95 % intervals, each by itself; panels: levels of the other factors.",
-    draw_levels,
-)
-
-#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
-NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
-
-
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """One diagram per condition, as Demšar draws them: best left."""
-    shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
-    if not shown:
-        return None
     look, sheet = looks(laws), Sheet(left=MARGIN, right=MARGIN)
-    for diagram in shown:
-        _draw_ranks(sheet, *diagram, {law: look[law].colour for law in diagram[1]})
-    return sheet
-
-
-def _draw_ranks(sheet: Sheet, title: str, laws: tuple[str, ...], ranks: Ranks, colours: dict[str, str]) -> None:
-    count = len(laws)
-    half, bars = -(-count // 2), BAR * len(ranks.groups) + 0.08
-    height = bars + NAME_LINE * half + 0.1
-    sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
-    ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
-    sheet.at += 0.12
-    ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1), yticks=[])
-    ax.xaxis.tick_top()
-    ax.grid(False)
-    ax.spines[["left", "right", "bottom"]].set_visible(False)
-    for i, group in enumerate(ranks.groups):
-        ends, at = [float(ranks.means[k]) for k in group], 0.08 + BAR * i
-        ax.plot([min(ends) - 0.03, max(ends) + 0.03], [at, at], color=INK, linewidth=3.0, solid_capstyle="butt")
-    for place, k in enumerate(sorted(range(count), key=lambda i: float(ranks.means[i]))):
-        # a line from the rank down to the law's name beside the diagram
-        law, rank, left = laws[k], float(ranks.means[k]), place < half
-        at, end = bars + NAME_LINE * (place if left else count - 1 - place), ax.get_xlim()[not left]
-        ax.plot([rank, rank, end], [0.0, at, at], color=colours[law], linewidth=1.3, clip_on=False)
-        text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
-        look: dict[str, Any] = {"fontsize": 8.5, "color": INK, "va": "center_baseline", "annotation_clip": False}
-        side = {"xytext": (-5 if left else 5, 0), "ha": "right" if left else "left", "textcoords": "offset points"}
-        ax.annotate(text, (end, at), **side, **look)
-
-
-CRITICAL_DIFFERENCE = Figure(
-    "ranks",
-    "mean ranks of laws",
-    "Mean ranks over all scenes by acceleration variation, scenes without success ranked last together: 1 is a law "
-    "that is always the best. Bars join laws that are not distinguishable (Friedman and Nemenyi, 95 %).",
-    draw_critical_difference,
-)
+    shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
+    for title, own, ranks in shown:
+        count, half, bars = len(own), -(-len(own) // 2), BAR * len(ranks.groups) + 0.08
+        height = bars + NAME_LINE * half + 0.1
+        sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
+        ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
+        sheet.at += 0.12
+        ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1), yticks=[])
+        ax.xaxis.tick_top()
+        ax.grid(False)
+        ax.spines[["left", "right", "bottom"]].set_visible(False)
+        for i, group in enumerate(ranks.groups):
+            ends, at = [float(ranks.means[k]) for k in group], 0.08 + BAR * i
+            ax.plot([min(ends) - 0.03, max(ends) + 0.03], [at, at], color=INK, linewidth=3.0, solid_capstyle="butt")
+        for place, (rank, law) in enumerate(sorted(zip(map(float, ranks.means), own, strict=True), key=lambda x: x[0])):
+            # a line from the rank down to the law's name beside the diagram
+            left = place < half
+            at, end = bars + NAME_LINE * (place if left else count - 1 - place), ax.get_xlim()[not left]
+            ax.plot([rank, rank, end], [0.0, at, at], color=look[law].colour, linewidth=1.3, clip_on=False)
+            text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
+            font: dict[str, Any] = {"fontsize": 8.5, "color": INK, "va": "center_baseline", "annotation_clip": False}
+            side = {"xytext": (-5 if left else 5, 0), "ha": "right" if left else "left", "textcoords": "offset points"}
+            ax.annotate(text, (end, at), **side, **font)
+    return sheet if shown else None
 
 
 def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
     """A curve per law, median over tuner seeds, and a band from the least to the greatest where they differ."""
-    look, width, sheet = looks(laws), widths(laws, 2.4, 1.2), Sheet(left=0.72, right=0.2)
+    width, sheet = widths(laws, 2.4, 1.2), Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.2, above=0.05)
-    for law in laws:
+    for law, look in looks(laws).items():
         own = evaluations[evaluations["law"] == law].sort_values("number")
         share = own.assign(share=100.0 * own["successes"] / own["runs"])
         best = share.pivot_table(index="number", columns="seed", values="share").cummax()
         number = best.index + 1
-        ax.plot(number, best.median(axis=1), color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
-        ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look[law].colour, alpha=0.12, linewidth=0)
-    ax.set_xlabel("evaluations of each law, the default first")
-    ax.set_ylabel("success on training scenes [%]")
+        ax.plot(number, best.median(axis=1), color=look.colour, linestyle=look.line, linewidth=width[law])
+        ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look.colour, alpha=0.12, linewidth=0)
+    ax.set(xlabel="evaluations of each law, the default first", ylabel="success on training scenes [%]")
     _legend(sheet, laws)
     return sheet
 
 
-BUDGETS = Figure(
-    "budgets",
-    "success over the budget of tuning",
-    "Success on training scenes of the best setting so far, by the number of evaluations: median over tuner seeds, and "
-    "from the least to the greatest.",
-    draw_budgets,
-)
-
-LEFT, GAP, TITLE = 0.45, 0.5, 0.42
-
-
-class Shown(NamedTuple):
-    """A run of a controller that is shown with that of tracking alone; ``where`` is the scene, for the title."""
-
-    controller: str
-    where: str
-    setup: Setup
-    run: RunRecord
-    baseline: RunRecord
-
-
-def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
-    """One panel per law."""
-    shown = [one for one in shown if one.run.trajectory.features_px.size]
-    if not shown:
-        return None
-    width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
-    planes, sheet = [Plane.of(one.setup) for one in shown], Sheet(left=LEFT)
-    for first in range(0, len(shown), COLUMNS):
-        row, top = planes[first : first + COLUMNS], sheet.at + TITLE
-        height = width * max(plane.size[1] / plane.size[0] for plane in row)
-        for k, (one, plane) in enumerate(zip(shown[first:], row, strict=False)):
-            _panel(sheet.axes(LEFT + k * (width + GAP), top, width, height), one, plane)
-        sheet.at = top + height + 0.2
-    entries = [
-        START | {"label": "start of marker 1, 2, …"},
-        LAST | {"label": "goal"},
-        line("tracking alone", LOOKS["tracking"].colour) | {"linewidth": 0.9},
-        line("row in the image violated", **VIOLATED),
-        *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
-    ]
-    sheet.at += 0.1
-    sheet.legend(entries)
-    return sheet
-
-
-def _panel(ax: Any, one: Shown, plane: Plane) -> None:
-    plane.draw(ax, labels=False)
-    ax.set_aspect("equal", adjustable="box", anchor="N")
-    view = View(one.setup, {"tracking": one.baseline, one.controller: one.run}, ("tracking", one.controller))
-    draw_run(ax, view, one.controller)
-    ax.set_title(f"{shortened(one.controller, 22)}\n", loc="left", fontsize=8, pad=5)
-    ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
-    ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=5)
-
-
-WORST = Figure(
-    "worst",
-    "the worst run of each law",
-    "Tracks of the markers in the worst run of each law, made again. Lengths are pixels from the image's centre.",
-    draw_worst,
-)
+TOLERANCE = Figure.told("tolerance", draw_tolerance)
+PROFILES = Figure.told("profiles", draw_profiles)
+LEVELS = Figure.told("levels", draw_levels)
+CRITICAL_DIFFERENCE = Figure.told("ranks", draw_critical_difference)
+BUDGETS = Figure.told("budgets", draw_budgets)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics import rate
 from ...controllers.demand import USES
 from ...rows.readable import counted
-from ..markdown import enumeration, first_names
+from ..markdown import first_names
 from ..page import render
 from .dataset import Dataset
-from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, names_text, ranking
+from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, kept_ranking, names_text, ranking
 
 #: What may not be available: as controllers state it, and in words.
 INFORMATION: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
@@ -62,10 +63,10 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
 
 def best(ranked: Ranking, standard: str = "strict") -> Finding:
     """Which controllers succeed most often in a condition, and the best that does significantly less often."""
-    follower, about, named, pair = ranked.next, "best", [ranked.leader], None
+    about, named, pair = "best", [ranked.leader], None
     if not ranked.hopeless and len(ranked.laws) > 1:
-        about, named = "best" if follower else "alike", named_of(ranked.front)
-        pair = (ranked.leader, follower) if follower else None
+        about, named = "best" if ranked.next else "alike", named_of(ranked.front)
+        pair = (ranked.leader, ranked.next) if ranked.next else None
     about = about if standard == "strict" else standard
     named += pair[1:] if pair else ()
     text = text_of(about, ranked=ranked, begin=condition_text(ranked.condition))
@@ -114,7 +115,7 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
 
 def violations(dataset: Dataset, condition: str) -> Finding:
     """Which controllers violate a row least often, by the strict standard."""
-    ranked = ranking(dataset, condition, "kept").among(dataset.working(condition))
+    ranked = kept_ranking(dataset, condition)
     violated = {law: ranked.shares[law].complement for law in named_of(ranked.front)}
     numbers: dict[str, float] = {"scenes": ranked.scenes}
     for law, share in violated.items():
@@ -133,37 +134,31 @@ def attainable(dataset: Dataset, condition: str) -> Finding | None:
     return Finding(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)}, "")
 
 
-def reversals(dataset: Dataset) -> list[Finding]:
+def reversals(dataset: Dataset) -> Iterator[Finding]:
     """For each further condition the greatest rank reversal, significant in both conditions on the same families."""
     first, *others = dataset.conditions or ("",)
-    return [finding for other in others if (finding := _reversal(dataset, first, other)) is not None]
-
-
-def _reversal(dataset: Dataset, first: str, other: str) -> Finding | None:
-    common = dataset.families_of(first, other)
-    before, after = (ranking(dataset, condition, families=common) for condition in (first, other))
-    sizes = {
-        (a, b): min(before.differences[a, b].value, after.differences[b, a].value)
-        for a, b in before.differences
-        if before.laws.index(a) < before.laws.index(b) and before.significant(a, b) and {a, b} <= set(after.laws)
-        and after.significant(a, b) and after.differences[a, b].value < 0.0
-    }  # fmt: skip
-    if not sizes:
-        return None
-    a, b = max(sizes, key=lambda names: sizes[names])
-    shares = {first: before.differences[a, b], other: after.differences[b, a]}
-    texts = {condition_text(condition, inside=True): share for condition, share in shares.items()}
-    text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
-    numbers: dict[str, float] = {"scenes": before.scenes, "families": before.families, "pairs": len(sizes)}
-    for condition, share in shares.items():
-        numbers |= share.numbers(f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]")
-    return Finding(text, "turned", other, (a, b), numbers)
+    for other in others:
+        common = dataset.families_of(first, other)
+        before, after = (ranking(dataset, condition, families=common) for condition in (first, other))
+        sizes = {
+            (a, b): min(before.differences[a, b].value, after.differences[b, a].value)
+            for a, b in combinations(before.laws, 2)
+            if {a, b} <= set(after.laws) and after.differences[a, b].value < 0.0
+            if before.significant(a, b) and after.significant(a, b)
+        }
+        if sizes:
+            a, b = max(sizes, key=sizes.__getitem__)
+            shares = {first: before.differences[a, b], other: after.differences[b, a]}
+            texts = {condition_text(condition, inside=True): share for condition, share in shares.items()}
+            text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
+            numbers: dict[str, float] = {"scenes": before.scenes, "families": before.families, "pairs": len(sizes)}
+            for condition, share in shares.items():
+                numbers |= share.numbers(f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]")
+            yield Finding(text, "turned", other, (a, b), numbers)
 
 
 def tuning_gain(dataset: Dataset) -> Finding | None:
     """What tuning is worth in the first condition, controller by controller."""
-    if not dataset.tuned:
-        return None
     ranked = ranking(dataset, dataset.conditions[0])
     pairs = {law: name for law, name in dataset.tuned.items() if {law, name} <= set(ranked.laws)}
     if not pairs:
@@ -171,15 +166,12 @@ def tuning_gain(dataset: Dataset) -> Finding | None:
     gains = {law: ranked.differences[name, law] for law, name in pairs.items() if ranked.significant(name, law)}
     better = {law: gain for law, gain in gains.items() if gain.value > 0.0}
     worse = {law: gain.reversed for law, gain in gains.items() if gain.value < 0.0}
-    parts, numbers = [], {"scenes": float(ranked.scenes)}
-    for how, laws in (("more successful", better), ("less successful", worse)):
-        parts += [f"{how}: {enumeration([f'{law} by {share.text}' for law, share in laws.items()])}"] if laws else []
-        for law in laws:
-            numbers |= gains[law].numbers("difference", law=law)
-    unchanged = [law for law in pairs if law not in gains]
-    parts += [f"no significant difference: {names_text(unchanged)}"] if unchanged else []
+    numbers = {"scenes": float(ranked.scenes)}
+    for law in (*better, *worse):
+        numbers |= gains[law].numbers("difference", law=law)
+    changed, same = {"more successful": better, "less successful": worse}, [law for law in pairs if law not in gains]
     condition, scenes = condition_text(ranked.condition, inside=True), counted(ranked.scenes, "held-out scene")
-    text = text_of("tuned", condition=condition, parts=parts, scenes=scenes)
+    text = text_of("tuned", condition=condition, changed=changed, same=names_text(same), scenes=scenes)
     return Finding(text, "tuned", ranked.condition, tuple(pairs), numbers)
 
 

@@ -11,7 +11,7 @@ from ...comparisons.statistics import Rate, compare_laws, distinguishable, mcnem
 from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
 from ...rows.readable import counted
 from ..markdown import bold, enumeration, first_names, plain
-from ..numbers import DASH, number
+from ..numbers import DASH, number, percentage
 from .dataset import Dataset
 
 if TYPE_CHECKING:
@@ -74,43 +74,26 @@ class Share(NamedTuple):
         half = 50.0 * (self.high - self.low)
         return min(max(math.ceil(-math.log10(half / 3.0)), 0), 4) if math.isfinite(half) and half > 0.0 else 1
 
-    @property
-    def percent(self) -> str:
-        """The value without its unit."""
-        return percentage(self.value, self.digits)
-
-    @property
-    def interval(self) -> str:
-        """The interval without a unit."""
+    def _texts(self) -> tuple[str, str]:
+        """The value and its interval, without a unit."""
+        value, low, high = (percentage(one, self.digits) for one in self)
         # a dash before or behind a negative number would be read as a sign
-        between = " to " if self.low < 0.0 else "–"
-        return f"{percentage(self.low, self.digits)}{between}{percentage(self.high, self.digits)}"
+        return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
 
     @property
     def cell(self) -> str:
         """``93.0 (91.2–94.6)``, for tables in per cent."""
-        return f"{self.percent} ({self.interval})" if math.isfinite(self.value) else DASH
+        return "{} ({})".format(*self._texts()) if math.isfinite(self.value) else DASH
 
     @property
     def text(self) -> str:
         """``93.0 % (91.2–94.6 %)``."""
-        return f"{self.percent} % ({self.interval} %)"
+        return "{} % ({} %)".format(*self._texts())
 
     def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
         """The three numbers by these names, of a controller if one is named."""
         of = f"[{law}]" if law else ""
         return {name + of: self.value, low + of: self.low, high + of: self.high}
-
-
-def percentage(share: float, digits: int) -> str:
-    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
-    if not math.isfinite(share):
-        return DASH
-    if share in (0.0, 1.0):
-        return f"{100.0 * share:.0f}"
-    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
-        digits += 1
-    return f"{100.0 * share:.{digits}f}".replace("-", "−")
 
 
 class Ranking(NamedTuple):
@@ -192,6 +175,11 @@ def ranking(
     return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
 
 
+def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Ranking:
+    """How often rows are kept, of controllers not all of whose runs failed."""
+    return ranking(dataset, condition, column).among(dataset.working(condition))
+
+
 def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
     """The same from one line per scene, whose index begins with its family, and one column per controller."""
     arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
@@ -221,10 +209,6 @@ class PairVerdict(NamedTuple):
     differ: int
     verdict: str
 
-    def as_data(self) -> dict[str, Any]:
-        """For files: what is not finite is None."""
-        return finite(self._asdict())
-
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """The same for files: None where a number is not finite."""
@@ -250,10 +234,7 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
 def best_by(
     dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
 ) -> tuple[list[str], PairVerdicts] | None:
-    """The best by the median of a metric over scenes in which all of these succeed, with its ties, and all pairs.
-
-    None where there are no such scenes.
-    """
+    """The best by the median of a metric over scenes in which all succeed, with its ties, and all pairs; or None."""
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(axis=1) & values.notna().all(axis=1)
     values = values[clean]

@@ -8,12 +8,10 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from ...comparisons.statistics import detectable, simultaneous
-from ...rows.readable import counted
-from ..markdown import Table, bold
-from ..numbers import DASH, number
+from ..numbers import number, percentage
 from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
-from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts, percentage
+from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
 
 #: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
@@ -33,10 +31,6 @@ class Measure(NamedTuple):
     margin: float
     more: bool = False
     ratio: bool = False
-
-    def excludes(self, pair: PairVerdict) -> bool:
-        """Whether an interval excludes that the first controller is worse by the margin or more."""
-        return pair.low > -self.margin if self.more else pair.high < self.margin
 
     def text(self, pair: PairVerdict) -> str:
         """The difference, for a table's cell."""
@@ -69,13 +63,13 @@ class Conclusion(NamedTuple):
 
     @property
     def excluded(self) -> bool:
-        """Whether a reversal by the margin or more is excluded."""
-        return self.measure.excludes(self.other)
+        """Whether the interval excludes that the better one is worse by the margin or more."""
+        return self.other.low > -self.measure.margin if self.measure.more else self.other.high < self.measure.margin
 
     def as_data(self) -> dict[str, Any]:
         """For files."""
         more = {"reversal_excluded": self.excluded, "standard": "strict"}
-        pairs = {"first": self.first.as_data(), "other": self.other.as_data()}
+        pairs = {"first": finite(self.first._asdict()), "other": finite(self.other._asdict())}
         return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
 
 
@@ -92,10 +86,6 @@ class Power(NamedTuple):
     conclusions: int
     scenes: float
     detectable: float
-
-    def as_data(self) -> dict[str, Any]:
-        """For files: what is not finite is None."""
-        return finite(self._asdict())
 
 
 def conclusions(dataset: Dataset) -> list[Conclusion]:
@@ -143,8 +133,7 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
     """For each further condition, how many conclusions hold there, and which reversal of success is detectable."""
     several = []
     for condition in dataset.conditions[1:]:
-        own = [one for one in conclusions(dataset) if one.condition == condition]
-        if own:
+        if own := [one for one in conclusions(dataset) if one.condition == condition]:
             runs = _runs(dataset, condition, dataset.conditions[0])
             scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
             numbers = {"conclusions": len(own), **_counts(own), "scenes": scenes, "families": families}
@@ -161,31 +150,15 @@ def _counts(own: list[Conclusion]) -> dict[str, float]:
     return {**{name: sum(one.outcome == name for one in own) for name in OUTCOMES}, "reversal_excluded": excluded}
 
 
-def power_table(dataset: Dataset) -> Table:
-    """One line per condition and measure: the outcomes of its conclusions, and the reversals it could detect."""
-    measures, lines = {measure.name: measure for measure in MEASURES}, []
-    for power in powers(dataset):
-        measure = measures[power.measure]
-        own = [one for one in conclusions(dataset) if (one.condition, one.measure) == (power.condition, measure)]
-        margin = f"× {number(measure.margin)}" if measure.ratio else counted(round(100.0 * measure.margin), "point")
-        least = f"{percentage(power.detectable, 0)} points" if isfinite(power.detectable) else "none"
-        cells = [*map(str, _counts(own).values()), margin, f"{power.scenes:g}", least]
-        lines.append([f"{measure.words}, {power.condition}", *cells])
-    header = ["", "hold", "reversed", "inconclusive", "reversal excluded", "margin", "scenes", "detectable from"]
-    return Table(header, lines)
+def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, float]:
+    """The same of the conclusions by a measure in a condition."""
+    return _counts([one for one in conclusions(dataset) if (one.condition, one.measure) == (condition, measure)])
 
 
-def conclusion_tables(dataset: Dataset) -> dict[str, Table]:
-    """By the title of a measure, every conclusion and its outcome in the other conditions; empty if there is none."""
-    first, *others = dataset.conditions or ("",)
-    tables = {}
-    for measure in MEASURES:
-        lines: dict[tuple[str, str], dict[str, str]] = {}
-        for one in conclusions(dataset):
-            if one.measure == measure:
-                line = lines.setdefault((one.better, one.worse), {first: measure.text(one.first)})
-                word = bold(one.outcome) if one.outcome == "reversed" else one.outcome
-                line[one.condition] = word + f", {measure.text(one.other)}" * (one.outcome != "inconclusive")
-        cells = [[*pair, *(line.get(name, DASH) for name in (first, *others))] for pair, line in lines.items()]
-        tables[measure.title] = Table(["better", "worse", first, *others], cells, 2)
-    return tables
+def pairs(dataset: Dataset, measure: Measure) -> dict[tuple[str, str], dict[str, Conclusion]]:
+    """Every conclusion by a measure, by the better controller and the worse one, in the other conditions."""
+    found: dict[tuple[str, str], dict[str, Conclusion]] = {}
+    for one in conclusions(dataset):
+        if one.measure == measure:
+            found.setdefault((one.better, one.worse), {})[one.condition] = one
+    return found

@@ -7,26 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from ...comparisons import RunRecord
 from ...comparisons.suite import BASELINE
 from ...rows import Array
-from ...simulation import intervals
+from ...simulation import Tolerances, Trajectory, intervals
 from ...simulation.dynamics.equivalent import Equivalent
 from ...vision.features import ImagePoints
-from ..plots.marks import area, band, decades, extremes, line, logarithmic, note, signal, zero_line
 from ..plots.sheet import Sheet
-from ..plots.style import FAINT, INK
+from ..plots.style import FAINT, INK, area, band, decades, extremes, line, logarithmic, note, signal, zero_line
 from .view import View
 
 BINS, MEAN_BINS = 300, 100
 #: Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in].
 PANEL, LANE, LANE_GAP = 1.0, 0.075, 0.09
-
 MAX_PHI = 1e3  # φ is drawn up to this many times its sampling band
 ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
-
-
-# --- φ and activity ---
 
 
 def draw_phi(view: View) -> Sheet | None:
@@ -39,7 +33,23 @@ def draw_phi(view: View) -> Sheet | None:
     heights = [PANEL] * len(view.phi_rows) + [lane * len(view.lane_rows)] * bool(view.lane_rows)
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
     for ax, label in zip(panels, view.phi_rows, strict=False):
-        _phi_panel(ax, view, label)
+        band(ax, -1.0, 1.0)
+        zero_line(ax)
+        low, high = -3.0, 3.0
+        for name, run, look in view.lines():
+            if label in run.trajectory.labels:
+                i = run.trajectory.labels.index(label)
+                relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
+                low = min(low, float(np.nanmin(relative, initial=low)))
+                t, least, greatest, _ = extremes(run.trajectory.t, relative, BINS)
+                ax.plot(t, greatest, **look)
+                if name != BASELINE:
+                    high = max(high, float(np.nanmax(relative, initial=high)))
+                    area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
+        low, high = 1.3 * max(low, -MAX_PHI), 1.5 * min(high, MAX_PHI)
+        ax.set_ylim(low, high)
+        logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
+        ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
         head, bracket, rest = label.partition("[")
         sheet.name(ax, f"{head}\n{bracket}{rest}" if len(label) > 14 else label)
     if view.lane_rows:
@@ -51,32 +61,10 @@ def draw_phi(view: View) -> Sheet | None:
     return sheet
 
 
-def _phi_panel(ax: Any, view: View, label: str) -> None:
-    band(ax, -1.0, 1.0)
-    zero_line(ax)
-    low, high = -3.0, 3.0
-    for name, run, look in view.lines():
-        if label not in run.trajectory.labels:
-            continue
-        i = run.trajectory.labels.index(label)
-        relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
-        low = min(low, float(np.nanmin(relative, initial=low)))
-        t, least, greatest, _ = extremes(run.trajectory.t, relative, BINS)
-        ax.plot(t, greatest, **look)
-        if name != BASELINE:
-            high = max(high, float(np.nanmax(relative, initial=high)))
-            area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
-    low, high = 1.3 * max(low, -MAX_PHI), 1.5 * min(high, MAX_PHI)
-    ax.set_ylim(low, high)
-    logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
-    ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
-
-
 def _lanes(ax: Any, view: View, height: float) -> None:
     """One thin lane of bars per controller in each row's band."""
     ax.set_title("when each constraint is active", loc="left", fontsize=8, color=FAINT, pad=2)
-    ax.set_ylim(height * len(view.lane_rows), 0.0)
-    ax.set_yticks([])
+    ax.set(ylim=(height * len(view.lane_rows), 0.0), yticks=[])
     ax.grid(False)
     for i, label in enumerate(view.lane_rows):
         if i % 2 == 0:
@@ -91,24 +79,28 @@ def _lanes(ax: Any, view: View, height: float) -> None:
                 ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
 
 
-# --- errors ---
-
-
-#: An error's label, its tolerance, whether that decides that the goal is reached, and its values (N,) in a run.
-Quantity = tuple[str, float, bool, Callable[[RunRecord], Array]]
-
-
 def draw_errors(view: View) -> Sheet:
     """One panel for each error, logarithmic, with the tolerance where it decides whether the goal is reached."""
-    quantities = [q for q in _quantities(view) if any(np.isfinite(q[3](run)).any() for run in view.runs.values())]
+    setup, quantities = view.setup, list[tuple[str, float, bool, dict[str, Array]]]()
+    image = setup is not None and isinstance(setup.task.feature, ImagePoints)
+    accepted, pose = Tolerances() if setup is None else setup.tolerances, setup is not None and not image
+    errors: list[tuple[str, float, bool, Callable[[Trajectory], Array]]] = [
+        ("image error [px]", accepted.feature_px, True, lambda run: run.feature_error_px),
+        ("position error [mm]", 1e3 * accepted.translation_m, pose, lambda run: 1e3 * run.camera_error[:, 0]),
+        ("orientation error [mrad]", 1e3 * accepted.rotation_rad, pose, lambda run: 1e3 * run.camera_error[:, 1]),
+    ]
+    for label, tolerance, decides, values in errors if image else errors[1:]:
+        own = {name: values(run.trajectory) for name, run in view.runs.items()}
+        if any(np.isfinite(one).any() for one in own.values()):
+            quantities.append((label, tolerance, decides, own))
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
     panels = sheet.panels(len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", ""))
-    for ax, (label, tolerance, decides, values) in zip(panels, quantities, strict=True):
+    for ax, (label, tolerance, decides, own) in zip(panels, quantities, strict=True):
         floor = ERROR_FLOOR * tolerance
-        top = max(10.0 * floor, *(float(np.nanmax(values(run), initial=0.0)) for run in view.runs.values()))
-        for _, run, look in view.lines():
-            signal(ax, run.trajectory.t, np.maximum(values(run), 1e-3 * floor), **look)
+        top = max(10.0 * floor, *(float(np.nanmax(one, initial=0.0)) for one in own.values()))
+        for name, run, look in view.lines():
+            signal(ax, run.trajectory.t, np.maximum(own[name], 1e-3 * floor), **look)
         if decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
             note(ax, "tolerance", tolerance, above=False)
@@ -117,24 +109,6 @@ def draw_errors(view: View) -> Sheet:
         logarithmic(ax.yaxis, decades(floor, 2.0 * top))
         ax.set_ylabel(label, labelpad=2)
     return sheet
-
-
-def _quantities(view: View) -> list[Quantity]:
-    setup, (far, turned, apart) = view.setup, (1e-3, 1e-3, 1.0)
-    image = setup is not None and isinstance(setup.task.feature, ImagePoints)
-    if setup is not None:
-        accepted = setup.tolerances
-        far, turned, apart = accepted.translation_m, accepted.rotation_rad, accepted.feature_px
-    pose = setup is not None and not image
-    quantities: list[Quantity] = [
-        ("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px),
-        ("position error [mm]", 1e3 * far, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 0]),
-        ("orientation error [mrad]", 1e3 * turned, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 1]),
-    ]
-    return quantities if image else quantities[1:]
-
-
-# --- joints ---
 
 
 def draw_acceleration(view: View) -> Sheet:

@@ -12,20 +12,16 @@ from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...rows import Array
 from ..plots.image import OUTSIDE, START, Plane, numbered, square, tracks
-from ..plots.marks import line, patch, symbol
 from ..plots.sheet import WIDTH, Sheet
-from ..plots.style import FAINT, INK
+from ..plots.style import FAINT, INK, line, patch, symbol
 from .view import View
 
 #: Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
 #: image's larger side.
 SHARE, MAX_DEPTH = 0.025, 0.05
-
 GRID = 33  # points in each direction at which it is asked whether a boundary passes
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27
 BESIDE, APART = 0.5, 0.06  # side of a close-up relative to the width of its panel, and the gap between them [in]
-NO_MARKER = "no marker\nenters"  # in a close-up of a law that stays away from where another one is shown
-REMARK: dict[str, Any] = {"fontsize": 8, "color": INK, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
 EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
 VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
 
@@ -65,8 +61,6 @@ def draw_tracks(view: View) -> Sheet | None:
             square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
             beside = sheet.beside_panel(ax, APART, BESIDE * width)
             plane.draw_part(beside, detail.centre, np.full(2, detail.half))
-            if not enters(view.runs[name], detail):
-                beside.text(0.5, 0.5, NO_MARKER, transform=beside.transAxes, ha="center", va="center", **REMARK)
             draw_run(beside, view, name, 1.5)
     # a legend stands in a free place of the grid, or below it
     entries = _entries(view, plane, names, detail)
@@ -96,44 +90,37 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
     numbered(ax, pixels[0])
 
 
-def rows_in_image(run: RunRecord) -> list[tuple[int, int]]:
-    """Index of each row that is about a marker's place in the image, and of its marker."""
-    rows, count = [], run.trajectory.features_px.shape[1]
+def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
+    """Index of each row that is about a marker's place in the image, and where that is (N, 2) [px]."""
+    pixels = run.trajectory.features_px
     for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
         digits = label.rpartition("marker ")[2].rstrip("]")
-        if unit == "px" and digits.isdecimal() and int(digits) <= count:
-            rows.append((i, int(digits) - 1))
-    return rows
+        if unit == "px" and digits.isdecimal() and int(digits) <= pixels.shape[1]:
+            yield i, pixels[:, int(digits) - 1]
 
 
 def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None) -> list[dict[str, Any]]:
-    goals = view.setup.task.goals if view.setup is not None else ()
-    entries = [START | {"label": "start of marker 1, 2, …"}]
-    if len(goals) > 1:
-        entries.append(EARLIER | {"label": "earlier goal"})
-    if goals:
-        entries.append(LAST | {"label": "goal" if len(goals) == 1 else "last goal"})
-    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
-    if view.baseline is not None and view.competitors:
-        entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(True for name in names for _ in _violations(view.runs[name])):
-        entries.append(line("row in the image violated", **VIOLATED))
-    entries += plane.entries(forbidden="forbidden to markers")
-    if detail is not None:
-        side = 2.0 * detail.half
-        entries.append(patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8))
-    return entries
+    goals, side = view.setup.task.goals if view.setup is not None else (), 2.0 * (detail.half if detail else 0.0)
+    violated = any(True for name in names for _ in _violations(view.runs[name]))
+    alone = view.baseline is not None and bool(view.competitors)
+    return [
+        START | {"label": "start of marker 1, 2, …"},
+        *[EARLIER | {"label": "earlier goal"}] * (len(goals) > 1),
+        *[LAST | {"label": "goal" if len(goals) == 1 else "last goal"}] * bool(goals),
+        symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"),
+        *[line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9} for _ in range(alone)],
+        *[line("row in the image violated", **VIOLATED)] * violated,
+        *plane.entries(forbidden="forbidden to markers"),
+        *[patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8)] * bool(detail),
+    ]
 
 
 def _violations(run: RunRecord) -> Iterator[Array]:
     """(N, 2) pixels of a marker where it is outside a row in the image, NaN elsewhere."""
-    for i, marker in rows_in_image(run):
+    for i, pixels in _rows_in_image(run):
         outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
         if outside.any():
-            yield np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan)
-
-
-# --- close-ups ---
+            yield np.where(outside[:, None], pixels, np.nan)
 
 
 def close_up(view: View, plane: Plane) -> CloseUp | None:
@@ -144,33 +131,19 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     """
     size, found = max(plane.size), dict[tuple[float, int], CloseUp]()
     for run in (run for name, run in view.runs.items() if name != BASELINE):
-        for i, marker in rows_in_image(run):
-            pixels = run.trajectory.features_px[:, marker]
+        for i, pixels in _rows_in_image(run):
             seen = (np.abs(pixels) <= plane.half).all(axis=1)
             clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
             k, acts = int(np.argmin(clearance)), run.trajectory.active[:, i].any()
             least, matters = float(clearance[k]), run.trajectory.labels[i] in view.phi_rows
             if matters and least > -MAX_DEPTH * size and (acts or least < -NEGLIGIBLE * run.length[i]):
                 found[least / run.length[i], len(found)] = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
-    return next((found[key] for key in sorted(found) if _has_boundary(plane, found[key])), None)
 
+    def has_boundary(detail: CloseUp) -> bool:
+        moving = [points for _, lines in plane.moving for points in lines]
+        if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
+            return True
+        depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
+        return bool(depth.min() <= 0.0 <= depth.max())
 
-def _has_boundary(plane: Plane, detail: CloseUp) -> bool:
-    """Whether a boundary passes through a close-up."""
-    moving = [points for _, lines in plane.moving for points in lines]
-    if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
-        return True
-    if not plane.constraints:
-        return False
-    depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
-    return bool(depth.min() <= 0.0 <= depth.max())
-
-
-def enters(run: RunRecord, detail: CloseUp) -> bool:
-    """Whether a marker of a run comes into the close-up, between samples included."""
-    from matplotlib.path import Path
-    from matplotlib.transforms import Bbox
-
-    window = Bbox([detail.centre - detail.half, detail.centre + detail.half])
-    paths = [track[np.isfinite(track).all(axis=1)] for track in np.moveaxis(run.trajectory.features_px, 1, 0)]
-    return any(len(track) > 0 and Path(track).intersects_bbox(window, filled=False) for track in paths)
+    return next((found[key] for key in sorted(found) if has_boundary(found[key])), None)

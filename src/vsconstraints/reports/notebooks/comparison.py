@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from ...comparisons import RunRecord, StoredComparison, Suite
+from ...comparisons import StoredComparison, Suite
 from ...comparisons import compare as compare_suite
 from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
@@ -25,11 +24,11 @@ from ...errors import ConfigurationError, unknown_name
 from ...rows.readable import counted, in_one_line
 from ..figures import View
 from ..numbers import FORMATS, over_trials
+from ..page import render_html
 from ..results import Results, shown
-from ..selection import lane_rows, phi_rows
 from ..summary import FIRST, outcome
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
-from .notebook_run import NotebookRun, Plots, ReplayPage, table, table_of
+from .notebook_run import NotebookRun, Plots, ReplayPage, table_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,29 +50,18 @@ def compare(
 ) -> Comparison:
     """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
 
+    ``laws`` are instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class
+    need. ``scenarios`` are names of shipped ones, paths, scenarios, or setups made in Python. ``trials`` is how often
+    each is run from starts or with noise that differ, drawn from the ``seed``. ``workers`` is the number of processes
+    at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches a law, and a law that
+    hangs or ends its process does so with the session. ``limit`` is how long a run may take in another process [s], by
+    its number of samples if None. ``out`` is a folder to keep results in: the same call goes on where it stopped; what
+    is not kept goes with the comparison. ``progress`` is whether to show how many runs are done.
+
     Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
-    process of its own kind; what cannot be copied there runs in this process, and a warning says so.
-
-    Raises ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials would all be the
-    same run. A law that fails costs its own runs, whose status is then ``failed``.
-
-    Parameters
-    ----------
-    laws
-        Instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class need.
-    scenarios
-        Names of shipped ones, paths, scenarios, or setups made in Python.
-    trials, seed
-        How often each is run from starts or with noise that differ, and what those are drawn from.
-    workers
-        Number of processes at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches
-        a law, and a law that hangs or ends its process does so with the session.
-    limit
-        How long a run may take in another process [s]; by its number of samples if None.
-    out
-        A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
-    progress
-        Whether to show how many runs are done, in a terminal or a notebook.
+    process of its own kind; what cannot be copied there runs in this process, and a warning says so. A law that fails
+    costs its own runs, whose status is then ``failed``. Raises ConfigurationError if a law or a scenario cannot be
+    used, two have the same name, or trials would all be the same run.
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
@@ -126,10 +114,6 @@ class Comparison:
         return Results(self.stored)
 
     @property
-    def _seed(self) -> int:
-        return int(self.stored.manifest["configuration"].get("seed", 0))
-
-    @property
     def scenarios(self) -> tuple[str, ...]:
         """Names of the scenarios."""
         return self._lines.scenarios
@@ -163,23 +147,24 @@ class Comparison:
         name = self._scenario(scenario)
         if not 0 <= trial < self._lines.trials:
             raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
-        record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
+        records = []
+        for one in (law, BASELINE):
+            if (record := self.stored.run(name, one, trial)) is None:
+                reasons = [line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial]
+                raise ConfigurationError(f"{one} left nothing on {name}: {'; '.join(reasons) or 'it was not run'}")
+            records.append(record)
         found = self.stored.scenarios[name]
-        return NotebookRun(found.setup(trial, self._seed), record, law, name, found.title, found.folder, baseline)
-
-    def _record(self, scenario: str, law: str, trial: int) -> RunRecord:
-        record = self.stored.run(scenario, law, trial)
-        if record is None:
-            reasons = [line["reason"] for line in self._lines.runs(scenario, law) if line["trial"] == trial]
-            raise ConfigurationError(f"{law} left nothing on {scenario}: {'; '.join(reasons) or 'it was not run'}")
-        return record
+        setup = found.setup(trial, self._lines.seed)
+        return NotebookRun(setup, records[0], law, name, found.title, found.folder, records[1])
 
     def plot(self, scenario: str | None = None) -> Plots:
         """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
         name = self._scenario(scenario)
         runs = {law: run for law in self.laws if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1}
-        rows = {"phi_rows": phi_rows(self._lines, name), "lane_rows": lane_rows(self._lines, name)}
-        return Plots(View(self.stored.scenarios[name].setup(0, self._seed), runs, self.laws, **rows))
+        rows = self._lines.rows_shown(name)
+        return Plots(
+            View(self.stored.scenarios[name].setup(0, self._lines.seed), runs, self.laws, rows.phi, rows.lanes)
+        )
 
     def replay(
         self, laws: Sequence[str] = (), scenario: str | None = None, *, trial: int = 0, path: str | Path | None = None
@@ -214,8 +199,7 @@ class Comparison:
                 scores = [over_trials([shown(one, line) for line in own], FORMATS[one.style]) for one in metrics]
                 lines.append((scenario, law, outcome(results, scenario, law), *scores))
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
-        legend = "† a row was violated; ‡ none was, but one was outside within the sampling band."
-        return table(header, lines) + "".join(f"<p>{escape(text)}</p>" for text in (legend, *self.notes))
+        return render_html("notebook.html", header=header, lines=lines, notes=self.notes)
 
 
 # --- progress ---
@@ -224,28 +208,28 @@ class Comparison:
 @contextmanager
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
     """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
-    console, begun = Console(stderr=True), time.monotonic()
-    line: Any = None  # what a notebook displays
-    done, due = 0, 0.0
+    console, begun, done, due = Console(stderr=True), time.monotonic(), 0, 0.0
 
-    def advance(by: int = 1) -> None:
-        nonlocal done, due
-        done += by
-        if by and time.monotonic() < due:
-            return
-        due, text = time.monotonic() + UPDATE, f"comparing: {done} of {total} runs, {time.monotonic() - begun:.0f} s"
-        if line is not None:
-            line.update({"text/plain": text}, raw=True)
-        elif console.is_terminal:
-            console.print(text, end="\r", highlight=False)
+    def show(text: str, end: str = "\r") -> None:
+        if console.is_terminal:
+            console.print(text, end=end, highlight=False)
 
     if console.is_jupyter:
         from IPython import display
 
         create: Any = display.display
         line = create({"text/plain": ""}, raw=True, display_id=True)
+
+        def show(text: str, end: str = "") -> None:
+            line.update({"text/plain": text}, raw=True)
+
+    def advance(by: int = 1, end: str = "\r") -> None:
+        nonlocal done, due
+        done, now = done + by, time.monotonic()
+        if not by or now >= due:
+            due = now + UPDATE
+            show(f"comparing: {done} of {total} runs, {now - begun:.0f} s", end)
+
     advance(0)
     yield advance
-    advance(0)
-    if console.is_terminal and line is None:
-        console.print()
+    advance(0, "\n")

@@ -9,6 +9,7 @@ import pickle
 import re
 import sys
 import uuid
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
@@ -64,13 +65,12 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
         laws = [laws]
     if not isinstance(laws, Iterable):
         raise _no_law(laws)
-    named = list(laws.items()) if isinstance(laws, Mapping) else [(_name(law), law) for law in laws]
-    names = [name for name, _ in named]
-    for name in names:
-        if names.count(name) > 1:
+    named = laws.items() if isinstance(laws, Mapping) else [("", law) for law in laws]
+    specs = [spec_of(law, name) for name, law in named]
+    for name, count in Counter(spec.name for spec, _ in specs).items():
+        if count > 1:
             how = f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
             raise ConfigurationError(f"two laws have the name {name!r}; give each its own, as in {how}")
-    specs = [spec_of(law, name) for name, law in named]
     return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
 
 
@@ -81,7 +81,10 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     """
     if isinstance(law, str):
         return ControllerSpec.called(law, name, Path()), ""
-    law, name = instance_of(law), name or _name(law)
+    law = instance_of(law)
+    name = name or getattr(law, "name", None) or ""
+    if not name:
+        raise ConfigurationError(f'{type(law).__name__} has no name: write name = "…" in the class')
     options = _options(law)
     if options is not None:
         return ControllerSpec(name, type(without_observer(law)).name, options), ""
@@ -111,18 +114,6 @@ def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
     files = (Path(file),) if file else ()
     law_name = f"{kind.__module__}:{kind.__qualname__}"
     return InstanceSpec(name, law_name, options, packed=packed, instance=instance, files=files)
-
-
-def _name(law: object) -> str:
-    if isinstance(law, str):
-        return ControllerSpec.called(law, folder=Path()).name
-    kind = law if isinstance(law, type) else type(law)
-    if not issubclass(kind, Controller):
-        raise _no_law(law)
-    name = getattr(law, "name", None)
-    if not isinstance(name, str):
-        raise ConfigurationError(f'{kind.__name__} has no name: write name = "…" in the class')
-    return name
 
 
 def _no_law(value: object) -> ConfigurationError:

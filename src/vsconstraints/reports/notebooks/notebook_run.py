@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,9 +26,9 @@ from ...rows.readable import amount, counted, in_one_line
 from ...simulation import Trajectory, simulate
 from ..figures import ACCELERATION, ERRORS, PHI, TRACKS, View
 from ..numbers import DASH, FORMATS
+from ..page import render_html
 from ..plots import Figure
-from ..results import shown
-from ..selection import Weights, active_rows, relevant_rows
+from ..results import RowsShown, shown
 from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenarios_of, spec_of
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Plots:
 
     def tracks(self) -> Any:
         """The markers' tracks in the image, with the boundaries of constraints in it."""
-        return _drawn(TRACKS, self.view)
+        return self._drawn(TRACKS)
 
     def rows(self, *labels: str) -> Any:
         """φ of rows over time, relative to one switching step T_s u⁺, and when rows hold the arm back.
@@ -61,36 +61,27 @@ class Plots:
         for label in labels:
             if label not in known:
                 raise unknown_name("row", label, known)
-        return _drawn(PHI, replace(self.view, phi_rows=labels, lane_rows=labels) if labels else self.view)
+        view = replace(self.view, phi_rows=labels, lane_rows=labels) if labels else self.view
+        return self._drawn(PHI, view)
 
     def errors(self) -> Any:
         """Errors of the camera's pose or of the markers over time."""
-        return _drawn(ERRORS, self.view)
+        return self._drawn(ERRORS)
 
     def command(self) -> Any:
         """Commanded joint accelerations over time, their means and ranges in short windows."""
-        return _drawn(ACCELERATION, self.view)
+        return self._drawn(ACCELERATION)
+
+    def _drawn(self, figure: Figure, view: View | None = None) -> Any:
+        if not self.view.runs:
+            raise ConfigurationError("there is nothing to draw: no run left a trajectory")
+        drawn = figure.drawn(view or self.view)
+        if drawn is None:
+            raise ConfigurationError(f"there is nothing to draw of {figure.title}: no row is challenged or acts")
+        return drawn
 
     def __repr__(self) -> str:
         return f"<Plots of {', '.join(self.view.shown) or 'no run'}: tracks(), rows(), errors(), command()>"
-
-
-def _drawn(figure: Figure, view: View) -> Any:
-    if not view.runs:
-        raise ConfigurationError("there is nothing to draw: no run left a trajectory")
-    drawn = figure.drawn(view)
-    if drawn is None:
-        raise ConfigurationError(f"there is nothing to draw of {figure.title}: no row is challenged or acts")
-    return drawn
-
-
-def rows_shown(score: Score) -> dict[str, tuple[str, ...]]:
-    """Which rows figures of one run show, as a view takes them."""
-    weights: Weights = {
-        str(line["constraint"]): (bool(line["challenged"]) or line["violation_depth"] > 0.0, line["active_time_s"])
-        for line in score.constraints
-    }
-    return {"phi_rows": relevant_rows(weights), "lane_rows": active_rows(weights)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,7 +132,8 @@ class NotebookRun(Run):
         """Its figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
         known = {BASELINE: self.baseline, self.law: self.record}
         runs = {name: record for name, record in known.items() if len(record.trajectory.t) > 1}
-        return Plots(View(self.setup, runs, tuple(known), **rows_shown(self.score)))
+        rows = RowsShown.of(self.score.constraints)
+        return Plots(View(self.setup, runs, tuple(known), rows.phi, rows.lanes))
 
     def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
         """The run in motion, with others of the same scene: shown in a notebook or, with a path, written to a file.
@@ -166,22 +158,13 @@ class NotebookRun(Run):
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a picture of the tracks, and the scores."""
-        result = self.score.result
-        reason = f". {result['reason']}" if result["reason"] else ""
-        ended = escape(f"{self.title or self.scenario}: {result['status']}{reason}")
-        parts = [f"<p><b>{escape(self.law)}</b> on {ended}</p>"]
+        result, file = self.score.result, BytesIO()
         if len(self.t) > 1 and self.trajectory.features_px.size:
-            file = BytesIO()
             self.plot.tracks().savefig(file, format="png", dpi=PICTURE_DPI)
-            data = base64.b64encode(file.getvalue()).decode()
-            parts.append(
-                f'<img alt="Tracks of the markers under {escape(self.law)}" src="data:image/png;base64,{data}">'
-            )
         metrics = [one for one in METRICS if one.header and one.group in SHOWN]
         cells = [(one.header, FORMATS[one.style](shown(one, result))) for one in metrics]
-        if lines := [cell for cell in cells if cell[1] != DASH]:
-            parts.append(table(("", ""), lines))
-        return "".join([*parts, f"<p>Violated rows: {escape(result['violated'] or 'none')}.</p>"])
+        picture, lines = base64.b64encode(file.getvalue()).decode(), [cell for cell in cells if cell[1] != DASH]
+        return render_html("notebook.html", run=self, result=result, picture=picture, lines=lines)
 
 
 @dataclass(frozen=True)
@@ -234,18 +217,20 @@ def frame_of(trajectory: Trajectory) -> pd.DataFrame:
     demand("pandas")
     import pandas as pd
 
-    def numbered(name: str, values: Any) -> list[str]:
-        return [f"{name} {i + 1}" for i in range(values.shape[1])]
+    def numbered(name: str, *values: Any) -> list[tuple[list[str], Any]]:
+        return [([f"{name} {i + 1}" for i in range(one.shape[1])], one) for one in values]
 
-    one, parts = trajectory, []
-    parts += [(what, numbered("joint", one.q), getattr(one, what)) for what in ("q", "qd", "qdd_command")]
-    parts.append(("error", numbered("feature", one.error), one.error))
-    parts.append(("camera_error", ["distance [m]", "angle [rad]"], one.camera_error))
-    parts.append(("camera_position", ["x", "y", "z"], one.camera_position))
-    pixels = zip(("u_px", "v_px"), (one.features_px[:, :, 0], one.features_px[:, :, 1]), strict=True)
-    parts += [(what, numbered("marker", values), values) for what, values in pixels]
-    parts += [(what, list(one.labels), getattr(one, what)) for what in ("phi", "sigma", "clearance", "active")]
-    columns = {(what, name): values[:, i] for what, names, values in parts for i, name in enumerate(names)}
+    one = trajectory
+    u, v = one.features_px[:, :, 0], one.features_px[:, :, 1]
+    parts = {
+        **dict(zip(("q", "qd", "qdd_command"), numbered("joint", one.q, one.qd, one.qdd_command), strict=True)),
+        "error": numbered("feature", one.error)[0],
+        "camera_error": (["distance [m]", "angle [rad]"], one.camera_error),
+        "camera_position": (["x", "y", "z"], one.camera_position),
+        **dict(zip(("u_px", "v_px"), numbered("marker", u, v), strict=True)),
+        **{what: (list(one.labels), getattr(one, what)) for what in ("phi", "sigma", "clearance", "active")},
+    }
+    columns = {(what, name): own[:, i] for what, (names, own) in parts.items() for i, name in enumerate(names)}
     columns |= {(what, ""): getattr(one, what) for what in ("feature_error_px", "saturated", "rows_time", "step_time")}
     frame = pd.DataFrame(columns, index=pd.Index(one.t, name="t"))
     frame.columns = pd.MultiIndex.from_tuples(columns)
@@ -258,10 +243,3 @@ def table_of(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame(lines)
-
-
-def table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """A table of texts as HTML."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in line)}</tr>" for line in lines)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

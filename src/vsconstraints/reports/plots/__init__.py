@@ -3,19 +3,6 @@
 Matplotlib is loaded when a sheet is made, not before: tables of figures cost nothing to look at.
 """
 
-from .marks import REFERENCE as REFERENCE
-from .marks import above_legend as above_legend
-from .marks import band as band
-from .marks import decades as decades
-from .marks import inside_legend as inside_legend
-from .marks import line as line
-from .marks import logarithmic as logarithmic
-from .marks import note as note
-from .marks import signal as signal
-from .marks import symbol as symbol
-from .marks import time_axis as time_axis
-from .marks import widths as widths
-from .marks import zero_line as zero_line
 from .sheet import FORMATS as FORMATS
 from .sheet import PNG as PNG
 from .sheet import WIDTH as WIDTH
@@ -25,7 +12,20 @@ from .sheet import Sheet as Sheet
 from .sheet import formats_of as formats_of
 from .style import FAINT as FAINT
 from .style import INK as INK
+from .style import REFERENCE as REFERENCE
 from .style import Look as Look
+from .style import above_legend as above_legend
+from .style import band as band
 from .style import darker as darker
+from .style import decades as decades
+from .style import inside_legend as inside_legend
+from .style import line as line
+from .style import logarithmic as logarithmic
 from .style import looks as looks
+from .style import note as note
 from .style import shortened as shortened
+from .style import signal as signal
+from .style import symbol as symbol
+from .style import time_axis as time_axis
+from .style import widths as widths
+from .style import zero_line as zero_line

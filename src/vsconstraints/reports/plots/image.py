@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -16,8 +16,7 @@ from ...rows import Array
 from ...simulation import Setup
 from ...vision.camera import Camera
 from ...vision.motion import Motion
-from .marks import line, patch, symbol
-from .style import FAINT, INK
+from .style import FAINT, INK, line, patch, symbol
 
 AROUND = 1.12  # how much of the image plane figures show, relative to the image; what lies beyond is cut off
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
@@ -26,7 +25,6 @@ BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 LABELLED = 0.93  # how far from the centre a time may stand, relative to the half of what is shown
 #: How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image.
 MOMENTS, INSTANTS = 5, 200
-
 GRID_STEP = 2.0  # of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact
 
 
@@ -52,15 +50,14 @@ class Plane:
         image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
         every = np.linspace(0.0, setup.duration, INSTANTS)
         drifting = tuple((c, c.motion, c.boundary((width, height), every)) for c in image if c.motion is not None)
-        plane = cls(
-            (width, height), tuple(c for c in image if c.motion is None), drifting, (), _outline(setup.scene.camera)
-        )
+        still = tuple(c for c in image if c.motion is None)
+        plane = cls((width, height), still, drifting, (), _outline(setup.scene.camera))
         half = 0.5 * np.array(plane.size)
         seen = [any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t)) for t in every]
-        if not any(seen):
-            return plane
-        first, last = np.flatnonzero(seen)[[0, -1]]
-        return replace(plane, times=tuple(every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))]))
+        if any(seen):
+            first, last = np.flatnonzero(seen)[[0, -1]]
+            plane.times = tuple(every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))])
+        return plane
 
     def moved(self, t: float) -> list[Array]:
         """Polylines (p, 2) of the boundaries that move, at a time [px]."""
@@ -85,8 +82,7 @@ class Plane:
     @property
     def half(self) -> Array:
         """(2,) half the size of the part that is shown [px]."""
-        half: Array = AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0))
-        return half
+        return np.asarray(AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0)))
 
     @cached_property
     def forbidden(self) -> list[Array]:
@@ -106,8 +102,7 @@ class Plane:
         """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
         grid = np.stack(np.meshgrid(u, v), axis=-1)
         # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
-        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
-        return depth
+        return np.asarray(np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1))
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
         """The whole plane; ``v`` points down, as in an image, or upwards."""
@@ -148,15 +143,13 @@ class Plane:
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Legend entries of the image and of what is drawn in it; of the boundary if it has a name."""
-        entries = [patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])]
-        if boundary:
-            entries.append(line(boundary, **BOUNDARY))
-        if self.constraints:
-            entries.append(patch(forbidden, **FORBIDDEN))
-        if self.moving:
-            when = "these times" if len(self.times) > 1 else "that time"
-            entries.append(line(f"boundary at {when}", **_moving(2, MOMENTS)))
-        return entries
+        when = "these times" if len(self.times) > 1 else "that time"
+        return [
+            patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"]),
+            *[line(boundary, **BOUNDARY)] * bool(boundary),
+            *[patch(forbidden, **FORBIDDEN)] * bool(self.constraints),
+            *[line(f"boundary at {when}", **_moving(2, MOMENTS))] * bool(self.moving),
+        ]
 
 
 def _moving(moment: int, of: int) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,16 +19,16 @@ from ...errors import unknown_name
 from .style import FORMULAS, STYLE_SHEET
 
 Formats = tuple[str, ...]  #: Of a figure's files, by their suffixes; pages show the first.
-
 PNG: Formats = ("png",)
 #: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes.
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-
 FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI, SCREEN_DPI = 150, 100
 #: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in].
 EDGE, FOOT = 0.03, 0.45
+#: By the names of figures, their texts.
+TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))
 
 
 def formats_of(names: Sequence[str]) -> Formats:
@@ -38,8 +39,8 @@ def formats_of(names: Sequence[str]) -> Formats:
     for name in names:
         if name not in FORMATS:
             raise unknown_name("format", name, FORMATS)
-    chosen = dict.fromkeys(names)
-    return (*([name for name in chosen if name != "pdf"] or PNG), *(name for name in chosen if name == "pdf"))
+    chosen = dict.fromkeys([*names, *(() if {*names} - {"pdf"} else PNG)])
+    return tuple(sorted(chosen, key="pdf".__eq__))
 
 
 class Sheet:
@@ -207,6 +208,11 @@ class Figure:
     reading: str = ""
     formulas: bool = False
 
+    @classmethod
+    def told(cls, name: str, draw: Callable[..., Sheet | None]) -> Figure:
+        """The figure of this name in ``figures.toml``, where its texts are."""
+        return cls(name, draw=draw, **TEXTS[name])
+
     def file_in(self, formats: Formats = PNG, suffix: str = "") -> str:
         """The name of the file that pages show; ``suffix`` stands behind its own name."""
         return f"{self.name}{suffix}.{formats[0]}"
@@ -216,32 +222,30 @@ class Figure:
 
         Returns whether there was anything to show; raises whatever goes wrong.
         """
-        with self._style():
-            sheet = self.draw(*needed)
+        with self._sheet(*needed) as sheet:
             if sheet is not None:
                 sheet.save(*dict.fromkeys((path, *(path.with_suffix(f".{kind}") for kind in formats))))
-        return sheet is not None
+            return sheet is not None
 
     def drawn(self, *needed: object) -> Any:
         """Draw it, and return the figure of matplotlib, which notebooks show; None if there is nothing to show."""
-        with self._style():
-            sheet = self.draw(*needed)
+        with self._sheet(*needed) as sheet:
             if sheet is None:
                 return None
             figure = sheet.placed()
-            figure._repr_png_ = partial(notebook_png, figure)
+            figure._repr_png_ = partial(_notebook_png, figure)
             return figure
 
     @contextmanager
-    def _style(self) -> Iterator[None]:
+    def _sheet(self, *needed: object) -> Iterator[Sheet | None]:
         from matplotlib import rc_context
 
         with rc_context(FORMULAS if self.formulas else {}, STYLE_SHEET), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            yield
+            yield self.draw(*needed)
 
 
-def notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
+def _notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
     """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it is sharp."""
     file = BytesIO()
     figure.savefig(file, format="png")

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..plots.image import OUTSIDE, START, Plane, numbered
-from ..plots.marks import symbol
 from ..plots.sheet import WIDTH, Figure, Sheet
-from ..plots.style import INK, shortened
+from ..plots.style import INK, shortened, symbol
 from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
 
@@ -19,12 +18,10 @@ MAX_LISTED = 15  # rows that a terminal lists, unless more are near
 COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.3
 #: Rows that are shown: up to the first, but of those far from their boundary no more than the second.
 MAX_ROWS, MIN_ROWS = 12, 4
-
 UNKNOWN_HEIGHT = 0.35  # height of a row of views in which no moment's configuration is known [in]
 CHARACTERS, LINES = 115, 12  # of the warnings in the figure
 #: Height of a row, and room for the rows' labels, for what a column says of them, and where they are nearest [in].
 ROW, LABELS, CELL, NEAREST = 0.19, 1.95, 1.36, 1.8
-
 MAX_USAGE = 1.15  # greatest usage that is shown; what is beyond stands at the edge
 STARTED, GOAL, EARLIER = symbol("o", "white", size=8.5), symbol("*", INK, size=5.2), symbol("*", "white", size=5.2)
 
@@ -170,9 +167,4 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
 
 
 #: Drawn from a :class:`~vsconstraints.reports.preview.preview.Preview`.
-FIGURE = Figure(
-    "preview",
-    "start and goals, before anything is simulated",
-    "The image and the arm at the start and at each goal, and the rows nearest to their boundary.",
-    draw_preview,
-)
+FIGURE = Figure.told("preview", draw_preview)

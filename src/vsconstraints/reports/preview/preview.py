@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +31,6 @@ TRIES, TURNS = 20, 4
 #: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given as an image, seen
 #: from the pose that explains it best, relative to its width.
 SAME, MAX_MISS = 1e-6, 0.1
-
 OF_GOALS = "performance-funnel"  # constraints that are about the goals
 
 
@@ -62,11 +61,11 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
     pixels[seen] = camera.pixels(P[seen, :2] / P[seen, 2:])
     phi = clearance = np.full(len(constraints.labels), np.nan)
     problems = robot.outside_ranges(q)
-    for i, (u, v) in enumerate(pixels):
-        if not seen[i]:
-            problems.append(f"marker {i + 1} is behind the camera (depth {P[i, 2]:.3g} m)")
-        elif not camera.sees(pixels[i]):
-            problems.append(f"marker {i + 1} is outside the image, at ({u:.0f}, {v:.0f}) px from its centre")
+    for i, (u, v) in enumerate(pixels, 1):
+        if not seen[i - 1]:
+            problems.append(f"marker {i} is behind the camera (depth {P[i - 1, 2]:.3g} m)")
+        elif not camera.sees(pixels[i - 1]):
+            problems.append(f"marker {i} is outside the image, at ({u:.0f}, {v:.0f}) px from its centre")
     if seen.all():
         try:
             hidden = LinesOfSight(scene).hidden(q, t)
@@ -219,20 +218,15 @@ class Preview:
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
-        """The preview of a scenario's trial; where nothing but its goals cannot be built, they are the warning.
-
-        Raises VsconstraintsError if the scenario cannot be built for another reason.
-        """
+        """The preview of a trial; what of its goals cannot be built is a warning. Raises VsconstraintsError."""
         try:
-            built = scenario.setup(trial, seed)
+            return cls.of(scenario.name, scenario.setup(trial, seed))
         except VsconstraintsError as error:
-            setup = _without_goals(scenario, trial, seed)
-            if setup is None:
+            if (setup := _without_goals(scenario, trial, seed)) is None:
                 raise
             moments = _moments_without(setup, scenario)
             doubts = tuple(implausible(setup.scene, setup.task, setup.Ts))
             return cls(scenario.name, setup, moments, rows_of(setup, moments), str(error), doubts)
-        return cls.of(scenario.name, built)
 
     @property
     def near(self) -> tuple[Row, ...]:
@@ -246,14 +240,14 @@ class Preview:
         return (*self.doubts, *problems, *([f"no run would start: {self.refusal}"] if self.refusal else []))
 
 
-def _goal_names(count: int) -> list[str]:
-    return ["goal"] if count == 1 else [f"goal {number}" for number in range(1, count + 1)]
+def _named(goals: Sequence[Any]) -> Iterator[tuple[str, Any]]:
+    return ((f"goal {k}" if len(goals) > 1 else "goal", goal) for k, goal in enumerate(goals, 1))
 
 
 def _at_goals(setup: Setup) -> Iterator[Moment]:
     goals = setup.task.goals
     ends = [goal.from_time - setup.Ts for goal in goals[1:]] + [(setup.samples - 1) * setup.Ts]
-    for name, goal, t in zip(_goal_names(len(goals)), goals, ends, strict=True):
+    for (name, goal), t in zip(_named(goals), ends, strict=True):
         try:
             q, missed = goal_configuration(setup.scene, goal, setup.q0, t)
         except SceneError as error:
@@ -267,10 +261,7 @@ def _at_goals(setup: Setup) -> Iterator[Moment]:
 
 
 def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
-    """The setup with a goal that any scene can have, without what is about goals; None if it cannot be built either.
-
-    That is the start or, where markers are behind the camera there, the image's centre.
-    """
+    """The setup with another goal, without what is about goals; None if it cannot be built either."""
     tables = scenario.tables
     task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
     if not isinstance(task, dict) or not isinstance(target, dict):
@@ -290,8 +281,8 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
 def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
     """The start, and those goals that are given by joint coordinates, as far as they can be seen."""
     moments, goals = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)], scenario.tables["task"].get("goals", [])
-    goals, nothing = goals if isinstance(goals, list) else [], np.full((len(setup.scene.markers), 2), np.nan)
-    for name, goal in zip(_goal_names(len(goals)), goals, strict=True):
+    nothing = np.full((len(setup.scene.markers), 2), np.nan)
+    for name, goal in _named(goals if isinstance(goals, list) else []):
         try:
             q = setup.scene.robot.configuration(goal["camera_at_q"])
             moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from ...comparisons.runs.files import replaced
 from ...errors import ConfigurationError
-from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane, tracks
-from ..plots.marks import symbol
 from ..plots.sheet import WIDTH, Sheet
-from ..plots.style import INK, darker, shortened
+from ..plots.style import INK, darker, shortened, symbol
 from ..setup_scene import draw_setup
 from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
 from .space import common_viewpoint
 
+FILMS = (".gif", ".mp4")
 #: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
-
 DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
-#: Active or violated constraints that are named at most, and letters of the text below an image, on an inch of it.
-MAX_LABELS, LETTERS = 3, 12.0
-
-
+LETTERS = 12.0  # of the text below an image, on an inch of it
 GOAL = symbol("*", INK, "white", 8.0)
 
 
@@ -38,17 +35,10 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
     if the runs cannot be shown together, the ending is another one, or an MP4 is asked for without the extra
     ``replay``; and OSError.
     """
-    path = Path(path)
-    kind = path.suffix.lower()
-    if kind not in (".gif", ".mp4"):
-        raise ConfigurationError(f"a film ends in .gif or .mp4, not {path.name!r}")
-    if kind == ".mp4":
-        demand("replay")
+    film_kind(path := Path(path))
     check_same_scene(runs)
     frames = Frames.of(runs, RATE, int(RATE * MAX_TIME))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(path) as part:
-        (_write_gif if kind == ".gif" else _write_mp4)(list(pictures(runs, frames, title or runs[0].title)), part)
+    write_pictures(list(pictures(runs, frames, title or runs[0].title)), path, RATE, REST)
     return [text for text in [frames.remark(runs)] if text]
 
 
@@ -104,43 +94,41 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     worst = max((state for _, state, _ in rows), default=0)
     labels = [label for label, state, _ in rows if state == worst] if worst else []
     word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
-    text = truncated_labels(word, labels, int(LETTERS * ax.get_position().width * WIDTH))
+    text = shortened(f"{word}{', '.join(labels)}", int(LETTERS * ax.get_position().width * WIDTH))
     place = {"transform": ax.transAxes, "fontsize": 9, "va": "top", "fontweight": "bold", "zorder": 7}
     ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
 
 
-def truncated_labels(word: str, labels: Sequence[str], letters: int) -> str:
-    """A word and as many of the labels as there is room for, and how many more there are."""
-    text = ""
-    for count in range(min(len(labels), MAX_LABELS), 0, -1):
-        more = f" and {len(labels) - count} more" if len(labels) > count else ""
-        text = f"{word}{', '.join(labels[:count])}{more}"
-        if len(text) <= letters:
-            return text
-    return shortened(text, letters)
+def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
+    """How the path of a film ends, in .gif or .mp4, or in one of ``other``; raises ConfigurationError otherwise."""
+    kind = path.suffix.lower()
+    if kind not in (*FILMS, *other):
+        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}{or_else}, not {path.name!r}")
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise ConfigurationError("a film as MP4 needs imageio_ffmpeg: pip install 'vsconstraints[replay]'")
+    return kind
 
 
-def _write_gif(frames: Sequence[Array], path: Path) -> None:
-    from PIL import Image
+def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float = 0.0, colours: int = COLOURS) -> None:
+    """Write pictures (height, width, 3) as a film, so many a second; the last one stands longer by ``rest`` [s]."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(path) as part:
+        if film_kind(path) == ".gif":
+            images = [Image.fromarray(pixels) for pixels in frames]
+            # one palette for all, without dithering: what stands still is the same from frame to frame: no room
+            palette = images[len(images) // 2].quantize(colours, dither=Image.Dither.NONE)
+            first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+            step = round(100.0 / rate) * 10
+            look: dict[str, Any] = {"duration": [step] * len(others) + [step + int(1000.0 * rest)], "loop": 0}
+            first.save(part, format="GIF", save_all=True, append_images=others, optimize=True, **look)
+            return
+        import imageio_ffmpeg
 
-    images = [Image.fromarray(pixels) for pixels in frames]
-    # one palette for all, without dithering: what stands still is the same from frame to frame, and takes no room
-    palette = images[len(images) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
-    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
-    step = round(100.0 / RATE) * 10
-    durations = [step] * len(others) + [step + int(1000.0 * REST)]
-    first.save(path, format="GIF", save_all=True, append_images=others, duration=durations, loop=0, optimize=True)
-
-
-def _write_mp4(frames: Sequence[Array], path: Path) -> None:
-    import imageio_ffmpeg
-
-    size = frames[0].shape[1::-1]
-    options: dict[str, Any] = {"fps": RATE, "macro_block_size": 2, "quality": 7, "output_params": ["-f", "mp4"]}
-    writer = imageio_ffmpeg.write_frames(str(path), size, **options)
-    writer.send(None)
-    try:
-        for pixels in [*frames, *[frames[-1]] * int(RATE * REST)]:
-            writer.send(np.ascontiguousarray(pixels))
-    finally:
-        writer.close()
+        options: dict[str, Any] = {"fps": rate, "macro_block_size": 2, "quality": 7, "output_params": ["-f", "mp4"]}
+        writer = imageio_ffmpeg.write_frames(str(part), frames[0].shape[1::-1], **options)
+        writer.send(None)
+        try:
+            for pixels in [*frames, *[frames[-1]] * int(rate * rest)]:
+                writer.send(np.ascontiguousarray(pixels))
+        finally:
+            writer.close()

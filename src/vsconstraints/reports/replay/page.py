@@ -41,10 +41,8 @@ def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -
 def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
     """One HTML file in which up to four runs of one scene are seen in motion, in any browser and without network.
 
-    Arms stand in one space, the first opaque and others transparent; image planes with the constraints that are
-    highlighted stand beside each other. ``#t=3.2`` behind the file's address opens it at that time. The scenario's
-    title stands above if none is given. Raises ConfigurationError if the extra ``replay`` is not installed, or the runs
-    cannot be shown together.
+    ``#t=3.2`` behind the file's address opens it at that time. The scenario's title stands above if none is given.
+    Raises ConfigurationError if the extra ``replay`` is not installed, or the runs cannot be shown together.
     """
     return _page(runs, title)[0]
 
@@ -77,10 +75,9 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    run, figure, file = runs[0], Figure(figsize=PICTURE, dpi=100, facecolor="white"), BytesIO()
-    k = len(run.trajectory.t) // 2
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
-    draw_setup(ax, run.setup, run.trajectory.q[k], float(run.trajectory.t[k]), common_viewpoint(runs))
+    run, figure, file = runs[0].trajectory, Figure(figsize=PICTURE, dpi=100, facecolor="white"), BytesIO()
+    k, ax = len(run.t) // 2, figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    draw_setup(ax, runs[0].setup, run.q[k], float(run.t[k]), common_viewpoint(runs))
     FigureCanvasAgg(figure).print_png(file)
     return file.getvalue()
 
@@ -113,7 +110,6 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
     about = [[thing == ("marker", i + 1) for thing in things] for i in range(trajectory.features_px.shape[1])]
     shown = [int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()]
     pixels = trajectory.features_px[samples].reshape(len(samples), -1)
-    pixels, error = _rounded([pixels, trajectory.feature_error_px[samples]])
 
     def digits(own: States) -> str:
         return "".join(map(str, own))
@@ -124,8 +120,7 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        "pixels": pixels,
-        "error": error,
+        **dict(zip(("pixels", "error"), _rounded([pixels, trajectory.feature_error_px[samples]]), strict=True)),
         "markers": [digits(states[:, own].max(axis=1, initial=0)) for own in about],
         "rows": [{"label": trajectory.labels[i], "states": digits(states[:, i])} for i in sorted(shown[:MAX_ROWS])],
         "more": max(len(shown) - MAX_ROWS, 0),
@@ -141,9 +136,6 @@ def _rounded(arrays: Iterable[Array]) -> list[Any]:
         finite[finite != finite] = None
         lists.append(finite.tolist())
     return lists
-
-
-# --- filters of the template ---
 
 
 def _json(data: Any) -> Markup:

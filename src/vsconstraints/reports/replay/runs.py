@@ -50,23 +50,21 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
     """Raise ConfigurationError unless there is something to see in each of these runs, and all are of one scene."""
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
+
+    def shown(run: ReplayRun) -> tuple[object, ...]:
+        scene = run.setup.scene
+        return scene.robot.n, scene.robot.name, scene.camera.size, scene.markers.tolist(), run.setup.constraints.labels
+
     names = [run.law for run in runs]
     for run in runs:
         if len(run.trajectory.t) < 2:
             why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
             raise ConfigurationError(f"the run of {run.law} left no trajectory that could be replayed{why}")
-        if _shown(run) != _shown(runs[0]):
+        if shown(run) != shown(runs[0]):
             alike = "a replay shows one robot, camera, target and the same rows"
             raise ConfigurationError(f"the runs of {runs[0].law} and {run.law} are of different scenes: {alike}")
         if names.count(run.law) > 1:
             raise ConfigurationError(f"two of the runs are called {run.law!r}: give each its own name")
-
-
-def _shown(run: ReplayRun) -> tuple[object, ...]:
-    """What is the same in all runs of a scene."""
-    scene = run.setup.scene
-    robot, camera = scene.robot, scene.camera
-    return robot.n, robot.name, camera.size, scene.markers.tolist(), run.setup.constraints.labels
 
 
 def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
@@ -121,7 +119,7 @@ def states(run: ReplayRun) -> States:
 
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
-    """States (F,) in each frame of everything in space that is highlighted at all, by what it is, its number and run.
+    """States (F,) of everything in space that is highlighted at all, by what it is, its number and run.
 
     A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint in the list; the run
     is 0 for what runs share: markers and obstacles are highlighted by the rows of any run.
@@ -139,17 +137,13 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, 
 def things_of(run: ReplayRun) -> list[Thing]:
     """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
     constraints, scene = run.setup.constraints, run.setup.scene
-    counts = {"marker": len(scene.markers), "joint": scene.robot.n}
-    solid = [bool(constraint.meshes(0.0, 1.0)) for constraint in constraints.constraints]
-    owners = [k for k, (_, count, _) in enumerate(constraints.blocks()) for _ in range(count)]
-    things: list[Thing] = []
-    for label, owner in zip(constraints.labels, owners, strict=True):
-        named = re.search(r"(marker|joint) (\d+)\]", label)
-        if solid[owner]:
-            things.append(("obstacle", owner))
-        else:
+    counts, things = {"marker": len(scene.markers), "joint": scene.robot.n}, list[Thing]()
+    for k, (constraint, (_, count, _)) in enumerate(zip(constraints.constraints, constraints.blocks(), strict=True)):
+        solid = bool(constraint.meshes(0.0, 1.0))
+        for label in constraints.labels[len(things) : len(things) + count]:
+            named = None if solid else re.search(r"(marker|joint) (\d+)\]", label)
             known = named is not None and int(named[2]) <= counts[named[1]]
-            things.append((named[1], int(named[2])) if named is not None and known else None)
+            things.append(("obstacle", k) if solid else (named[1], int(named[2])) if named and known else None)
     return things
 
 
@@ -165,26 +159,23 @@ def select_run(
     ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called with what a reader should know of
     what is stored. Raises VsconstraintsError if the text names no run, or it cannot be read, built or simulated.
     """
-    return stored(Path(run), trust, on_remark) if run.endswith(".npz") else simulated(run, seed)
-
-
-def stored(file: Path, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None) -> ReplayRun:
-    """A run of a comparison, from the file of its trajectory; raises ConfigurationError if it is none or damaged."""
+    if not run.endswith(".npz"):
+        return _simulated(run, seed)
+    file = Path(run)
     parts = file.stem.split("--")
     if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
         form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
         raise ConfigurationError(f"{file} is no trajectory of a comparison: {form}")
-    scenario, law, trial = parts[0], parts[1], int(parts[2])
     if not file.is_file():
         raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
     comparison = StoredComparison.load(file.parent.parent, trust)
     for remark in comparison.remarks:
         on_remark(remark)
-    if scenario not in comparison.scenarios:
-        raise unknown_name(f"scenario of {comparison.folder}", scenario, comparison.scenarios)
-    if law not in comparison.controllers:
-        raise unknown_name(f"controller of {comparison.folder}", law, comparison.controllers)
-    return run_of(comparison, scenario, law, trial)
+    known = {"scenario": comparison.scenarios, "controller": comparison.controllers}
+    for (what, names), name in zip(known.items(), parts, strict=False):
+        if name not in names:
+            raise unknown_name(f"{what} of {comparison.folder}", name, names)
+    return run_of(comparison, parts[0], parts[1], int(parts[2]))
 
 
 def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
@@ -197,11 +188,10 @@ def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) ->
         setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
     if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
         raise ConfigurationError(f"the stored run of {law} on {scenario} has other rows than its scenario")
-    return ReplayRun(_named(law, trial), setup, record.trajectory, loaded.title)
+    return ReplayRun(f"{law}, trial {trial}" if trial else law, setup, record.trajectory, loaded.title)
 
 
-def simulated(run: str, seed: int = 0) -> ReplayRun:
-    """A run made now: ``SCENARIO:CONTROLLER``, with ``:TRIAL`` behind it if it is not the first."""
+def _simulated(run: str, seed: int) -> ReplayRun:
     scenario, separator, rest = run.partition(":")
     law, _, last = rest.rpartition(":")
     law, trial = (law, int(last)) if law and last.isdecimal() else (rest, 0)
@@ -212,7 +202,7 @@ def simulated(run: str, seed: int = 0) -> ReplayRun:
         raise ConfigurationError(f"{run!r} names no run: a trial is a number from 0 on, not {last!r}")
     loaded = Scenario.load(scenario)
     done = perform(RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed))
-    return ReplayRun(_named(law, trial), done.setup, done.trajectory, loaded.title)
+    return ReplayRun(f"{law}, trial {trial}" if trial else law, done.setup, done.trajectory, loaded.title)
 
 
 def campaign_run(run: str) -> list[str]:
@@ -226,7 +216,3 @@ def name_of(run: str) -> str:
     if parts := campaign_run(run):
         return "-".join(parts[1:3])
     return Path(run).stem.partition("--")[0] if run.endswith(".npz") else Path(run.partition(":")[0]).stem
-
-
-def _named(law: str, trial: int) -> str:
-    return law if trial == 0 else f"{law}, trial {trial}"

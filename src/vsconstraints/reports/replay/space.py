@@ -27,16 +27,11 @@ from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
 
 #: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place.
 OBSTACLE, OTHERS = "#8FA3BF", 0.45
-
+#: By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m]: two surfaces in
+#: one place would flicker into each other; so where arms agree, the first one is seen.
 INSET = 1.5e-3
-"""By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m].
-
-Two surfaces in one place would flicker into each other; so where arms agree, the first one is seen.
-"""
-
 #: Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more.
 MAX_TRIANGLES, MERGED = 36_000, 1e-3
-
 INSTANTS = 9  # of each run, in which everything is in view
 #: Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
 #: around what is in view, relative to half the side of its cube.
@@ -142,15 +137,9 @@ class Nodes:
         """Put frames where they are; viser sends nothing of those that have not moved."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            frame.position, frame.wxyz = pose.t, quaternion(pose.R)
+            frame.position, frame.wxyz = pose.t, np.round(np.roll(pin.Quaternion(pose.R).coeffs(), 1), 6)
             if name in self.rails:
                 self.rails[name].scale = (1.0, 1.0, stretch)
-
-
-def quaternion(R: Array) -> Array:
-    """(4,) the unit quaternion of a rotation (3, 3), its scalar part first."""
-    wxyz: Array = np.round(np.roll(pin.Quaternion(R).coeffs(), 1), 6)
-    return wxyz
 
 
 def _cover(what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float) -> tuple[Mesh, str]:
@@ -163,9 +152,6 @@ def _cover(what: str, number: int, runs: Sequence[ReplayRun], run: int, half: fl
     poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
     axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
     return tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
-
-
-# --- meshes for a browser ---
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
@@ -184,22 +170,17 @@ def coarse(meshes: list[Mesh]) -> list[Mesh]:
     """The same with fewer triangles where there are too many: points that are close to each other become one."""
     cell, fewer = MERGED, meshes
     while sum(len(mesh.triangles) for mesh in fewer) > MAX_TRIANGLES:
-        fewer = [_merged(mesh, cell) for mesh in meshes]
+        fewer = []
+        for mesh in meshes:
+            _, first, own = np.unique(np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True)
+            triangles = np.asarray(own).reshape(-1)[mesh.triangles]
+            a, b, c = triangles.T
+            fewer.append(Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)]))
         cell *= 1.4
     return fewer
 
 
-def _merged(mesh: Mesh, cell: float) -> Mesh:
-    _, first, own = np.unique(np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True)
-    triangles = np.asarray(own).reshape(-1)[mesh.triangles]
-    a, b, c = triangles.T
-    return Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)])
-
-
-# --- where it is seen from ---
-
-
-def instants_of(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
+def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     """Joint coordinates (n,) and times [s] from the starts of runs to their ends."""
     every = [(run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int)) for run in runs]
     return [(trajectory.q[k], float(trajectory.t[k])) for trajectory, at in every for k in at]
@@ -207,17 +188,17 @@ def instants_of(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
 
 def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
     """A viewpoint from which the motions of all runs are in view."""
-    return viewpoint_of(runs[0].setup, instants_of(runs), ASPECT)
+    return viewpoint_of(runs[0].setup, _instants(runs), ASPECT)
 
 
 def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     """(3,) where a camera with :data:`FIELD_OF_VIEW` has the motions of all runs in view.
 
-    From a distance d of the centre it sees what is x to the right of it, y above it and z nearer if neither x nor y
-    is farther from zero than w (d − z) and h (d − z): this is the least d for which that is so.
+    From a distance d it sees what is x to the right, y above and z nearer than the centre if |x| ≤ w (d − z), |y| ≤
+    h (d − z): this is the least such d.
     """
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
-    points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in instants_of(runs)])
+    points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
     across, up, towards = ((points - viewpoint.centre) @ axes).T
     needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
     eye: Array = viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]

@@ -129,7 +129,6 @@ def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
 
 
 def _check_views(ends: Ends) -> None:
-    """Raise Rejected if an end is out of range, or a marker not in the image there."""
     scene, known = ends.scene, [(min(i, 1), q) for i, q in enumerate(ends.q) if q is not None]
     for at, q in known:
         outside = scene.robot.outside_ranges(q)
@@ -217,9 +216,8 @@ def _track(setup: Setup) -> RunScores:
 def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
     """(n,) least time from rest to rest of joints by themselves [s]: d/w + w/a with the peak speed w = min(v, √(a d)).
 
-    A joint accelerates as hard as it can up to w, keeps w where that is its limit v, and brakes as hard: what is best
-    for a double integrator with bounded input and speed. Distances d ≥ 0 [rad or m], limits a > 0 [rad/s² or m/s²] and
-    v > 0 [rad/s or m/s] are (n,); infinite where there is no limit.
+    Distances d ≥ 0 [rad or m], limits a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s] are (n,); infinite where there is
+    none.
     """
     w = np.minimum(speed, np.sqrt(acceleration * distance))
     # a joint that need not move, or is without any limit, is there at once
@@ -232,8 +230,8 @@ def least_time(setup: Setup, ends: Ends) -> float:
     """Least time from rest at the start to rest at the joint coordinates of the last goal [s].
 
     It is that of the slowest joint: each keeps the actuators' limit of acceleration, and of speeds what the rows of
-    joint speeds leave with their sampling band, or the robot's own speed where limits keep it. Jerk, obstacles and the
-    image take more. Other joint coordinates with the same goal are not looked at, nor tolerances of the goal.
+    joint speeds leave with their sampling band, or the robot's own where limits keep it. Jerk, obstacles and the image
+    take more.
 
     NaN without limits of actuators, where the robot does not start at rest, and where the goal is not one place of the
     joints: it is known by its image alone, the target moves, or joints are left free by it (a redundant arm).

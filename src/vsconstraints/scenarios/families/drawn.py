@@ -23,14 +23,13 @@ class Drawn:
     """A scene, the same for all laws and all conditions; or the counts of why there is none.
 
     ``tables`` are the scenario's by condition, empty if no attempt was accepted. ``values`` is what was drawn, by
-    dotted keys; under ``conditions`` what a condition adds; joint coordinates that were placed. ``rejected`` counts
-    attempts before this one by reason; ``refusal`` says what the last of them was rejected for. ``challenged`` labels
-    the rows that tracking alone violates in the nominal condition. ``noise`` is the seed of everything random in its
-    disturbances: another one for every scene, the same for all laws.
+    dotted keys, and joint coordinates that were placed. ``rejected`` counts attempts before this one by reason;
+    ``refusal`` says what the last of them was rejected for. ``challenged`` labels the rows that tracking alone violates
+    in the nominal condition. ``noise`` is the seed of everything random in its disturbances.
 
-    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the greatest over rows, of
-    tracking alone: above 1, no law could have satisfied a row from where tracking alone first meets its boundary. In
-    ``least_time`` [s] the arm can be at rest at its goal, whatever the law; ``duration`` [s] is of the longest run.
+    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the greatest over rows of
+    tracking alone: above 1, no law could have satisfied a row from where it first meets its boundary. In ``least_time``
+    [s] the arm can be at rest at its goal, whatever the law; ``duration`` [s] is of the longest run.
     """
 
     family: str

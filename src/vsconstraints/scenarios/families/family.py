@@ -77,7 +77,7 @@ class Family(Described):
     @property
     def conditions(self) -> tuple[str, ...]:
         """Names of its conditions, the nominal one first."""
-        return (NOMINAL, *(name for name in self._overrides if name != NOMINAL))
+        return (NOMINAL, *(name for name in self.tables.get("conditions", {}) if name != NOMINAL))
 
     def has_key(self, key: str, condition: str) -> bool:
         """Whether the tables of a condition, or those of all, have a key."""
@@ -99,7 +99,6 @@ class Family(Described):
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
-        """What each condition adds."""
         where, overrides = f"{self.name}.conditions", {}
         for name, said in demand_table(self.tables.get("conditions", {}), where).items():
             own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}

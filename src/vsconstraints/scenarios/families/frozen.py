@@ -72,11 +72,6 @@ class FrozenFamily(Family):
     """
 
     @property
-    def conditions(self) -> tuple[str, ...]:
-        """Names of its conditions, the nominal one first."""
-        return (NOMINAL, *(name for name in self.tables.get("conditions", {}) if name != NOMINAL))
-
-    @property
     def source(self) -> Family:
         """The family that draws what the files hold, and with other seeds further scenes in the same way."""
         tables = {key: value for key, value in self.tables.items() if key != "frozen"}

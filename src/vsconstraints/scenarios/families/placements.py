@@ -23,10 +23,7 @@ DAMPING = 0.02  #: share of the squared error by which singular directions are d
 
 
 class Ends(NamedTuple):
-    """A scene without its task and constraints, and the joint coordinates ``q``, each (n,), at its start and each goal.
-
-    They are None at a goal that is given by its image only.
-    """
+    """A scene without task and constraints, and (n,) ``q`` at its start and goals; None of what is an image only."""
 
     scene: Scene
     q: Sequence[Array | None]
@@ -69,10 +66,9 @@ def look_at(
     """Joint coordinates (n,) at which the camera looks at the target, by inverse kinematics; None if out of reach.
 
     ``distance`` is the depth of the markers' middle [m], which is seen at ``image_px`` from the image's centre [px].
-    The optical axis is tilted by ``tilt`` from the ``normal``, which points from the target to the camera in the
-    target's frame; ``azimuth`` is where to, about the normal; ``roll`` is about the optical axis [rad]. At zero angles
-    the camera looks along −normal. Inverse kinematics begin ``near`` (n,); for goals at the start, if not said; else in
-    the middle of the ranges.
+    The optical axis is tilted by ``tilt`` from the ``normal``, which points to the camera in the target's frame;
+    ``azimuth`` is where to, about the normal; ``roll`` is about the optical axis [rad]. Inverse kinematics begin
+    ``near`` (n,); for goals at the start, if not said; else in the middle of the ranges.
     """
     scene, robot = place.ends.scene, place.ends.scene.robot
     if not (distance > 0.0 and np.any(normal)):
@@ -99,8 +95,8 @@ def tip_path(
 ) -> list[float]:
     """A point (3,) in the base frame [m] beside the straight line from where the tip starts to where it is at a goal.
 
-    ``share`` of the line, from 0 to 1, lies before it; ``aside`` [m] is added. What moves as the table says is there
-    ``after`` a time [s]: the value is where it begins. Goals are counted from 1. A ``link`` may stand for the tip.
+    ``share`` of the line lies before it; ``aside`` [m] is added. What moves as the table says is there ``after`` a time
+    [s]: the value is where it begins. Goals are counted from 1. A ``link`` may stand for the tip.
     """
     first, last = (place.ends.scene.robot.pose(q, link).t for q in place.ends.pair(goal, place.where))
     return place.begun(first + share * (last - first) + aside, after)
@@ -175,7 +171,6 @@ def tip_of(scene: Scene, camera: Pose) -> Pose:
 
 
 def _about(axis: str, angle: float) -> Array:
-    """Rotation about an axis of coordinates."""
     return np.asarray(pin.utils.rotate(axis, angle))
 
 

@@ -1,0 +1,167 @@
+"""``python -m checks.known [--scenes N]``: what laws would gain by knowing disturbances, and what a dead time costs.
+
+On held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is known: it is taken out,
+everything else is the same, the tolerances of goals too. Where all are known, nothing but the law is left: no law that
+must find them out can be expected to do better, so that this is the bound for disturbed scenes. Then scenes without
+disturbances in which images, or commands, are late by a dead time, which a law knows or not (its option ``dead_time``).
+Success in per cent; differences are paired, with McNemar's test.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from math import ceil
+from multiprocessing import get_context
+from typing import Any
+
+import pandas as pd
+
+from vsconstraints.comparisons.evidence.work import Batch, scored
+from vsconstraints.comparisons.runs.spec import BASELINE, ControllerSpec
+from vsconstraints.comparisons.statistics import mcnemar
+from vsconstraints.comparisons.statistics.judged import OUTCOMES
+from vsconstraints.scenarios.families import Drawn, Family
+from vsconstraints.scenarios.families.frozen import TestSet
+
+Tables = dict[str, Any]
+
+DEAD_TIME = 0.035  #: [s]
+OBSERVER = {"observer": 0.1}
+LAWS = {
+    "hierarchical-qp": {"rows": "barrier"},
+    "robust-hierarchical-qp": {},
+    "robust-hierarchical-qp-observer": {"type": "robust-hierarchical-qp", **OBSERVER},
+    "predictive": {},
+}
+TOLD = {
+    f"{name}, told": {"type": name, **LAWS[name], **OBSERVER, "dead_time": DEAD_TIME}
+    for name in LAWS
+    if "-obs" not in name
+}
+
+DISTURBANCES: Mapping[str, tuple[str, ...]] = {
+    "noise": ("pixel_noise",),
+    "delay": ("delay",),
+    "camera": (
+        "focal_factor", "principal_point_error", "mount_translation_error", "mount_rotation_error", "depth_factor",
+    ),
+    "actuators": ("time_constant", "acceleration_noise"),
+}  # fmt: skip
+
+
+def without(*names: str) -> Callable[[Tables], Tables]:
+    """Takes disturbances out of a scenario's tables; ``"motion"`` stands for what the control takes for static."""
+    gone = {key for name in names for key in DISTURBANCES.get(name, ())}
+
+    def change(tables: Tables) -> Tables:
+        kept = {key: value for key, value in tables["disturbances"].items() if key not in gone}
+        tables = {**tables, "disturbances": kept}
+        return _with_known_motion(tables) if "motion" in names else tables
+
+    return change
+
+
+def _with_known_motion(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {key: _with_known_motion(value) for key, value in data.items() if key != "known"}
+    return [_with_known_motion(each) for each in data] if isinstance(data, list) else data
+
+
+def late(key: str) -> Callable[[Tables], Tables]:
+    """Makes images (``"delay"``) or commands (``"command_delay"``) late by the dead time."""
+
+    def change(tables: Tables) -> Tables:
+        by: float = ceil(DEAD_TIME / tables["sampling_time"]) if key == "delay" else DEAD_TIME
+        return {**tables, "disturbances": {**tables.get("disturbances", {}), key: by}}
+
+    return change
+
+
+#: By name: the condition that is changed, and how.
+KNOWN = {
+    "disturbed": ("disturbed", without()),
+    **{f"{name} known": ("disturbed", without(name)) for name in (*DISTURBANCES, "motion")},
+    "all known": ("disturbed", without(*DISTURBANCES, "motion")),
+}
+LATE = {
+    "nominal": ("nominal", lambda tables: tables),
+    "images late": ("nominal", late("delay")),
+    "commands late": ("nominal", late("command_delay")),
+}
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A family whose scenes have other conditions."""
+
+    family: Family
+    study: str
+
+    name = property(lambda self: self.family.name)
+    folder = property(lambda self: self.family.folder)
+
+    def set_up(self, number: int, half: str, seed: int) -> tuple[Drawn, Mapping[str, Any]]:
+        """As that of the family."""
+        scene = self.family.scene(number, half, seed)
+        changes = STUDIES[self.study][0]
+        return replace(scene, tables={name: change(scene.tables[of]) for name, (of, change) in changes.items()}), {}
+
+
+STUDIES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Mapping[str, Any]]]] = {
+    "known": (KNOWN, LAWS),
+    "late": (LATE, {**LAWS, **TOLD}),
+}
+
+
+def _runs(task: Batch) -> Any:
+    return scored(task).runs.to_pandas()
+
+
+def measured(study: str, scenes: int) -> Any:
+    """All runs of a study, with their success."""
+    conditions, laws = STUDIES[study]
+    entries = (
+        ControllerSpec(BASELINE),
+        *(ControllerSpec.from_table(name, {**table}, "laws") for name, table in laws.items()),
+    )
+    chosen = TestSet.load().chosen((), "held-out", scenes, None)
+    tasks = [
+        Batch(Changed(family, study), (number,), tuple(conditions), entries, "held-out", chosen["seed"])
+        for number in range(scenes)
+        for family in chosen["families"]
+    ]
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        runs = pd.concat(pool.map(_runs, tasks), ignore_index=True)
+    return runs[runs["controller"] != BASELINE].assign(success=lambda runs: OUTCOMES["success"].flag(runs))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print both tables."""
+    parser = ArgumentParser(prog="python -m checks.known", description=__doc__)
+    parser.add_argument("--scenes", type=int, default=40, help="of each family")
+    parser.add_argument("--study", choices=STUDIES, action="append")
+    options = parser.parse_args(arguments)
+    for study in options.study or STUDIES:
+        runs = measured(study, options.scenes)
+        first = next(iter(STUDIES[study][0]))
+        wide = runs.pivot(index=["family", "scene", "controller"], columns="condition", values="success")
+        wide = wide[[*STUDIES[study][0]]].astype(float)
+        print(f"\n{study}: {len(runs)} runs, success in per cent\n")
+        for law in STUDIES[study][1]:
+            own = wide.xs(law, level="controller")
+            print(law)
+            print((100.0 * own.groupby("family", sort=False).mean()).to_string(float_format="{:.0f}".format))
+            for name in own:
+                change = mcnemar(own[name] == 1.0, own[first] == 1.0)
+                low, high = 100.0 * change.low, 100.0 * change.high
+                points = f"{100.0 * change.difference:+.1f} ({low:.1f} to {high:.1f}), p = {change.p:.2g}"
+                print(f"  {name}: {100.0 * own[name].mean():.1f}, {points}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

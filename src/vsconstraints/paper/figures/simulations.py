@@ -1,0 +1,192 @@
+"""Figs. 2, 4 to 8, 10 and 11: the boundary of the FOV constraint, the planar arm, and the case study over time."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...comparisons.run import Run
+from ...constraints import FieldOfView
+from ...reports import plots
+from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
+from ...reports.plots.image import Plane, square
+from ...vision.camera import Camera
+from ..claims import simulations as claims
+from ..claims.simulations import BORDERS, BOWL_ROW, HEART, NOTCH, OTHER_ROW, RANGE, SECOND, SPEED, SPHERE, TIP, phases
+from . import lines as paper
+
+VIEW = 3.7
+FASTER: dict[str, Any] = {"color": "#F2A900", "linestyle": (0, (3, 2))}
+PLANAR = (0, 1, 5)  #: Parts of the pose's error that are not zero.
+
+SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}
+SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)}
+
+
+def draw_hyperellipses() -> Sheet:
+    """Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
+    width, height = size = (640.0, 480.0)
+    sheet, camera = Sheet(paper.LEFT), Camera((600.0, 600.0), size)
+    (ax,) = sheet.views((4.6, 4.6 * height / width))
+    square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
+    entries = [line("image", INK) | {"linewidth": 2.6}]
+    for n, colour, dash in zip((2, 4, 8, 16), paper.COLOURS, ("-", "--", "-.", "-"), strict=False):
+        for points in FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n).boundary(size):
+            ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
+        entries.append(line(f"$\\sigma_V$ = 0 for $n_V$ = {n}", colour, dash))
+    ax.set_xlim(-0.53 * width, 0.53 * width)
+    ax.set_ylim(0.53 * height, -0.53 * height)
+    ax.set_xlabel("u [px]", labelpad=1)
+    ax.set_ylabel("v [px], downwards", labelpad=1)
+    sheet.side_legend(entries)
+    return sheet
+
+
+def draw_fov(fov: Run) -> Sheet:
+    """Fig. 4: tracks; errors, joints and φ of the second feature."""
+    sheet = Sheet(paper.LEFT)
+    (ax,) = sheet.views((VIEW, VIEW))
+    sheet.side_legend(paper.draw_tracks(ax, fov, upwards=True))
+    *errors, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
+    paper.pose_errors(errors, fov, PLANAR)
+    paper.signals(joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]")
+    inside_legend(joints, 3)
+    paper.phi_panel(phi, fov, {SECOND: line(r"$\phi_{V,2}$", paper.CYAN)}, (-1.1, 0.2))
+    return sheet
+
+
+def draw_fast(fast: Run, high: Run) -> Sheet:
+    """Fig. 5: tracks and φ of the second feature for a small and a large switching gain."""
+    sheet = Sheet(paper.LEFT)
+    (ax,) = sheet.views((VIEW, VIEW))
+    entries = paper.draw_tracks(ax, fast, upwards=True)
+    for i in range(2):
+        ax.plot(*high.trajectory.features_px[:, i].T, **FASTER, linewidth=2.0, zorder=4.5)
+    sheet.side_legend([*entries, line("both features, $u^+$ = 50", **FASTER)])
+    whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
+    for ax, low, top, what in ((whole, -1.1, 0.3, ""), (near, -0.3, 0.2, ", near zero")):
+        for run, colour, name in ((fast, paper.BLUE, "$u^+$ = 10"), (high, FASTER["color"], "$u^+$ = 50")):
+            signal(ax, run.t, run.phi(SECOND), color=colour, label=name, linewidth=1.4)
+        paper.phi_axis(ax, fast, (low, top), r"$\phi_{V,2}$" + what)
+    bound = fast.bound(SECOND)
+    band(near, -bound, bound, paper.BAND, label="$\\pm T_s u^+$ for $u^+$ = 10")
+    near.set_xlim(0.0, 2.0)
+    whole.tick_params(labelbottom=True)
+    inside_legend(whole, 2, "lower right")
+    inside_legend(near, place="upper right")
+    return sheet
+
+
+class Obstacle(NamedTuple):
+    """What the first marker meets: its row and name, a detail [px], limits of φ, and a row of the other marker."""
+
+    row: str
+    name: str
+    centre: tuple[float, float]
+    half: float
+    phi: tuple[float, float]
+    other: str = ""
+
+
+IN_BOWL = Obstacle(BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, (-2.2, 0.3), OTHER_ROW)
+AT_CONVEX = Obstacle(HEART, "heart", TIP, 25.0, (-2.2, 0.3))
+AT_CONCAVE = Obstacle(HEART, "heart", NOTCH, 25.0, (-2.2, 1.1))
+
+
+def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
+    """Figs. 6 to 8: tracks with a detail, errors, and φ of the border's and the obstacle's row.
+
+    The obstacle's row of the other marker gets a panel of its own, beside the first's.
+    """
+    sheet = Sheet(paper.LEFT)
+    sheet.at = 0.28
+    whole, detail = sheet.views((3.0, 3.0), (2.05, 2.05), gap=0.45)
+    entries = paper.draw_tracks(whole, run, upwards=True)
+    square(whole, met.centre, met.half, met.half, color=INK, linewidth=0.9, zorder=7)
+    Plane.of(run.setup).draw_part(detail, np.array(met.centre), np.full(2, met.half))
+    detail.invert_yaxis()
+    detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
+    detail.set_xlabel("u [px]", labelpad=1)
+    paper.track(detail, run, 0)
+    outside = np.where((run.sigma(met.row) > 0.0)[:, None], run.trajectory.features_px[:, 0], np.nan)
+    if np.isfinite(outside).any():
+        detail.plot(*outside.T, color=paper.RED, linewidth=2.6, zorder=5)
+        entries.append(line(r"$\sigma$ > 0", paper.RED))
+    sheet.side_legend(entries)
+    panels = sheet.panels(4 if met.other else 3, height=1.2, labels=("time [s]", ""))
+    paper.pose_errors(panels[:2], run, PLANAR)
+    looks = {SECOND: line("FOV, second feature", paper.CYAN)}
+    looks[met.row] = line(f"{met.name}, first feature", paper.GREEN, "-.")
+    paper.phi_panel(panels[2], run, looks, met.phi)
+    if met.other:  # some of its rows leave their bands by orders of magnitude
+        bound = run.bound(met.other)
+        looks = {met.other: line(f"{met.name}, second feature", paper.MAGENTA)}
+        looks[met.row] = line(f"{met.name}, first feature", paper.GREEN)
+        band(panels[3], -bound, bound, paper.BAND)
+        paper.phi_panel(panels[3], run, looks, (), f"$\\phi$ of the {met.name}")
+        logarithmic(panels[3].yaxis, (-1e4, -1e2, -1.0, 0.0, 1.0, 1e2), bound, 1.0)
+        panels[3].set_ylim(top=1e4)
+    return sheet
+
+
+def frame_times(run: Run) -> list[float]:
+    """Four instants that Fig. 12 shows: in the middle of three events at once, of the third feature's sliding, of the
+    second feature's sliding in the second phase, and of the sphere's.
+    """  # noqa: D205
+    count = claims.at_once(run)
+    three = run.t[count == count.max()]
+    spans = [(three[0], three[-1]), *phases(run, BORDERS[2])[0][:1], *phases(run, BORDERS[1])[1][:1]]
+    spans += phases(run, SPHERE)[1][:1]
+    return [float(run.t[np.argmin(np.abs(run.t - 0.5 * (a + b)))]) for a, b in spans]
+
+
+def draw_tracks(case: Run) -> Sheet:
+    """Fig. 10: tracks in the image, position and orientation errors."""
+    sheet = Sheet(paper.LEFT)
+    (ax,) = sheet.views(paper.image_size(case, 3.9))
+    sheet.side_legend(paper.draw_tracks(ax, case))
+    paper.pose_errors(sheet.panels(2, height=1.45, labels=("time [s]", "")), case)
+    return sheet
+
+
+def draw_signals(case: Run) -> Sheet:
+    """Fig. 11: joints, speeds, max φ, and when each constraint is active."""
+    sheet = Sheet(1.12)
+    panels = sheet.panels(4, height=1.5, above=0.4, labels=("time [s]", ""))
+    for ax, values, label, name, limited in (
+        (panels[0], case.trajectory.q, "joint positions\n[rad]", "q", f"{RANGE}.upper"),
+        (panels[1], case.trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}", f"{SPEED}.upper"),
+    ):
+        paper.signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
+        paper.limits_around(ax, values)
+        plots.above_legend(ax, 6)
+        # the limit that acts: the value that the row's joint had, and its clearance
+        constraint: Any = case.constraint(limited)
+        joint = int(constraint.joints[0])
+        limit = float(np.median(values[:, joint - 1] + case.trajectory.clearance[:, case.index(limited)]))
+        ax.axhline(limit, **plots.REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
+        plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
+    signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
+    paper.phi_axis(panels[2], case, (-0.2, 0.04), r"greatest $\phi_i$")
+    _lanes(panels[3], case)
+    for number, time in enumerate(frame_times(case), start=1):
+        for ax in panels:
+            ax.axvline(time, color="#666666", linestyle="--", linewidth=0.9, zorder=1.4)
+        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "ha": "center"}
+        panels[3].annotate(f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=plots.FAINT)
+    return sheet
+
+
+def _lanes(ax: Any, run: Run) -> None:
+    """When each event is active, and which are in the instants of Fig. 12."""
+    shown = [event for event in claims.EVENTS if any(phases(run, event))]
+    for lane, event in enumerate(shown):
+        for first, last in (span for phase in phases(run, event) for span in phase):
+            ax.plot([first, last], [lane, lane], color=INK, linewidth=2.6, solid_capstyle="butt", zorder=3)
+            inside = [time for time in frame_times(run) if first <= time <= last]
+            ax.plot(inside, [lane] * len(inside), **plots.symbol("o", "white", size=7.0), zorder=4)
+    paper.over_time(ax, run)
+    ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.tick_params(axis="y", length=0, pad=3)
