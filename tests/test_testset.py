@@ -224,6 +224,19 @@ def test_laws_are_run_on_frozen_and_on_secret_scenes(
     assert secret.drawn("planar-arm", 0).values != frozen.drawn("planar-arm", 0).values
 
 
+def test_laws_of_a_suite_are_run_on_its_scenes(three: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[Campaign] = []
+    monkeypatch.setattr("vsconstraints.cli.testset.run_campaign", lambda campaign, *_: ran.append(campaign))
+    suite = tmp_path / "two.toml"
+    suite.write_text(
+        'scenarios = ["example-2d-fov"]\n[controllers.calm]\ntype = "sliding-mode"\nswitching_gain = 0.5\n'
+        '[controllers.saturation]\ntype = "law"\ndemand = "barrier"\nresolver = "saturation"\n'
+    )
+    assert say("run", str(three.folder), "--laws", str(suite)).exit_code == 0
+    assert [entry.name for entry in ran[0].controllers] == ["tracking", "calm", "saturation"]
+    assert [family.name for family in ran[0].families] == [family.name for family in three.families]
+
+
 def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path) -> None:
     write(copy, lines(copy)[:2], index=True)
     ours, theirs = (Campaign.load().changed(families=each.families) for each in (three, TestSet.load(copy)))
