@@ -135,7 +135,7 @@ MIRRORED = TURNED * (1.0, 1.0, -1.0, 1.0)
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 4}, "length 1, not 0"),
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 3}, "quaternion_xyzw must be 4 numbers"),
         ({"xyz": XYZ, "quaternion": [0.0] * 4}, "key in ur5-fov.camera.camera_in_tip 'quaternion'.*quaternion_wxyz"),
-        ({"xyz": XYZ, "rpy": [0, 0, 90]}, r"in radians, up to a turn \(6\.283\), not \[.*90.*\]: are these degrees"),
+        ({"xyz": XYZ, "rpy": [0, 0, 90]}, r"are radians, up to a turn \(6\.283\), not \[.*90.*\]: are these degrees"),
         (
             {"rpy": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1]},
             "one of rpy, quaternion_wxyz, quaternion_xyzw and matrix",

@@ -43,7 +43,9 @@ def results_of(
         "scenarios": {line["scenario"]: {"folder": ".", "tables": {}} for line in lines},
         **configuration,
     }
-    return Results(StoredComparison(Path(), {"configuration": chosen}, lines, rows or []))
+    stored = StoredComparison(Path(), {"configuration": chosen})
+    vars(stored).update(results=lines, constraints=rows or [])
+    return Results(stored)
 
 
 def text_of(results: Results) -> str:

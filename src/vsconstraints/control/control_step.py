@@ -64,8 +64,8 @@ class Model:
     says.
 
     It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit ``acceleration`` (n,) of
-    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the visual ``task``; and the compiled
-    ``step`` that predicts, None where anything runs in NumPy.
+    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the ``ranges`` of the robot; the visual
+    ``task``; and the compiled ``step`` that predicts, None where anything runs in NumPy.
     """
 
     def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:
@@ -74,7 +74,7 @@ class Model:
         self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
         self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
         self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
-        self.step = self._own.bound()
+        self.ranges, self.step = of.scene.robot.ranges, self._own.bound()
         if estimate is not None:
             estimate.write(self._own.packed.step)
         if gradient_error is not None and self.step is not None:
