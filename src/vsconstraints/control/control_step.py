@@ -64,7 +64,7 @@ class Model:
     says.
 
     It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit ``acceleration`` (n,) of
-    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the ``ranges`` of the robot; the visual
+    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the robot's ``ranges``; the visual
     ``task``; and the compiled ``step`` that predicts, None where anything runs in NumPy.
     """
 
