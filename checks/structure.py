@@ -40,7 +40,7 @@ BUDGETS = {
     "scenarios": Budget(2386, 1800),
     "learning": Budget(260, 260),
     "comparisons": Budget(6689, 4000),
-    "reports": Budget(6778, 4000),
+    "reports": Budget(6784, 4000),
     "paper": Budget(2927, 2400),
     "arms": Budget(1929, 1300),
     "cli": Budget(1274, 700),
@@ -48,7 +48,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44203, 31_000)
+ALL = Budget(44209, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 302, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

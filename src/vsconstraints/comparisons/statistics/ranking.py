@@ -116,7 +116,7 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
     shift = shift or 0.0
     moved = known + shift
     if moved.min(initial=1.0) <= 0.0:
-        raise InvalidInput(f"a profile needs positive costs: {shift:g} is added to the least, {finite.min():g}")
+        raise InvalidInput(f"a profile needs positive costs: the least is {finite.min():g}, and {shift:g} is added")
     ratios = np.full(moved.shape, np.inf)
     np.divide(moved, moved.min(axis=1, keepdims=True), out=ratios, where=np.isfinite(moved))
     return Profile(ratios, shift)

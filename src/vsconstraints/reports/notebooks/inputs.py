@@ -87,7 +87,7 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
         raise ConfigurationError(f'{type(law).__name__} has no name: write name = "…" in the class')
     options = _options(law)
     if options is not None:
-        return ControllerSpec(name, type(without_observer(law)).name, options), ""
+        return ControllerSpec(name, _kind(law).name, options), ""
     packed, why = _packed(law)
     note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
     return own_spec(law, name, packed), note
@@ -121,24 +121,30 @@ def _no_law(value: object) -> ConfigurationError:
     return ConfigurationError(f"a law is {kinds}, not {shown(value)}")
 
 
+def _kind(law: Controller) -> type[Controller]:
+    """The registered class of a law, or of the one that an observer is before."""
+    return type(law) if CONTROLLERS.get(getattr(law, "name", "")) is type(law) else type(without_observer(law))
+
+
 def _options(law: Controller) -> dict[str, Any] | None:
     """The options with which a file would name this law; None if it cannot."""
-    inner = without_observer(law)
-    kind, replaced = type(inner), {"solve", "command", "define"} & (vars(law).keys() | vars(inner).keys())
+    inner, kind = without_observer(law), _kind(law)
+    replaced = {"solve", "command", "define"} & (vars(law).keys() | vars(inner).keys())
     if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or type(law) not in (kind, Observed) or replaced:
         return None
     options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
     for parameter in inspect.signature(kind).parameters.values():
-        if parameter.kind is parameter.VAR_KEYWORD or not hasattr(inner, parameter.name):
+        holder = inner if hasattr(inner, parameter.name) else law
+        if parameter.kind is parameter.VAR_KEYWORD or not hasattr(holder, parameter.name):
             continue
-        value = getattr(inner, parameter.name)
+        value = getattr(holder, parameter.name)
         if isinstance(value, Demand | Resolver):
             own = {field.name: (getattr(value, field.name), field.default) for field in fields(value)}
             options |= {key: chosen for key, (chosen, default) in own.items() if chosen != default}
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
-    if inner is not law:
+    if kind is not type(law):
         options |= {key: getattr(law, key) for key in OBSERVER if getattr(law, key)}
     try:
         json.dumps(options)
