@@ -7,7 +7,7 @@ import sys
 
 CODE = """
 import os, signal, threading, time
-from vsconstraints.comparisons.runs.signals import Stopped, obey_signals, signals_held
+from vsconstraints.comparisons.runs.signals import Stopped, obey_signals, signal_of, signals_held
 obey_signals()
 threading.Thread(target=time.sleep, args=(1.0,), daemon=True).start()  # it does not hold signals
 done = []
@@ -19,7 +19,7 @@ try:
         done.append("start")
     done.append("after")
 except Stopped as stopped:
-    print(done, int(stopped.signal))
+    print(done, signal_of(stopped))
 """
 
 

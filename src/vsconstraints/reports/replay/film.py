@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from ...comparisons.runs.files import replaced
 from ...errors import ConfigurationError
@@ -114,6 +113,8 @@ def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float =
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
         if film_kind(path) == ".gif":
+            from PIL import Image
+
             images = [Image.fromarray(pixels) for pixels in frames]
             # one palette for all, without dithering: what stands still is the same from frame to frame: no room
             palette = images[len(images) // 2].quantize(colours, dither=Image.Dither.NONE)
