@@ -53,6 +53,7 @@ other_packages = (
     "enum",
     "gymnasium",
     "inspect",
+    "markdown_it",
     "matplotlib",
     "msgspec",
     "multiprocessing",

@@ -77,8 +77,8 @@ OUTCOME = (
     Column("violated", "text"),
     *(Column(name, "number") for name in _NUMBERS),
 )
-#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
 _SUCCESS = Column("success", "flag"), Column("tolerant_success", "flag"), Column("call_us", "number")
+#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
 COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 
 

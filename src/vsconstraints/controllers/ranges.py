@@ -67,6 +67,7 @@ class Fixed(dict[str, float]):
     """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        """Raise TypeError."""
         raise TypeError("the options of a controller cannot be changed in parts: make one with others")
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
