@@ -142,7 +142,7 @@ def measured(study: str, scenes: int) -> Any:
 def main(arguments: Sequence[str]) -> int:
     """Print both tables."""
     parser = ArgumentParser(prog="python -m checks.known", description=__doc__)
-    parser.add_argument("--scenes", type=int, default=40, help="of each family")
+    parser.add_argument("--scenes", type=int, default=20, help="of each family")
     parser.add_argument("--study", choices=STUDIES, action="append")
     options = parser.parse_args(arguments)
     for study in options.study or STUDIES:

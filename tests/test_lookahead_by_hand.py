@@ -108,6 +108,10 @@ def test_what_is_observed_beside_the_model_fades_along_the_plan() -> None:
         values[fading] = plans.plans.value[:2].copy()
     np.testing.assert_allclose(values[0.0], [[0.05, 0.2]] * 2)
     np.testing.assert_allclose(values[0.2], [[0.05, 0.2], [0.05 + 0.4 * 0.2 * (1.0 - exp(-2.5)), 0.2]])
+    # without σ̇ there is nothing to observe
+    plans = Planner(law, cast(Model, Given(rows, task, phi=phi, Lg=Lg, sigma=sigma)), 0.5, (1, 1))
+    plans.solve(replace(rows, sigma_dot=UNKNOWN), task)
+    np.testing.assert_array_equal(plans.plans.value[:2], values[0.0])
 
 
 def test_limits_of_a_plan() -> None:

@@ -209,6 +209,18 @@ def test_a_plan_foresees_what_moves_unknown_to_the_model() -> None:
     np.testing.assert_allclose(observed.q, plain.q, atol=1e-4)
 
 
+def test_a_law_observes_nothing_once_it_has_been_behind_an_observer() -> None:
+    """It is used by itself before and after, also on rows that give no σ̇."""
+    setup, law = UNKNOWN.with_override("duration", 1.0).setup(), make_controller("predictive")
+    before = simulate(setup, law).qdd_command
+    observed = Observed(law, observer=0.2)
+    assert not np.array_equal(simulate(setup, observed).qdd_command, before)
+    np.testing.assert_array_equal(simulate(setup, law).qdd_command, before)
+    observed.observer = 0.3
+    observed.law = law
+    assert (observed.law.fading, law.fading) == (0.3, 0.0)  # type: ignore[attr-defined]
+
+
 def test_what_the_law_behind_it_is_told_and_uses() -> None:
     told: list[dict[str, Any]] = []
 

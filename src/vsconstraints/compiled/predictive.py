@@ -236,7 +236,7 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
             now = rows.sigma[i]
         now += plans.margin * rows.scale[i]
         by, drift = 1.0 if on_phi else 1.0 / plans.K[i], 0.0
-        if plans.fading > 0.0 and not on_phi:
+        if plans.fading > 0.0 and not on_phi and rows.sigma_dot.size:
             drift = plans.fading * (rows.sigma_dot[i] - by * (plans.seen[0, plans.at[PHI] + i] - first))
         for t in range(count):
             value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -44,9 +45,11 @@ class Observed(Controller):
             value = positive_number("observer of a law, its time constant [s],", value)
         elif name == "dead_time" and not (value == 0.0 and value is not False) and positive(value) is None:
             raise ConfigurationError(f"dead_time of a law must be a number of seconds, 0 or more, not {shown(value)}")
+        elif name == "law" and hasattr(value, "fading"):
+            value = copy(value)  # by itself, the law that is given observes nothing
         super().__setattr__(name, value)
-        if name == "observer" and hasattr(self.law, "fading"):
-            self.law.fading = value
+        if name in ("law", "observer") and hasattr(self, "observer") and hasattr(self.law, "fading"):
+            self.law.fading = self.observer
         if name in (*OBSERVER, "law", "period"):
             self._parts: tuple[Any, ...] | None = None
 

@@ -16,7 +16,7 @@ from . import lines as paper
 from .simulations import SHORT, frame_times
 
 #: What Fig. 3, and what Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg].
-PLANE = Viewpoint(np.array([0.1, -0.5, -0.5]), 1.0, 75.0, -90.0)
+PLANE = Viewpoint(np.array([0.1, -0.5, -0.3]), 1.15, 80.0, -90.0)
 CUBE = Viewpoint(np.array([0.27, 0.1, 0.33]), 0.43, 22.0, -58.0)
 
 

@@ -1,0 +1,47 @@
+"""What ``checks.known`` takes out of disturbed scenes, and what it makes late."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import pytest
+from checks.known import DEAD_TIME, DISTURBANCES, KNOWN, LATE, STUDIES, Changed
+
+from vsconstraints.scenarios.families.frozen import TestSet
+
+FAMILIES = {family.name: family for family in TestSet.load().families}
+
+
+def tables_of(family: str, study: str) -> dict[str, Any]:
+    scene, _ = Changed(FAMILIES[family], study).set_up(0, "held-out", TestSet.load().seed)
+    return dict(scene.tables)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_nothing_is_unknown_once_everything_is_known(family: str) -> None:
+    """What is left is the nominal scene with the tolerances of the disturbed one; one by one all of it is taken out."""
+    scene = FAMILIES[family].scene(0, "held-out", TestSet.load().seed)
+    told, nominal = tables_of(family, "known"), scene.tables["nominal"]
+    left = {**told["all known"], "tolerances": nominal.get("tolerances"), "disturbances": {}}
+    assert told["all known"]["disturbances"] == {}
+    assert told["disturbed"] == scene.tables["disturbed"]
+    assert {key: value for key, value in left.items() if value != nominal.get(key)} == {"disturbances": {}}
+    gone = {
+        name: told["disturbed"]["disturbances"].keys() - told[f"{name} known"]["disturbances"] for name in DISTURBANCES
+    }
+    assert set().union(*gone.values()) == told["disturbed"]["disturbances"].keys()
+    assert {*told} == {*KNOWN} == {*STUDIES["known"][0]}
+
+
+@pytest.mark.parametrize("family", ["moving", "six-axis"])
+def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(family: str) -> None:
+    told = tables_of(family, "late")
+    Ts = told["nominal"]["sampling_time"]
+    assert {*told} == {*LATE}
+    for name, late in (
+        ("images late", {"delay": ceil(DEAD_TIME / Ts)}),
+        ("commands late", {"command_delay": DEAD_TIME}),
+    ):
+        assert {**told[name], "disturbances": {}} == {**told["nominal"], "disturbances": {}}
+        assert told[name]["disturbances"] == {**told["nominal"].get("disturbances", {}), **late}
