@@ -30,17 +30,17 @@ BUDGETS = {
     "plugins": Budget(319, 250),
     "formulas": Budget(1224, 1300),
     "robots": Budget(1192, 900),
-    "vision": Budget(1978, 2000),
-    "compiled": Budget(7163, 3300),
+    "vision": Budget(1970, 2000),
+    "compiled": Budget(7249, 3300),
     "constraints": Budget(2366, 1900),
     "qp": Budget(479, 600),
-    "controllers": Budget(3321, 2200),
-    "control": Budget(835, 700),
-    "simulation": Budget(2560, 2000),
+    "controllers": Budget(3455, 2200),
+    "control": Budget(842, 700),
+    "simulation": Budget(2559, 2000),
     "scenarios": Budget(2386, 1800),
     "learning": Budget(260, 260),
     "comparisons": Budget(6689, 4000),
-    "reports": Budget(6785, 4000),
+    "reports": Budget(6796, 4000),
     "paper": Budget(2927, 2400),
     "arms": Budget(1929, 1300),
     "cli": Budget(1274, 700),
@@ -48,7 +48,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44211, 31_000)
+ALL = Budget(44440, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 302, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

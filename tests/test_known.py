@@ -6,7 +6,7 @@ from math import ceil
 from typing import Any
 
 import pytest
-from checks.known import DEAD_TIME, DISTURBANCES, KNOWN, LATE, STUDIES, Changed
+from checks.known import DEAD_TIME, DISTURBANCES, KNOWN, LAWS, STUDIES, Changed
 
 from vsconstraints.scenarios.families.frozen import TestSet
 
@@ -35,13 +35,18 @@ def test_nothing_is_unknown_once_everything_is_known(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", ["moving", "six-axis"])
-def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(family: str) -> None:
-    told = tables_of(family, "late")
-    Ts = told["nominal"]["sampling_time"]
-    assert {*told} == {*LATE}
-    for name, late in (
-        ("images late", {"delay": ceil(DEAD_TIME / Ts)}),
-        ("commands late", {"command_delay": DEAD_TIME}),
-    ):
-        assert {**told[name], "disturbances": {}} == {**told["nominal"], "disturbances": {}}
-        assert told[name]["disturbances"] == {**told["nominal"].get("disturbances", {}), **late}
+@pytest.mark.parametrize("study", ["images", "commands"])
+def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(study: str, family: str) -> None:
+    changed = tables_of(family, study)
+    assert [*changed] == [*STUDIES[study][0]] == ["nominal", "late"]
+    late: dict[str, float] = {"command_delay": DEAD_TIME}
+    if study == "images":
+        late = {"delay": ceil(DEAD_TIME / changed["nominal"]["sampling_time"])}
+    assert {**changed["late"], "disturbances": {}} == {**changed["nominal"], "disturbances": {}}
+    assert changed["late"]["disturbances"] == {**changed["nominal"].get("disturbances", {}), **late}
+    told = {key: options for key, options in STUDIES[study][1].items() if key.endswith(", told")}
+    option = {"images": "dead_time", "commands": "command_delay"}[study]
+    assert {options[option] for options in told.values()} == {DEAD_TIME}
+    assert all(
+        {**LAWS[options["type"]], "type": options["type"]}.items() <= options.items() for options in told.values()
+    )

@@ -23,7 +23,7 @@ from vsconstraints.controllers import (
     law_ranges,
     make_controller,
 )
-from vsconstraints.controllers.observer import without_observer
+from vsconstraints.controllers.base import innermost
 from vsconstraints.controllers.ranges import ROWS, Declared, default_of
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows.factors import FACTORS
@@ -62,12 +62,12 @@ def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> di
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_ends_of_ranges_are_options_and_defaults_lie_inside(name: str, options: dict[str, Any]) -> None:
-    law, ranges = without_observer(make_controller(name, options)), law_ranges(name, options)
+    law, ranges = innermost(make_controller(name, options)), law_ranges(name, options)
     for option, one in ranges.items():
         assert default_of(law, option) in one
         for end in one:
             made = make_controller(name, {**options, option: end})
-            assert default_of(without_observer(made), option) == end
+            assert default_of(innermost(made), option) == end
     for side in (0, -1):
         make_controller(name, {**options, **{option: [*one][side] for option, one in ranges.items()}})
 

@@ -271,9 +271,17 @@ def test_shipped_laws_are_told_by_name_and_options(name: str) -> None:
     assert not isinstance(spec, InstanceSpec)
 
 
+OPTIONS = (
+    {"observer": 0.2},
+    {"observer": 0.3, "dead_time": 0.01, "K": 2.0},
+    {"command_delay": 0.03},
+    {"command_delay": 0.03, "observer": 0.2},
+)
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("options", [{"observer": 0.2}, {"observer": 0.3, "dead_time": 0.01, "K": 2.0}])
-def test_laws_with_an_observer_are_told_by_name_and_options(name: str, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("options", OPTIONS)
+def test_laws_behind_others_are_told_by_name_and_options(name: str, options: dict[str, Any]) -> None:
     law = make_controller(name, options)
     spec, note = spec_of(law, "mine")
     assert not note

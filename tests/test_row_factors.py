@@ -186,7 +186,7 @@ def test_an_arm_runs_a_law_with_its_factors() -> None:
             {"speed_gain": {"speed": 2.0}},
             "speed_gain of a law is a factor on the scene's, positive: not {'speed': 2.0}",
         ),
-        ({"k": 2.0}, "'k'. Available: K, dead_time, observer, rank_tolerance, speed_gain, switching_gain"),
+        ({"k": 2.0}, "'k'. Available: K, command_delay, dead_time, observer, rank_tolerance"),
     ],
 )
 def test_factors_that_cannot_be_used_are_named(options: dict[str, Any], told: str) -> None:

@@ -240,7 +240,7 @@ def _writable(folder: Path) -> Iterator[Path]:
 
 
 #: Files outside this room and the formulas' of which compiled code takes constants, which leave no trace in it.
-OTHERS = ("vision/distortion.py", "vision/pose_estimate.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
+OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
 
 
 def sources() -> list[Path]:

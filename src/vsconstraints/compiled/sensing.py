@@ -1,6 +1,6 @@
 """Where a camera is, from what it sees, and what a controller believes to see.
 
-See :func:`vsconstraints.vision.pose_estimate.estimated_pose` and :mod:`vsconstraints.simulation.sensing`.
+See :func:`vsconstraints.vision.measurement.estimated_pose` and :mod:`vsconstraints.simulation.sensing`.
 """
 
 from __future__ import annotations

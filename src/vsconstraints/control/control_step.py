@@ -86,6 +86,12 @@ class Model:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]
 
+    def ahead(self) -> Model:
+        """A model of what follows the state at which this one was evaluated last."""
+        model = Model(self._own, self._estimate, self._gradient_error)
+        model.acceleration = self.acceleration
+        return model
+
     @property
     def present(self) -> CurrentState:
         """The state at which rows and task in the loop were evaluated last."""
@@ -264,7 +270,8 @@ class ControlStep(Evaluator):
 
 def _options_of(controller: Controller) -> dict[str, Any]:
     """Its attributes, and those of the law that it asks, if there is one."""
-    return {**vars(vars(controller).get("law", controller)), **vars(controller)}
+    own = vars(controller)
+    return {**(_options_of(own["law"]) if hasattr(own.get("law"), "__dict__") else {}), **own}
 
 
 def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None] | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import chdir
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,14 @@ from ..errors import ConfigurationError, VsconstraintsError, described, shown, u
 from ..plugins.classes import beside, imported_class
 from ..rows.factors import FACTORS, RowFactors
 from .barriers import Barrier
-from .base import Controller
+from .base import Controller, Wrapper, innermost
+from .delay import DelayCompensated
 from .demand import Demand
 from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
 from .goal_governor import BarrierGovernor, GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
-from .observer import OBSERVER, Observed, without_observer
+from .observer import Observed
 from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
@@ -28,11 +30,11 @@ from .robust_predictive import RobustPredictive
 
 __all__ = [
     "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BarrierGovernor", "BoundaryLayer",
-    "Choices", "Controller", "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy",
-    "ImplicitSwitch", "Law", "Observed", "Pair", "PathIntegralControl", "PotentialField", "PredictiveControl",
-    "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RobustPredictive", "RowFactors", "Saturation",
-    "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges",
-    "make_controller",
+    "Choices", "Controller", "DelayCompensated", "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP",
+    "Hierarchy", "ImplicitSwitch", "Law", "Observed", "Pair", "PathIntegralControl", "PotentialField",
+    "PredictiveControl", "Priority", "Projection", "RampRepulsion", "Range", "Resolver", "RobustPredictive",
+    "RowFactors", "Saturation", "SaturationExact", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class",
+    "law_ranges", "make_controller",
 ]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
@@ -42,6 +44,11 @@ LAWS: tuple[type[Controller], ...] = (
 
 #: Controllers by the name files and the command line use.
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
+#: What laws can be put behind, the innermost first, and the options that do so: those of every law.
+WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
+    Observed: ("observer", "dead_time"),
+    DelayCompensated: ("command_delay",),
+}
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
@@ -56,26 +63,32 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
     """The controller of that name, see :func:`controller_class`, with these keyword arguments.
 
-    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of :class:`.Observed`:
-    options of every law that has none of that name.
+    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of :class:`.Observed`,
+    ``command_delay`` that of :class:`.DelayCompensated`: options of every law that has none of that name.
     ConfigurationError names the candidates if name or option is unknown.
     """
     law, options = controller_class(name, folder), dict(options or {})
     parameters = inspect.signature(law).parameters
     factors = {key: options.pop(key) for key in FACTORS if key in options and key not in parameters}
-    observer = {key: options.pop(key) for key in OBSERVER if key in options and key not in parameters}
-    if "dead_time" in observer and "observer" not in observer:
+    around = [
+        (wrapper, {key: options.pop(key) for key in keys if key in options and key not in parameters})
+        for wrapper, keys in WRAPPERS.items()
+    ]
+    if any("dead_time" in given and "observer" not in given for _, given in around):
         raise ConfigurationError(f"dead_time of {name} is that of an observer: give its time constant [s], too")
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         for key in options:
             if key not in parameters:
-                raise unknown_name(f"option of {name}", key, dict.fromkeys((*parameters, *FACTORS, *OBSERVER)))
+                known = dict.fromkeys((*parameters, *FACTORS, *chain.from_iterable(WRAPPERS.values())))
+                raise unknown_name(f"option of {name}", key, known)
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
             made = law(**options)
             if factors:
                 made.factors = RowFactors(**{**made.factors.options(), **factors})
-            return Observed(made, **observer) if observer else made
+            for wrapper, given in around:
+                made = wrapper(made, **given) if given else made
+            return made
     except VsconstraintsError:
         raise
     except (Exception, SystemExit) as error:  # an own law may fail in any way
@@ -94,4 +107,4 @@ def law_ranges(
     Parameters are those of :func:`make_controller`. ConfigurationError also if the class declares what is no range, or
     one that does not hold the option's default.
     """
-    return ranges_of(without_observer(make_controller(name, options, folder)), name, options or {})
+    return ranges_of(innermost(make_controller(name, options, folder)), name, options or {})

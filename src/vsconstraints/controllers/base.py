@@ -14,7 +14,7 @@ from ..rows import OPTIONAL, Array, BoolArray, Command, Rows, Status, Task, keep
 from ..rows.checks import beyond_rounding, check
 from ..rows.factors import AS_THEY_ARE, RowFactors
 from ..rows.readable import in_one_line
-from .ranges import Part, positive
+from .ranges import Part, positive, positive_number
 
 if TYPE_CHECKING:
     from .compiled import BoundLaw
@@ -102,6 +102,51 @@ class Controller(Part, ABC):
         return None
 
 
+class Wrapper(Controller):
+    """A law that asks another one, :attr:`law`, with other rows or another task; it has its factors and remarks."""
+
+    law: Controller
+    period: float | None = None
+    model: Any = None
+    own_uses: ClassVar[tuple[str, ...]]  #: What it uses beside what that law does.
+    _parts: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_parts": None}
+
+    def reset(self, period: float | None = None, model: Any = None) -> None:
+        """Forget everything, and let the law forget; without a period or a model, those of the last reset stay."""
+        if period is not None:
+            self.period = positive_number("the sampling period", period)
+        self.model = self.model if model is None else model
+        self._parts = None
+        if self.period is None:
+            self.law.reset()
+        else:
+            restart(self.law, self.period, None if self.model is None else self.model_of_law)
+
+    def model_of_law(self) -> Any:
+        """The model that the law is given, if it uses one."""
+        return self.model
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """What the law uses, and what is used beside it."""
+        used = dict.fromkeys((*self.law.uses, *self.own_uses))
+        return tuple(sorted(used, key=lambda name: (name == "model", name == "memory")))
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """See :class:`Controller`."""
+        return self.law.remark(labels)
+
+
+def innermost(law: Controller) -> Controller:
+    """The law that wrappers are around; the law itself where there is none."""
+    while isinstance(law, Wrapper):
+        law = law.law
+    return law
+
+
 def _fault(command: object, rows: Rows, task: Task) -> str:
     n, m = task.J.shape[1], len(rows.labels)
     if not isinstance(command, Command):
@@ -136,6 +181,17 @@ def demand_known(
             f"{who} remembers other rows, {shown(remembered)}: reset() the law before it is given those of another "
             f"scene, {shown(rows.labels)}"
         )
+
+
+def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
+    """Raise InvalidInput where there is no model, or it is of other rows or of another robot."""
+    if model is None:
+        raise InvalidInput(
+            f"{who} uses a model: ask it by ControlStep.command, or tell it by reset(model=step.model()) of the "
+            "control step that makes these rows"
+        )
+    if rows.labels != model.labels or task.J.shape[1] != len(model.acceleration):
+        raise InvalidInput(f"{who} has the model of other rows or of another robot")
 
 
 def restart(controller: Controller, period: float, model: Callable[[], Any] | None = None) -> None:

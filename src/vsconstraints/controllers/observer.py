@@ -8,17 +8,13 @@ from typing import Any
 
 from ..compiled import load
 from ..compiled.workspace import RowArrays
-from ..errors import ConfigurationError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, demand_known, restart
+from .base import Controller, Wrapper, demand_known
 from .compiled import BoundLaw, Wrapped
-from .ranges import positive, positive_number
-
-OBSERVER = "observer", "dead_time"  #: Options of every law.
-USED = "σ", "σ̇", "K", "T_s", "memory"
+from .ranges import duration, positive_number
 
 
-class Observed(Controller):
+class Observed(Wrapper):
     """Any law, on rows whose drift is observed: targets and obstacles that move unknown to the model.
 
     Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by :func:`.observed_drift`: an extended state
@@ -30,53 +26,24 @@ class Observed(Controller):
     plan; another law that looks ahead by a model of its own takes only the shift by the dead time.
     """
 
-    name = "observed"
+    name, own_uses = "observed", ("σ", "σ̇", "K", "T_s", "memory")
 
     def __init__(self, law: Controller, *, observer: float = 0.1, dead_time: float = 0.0) -> None:
-        self.law, self.period, self.model = law, None, None
-        self.observer, self.dead_time = observer, dead_time
+        self.law, self.observer, self.dead_time = law, observer, dead_time
         self.factors, self.ignores = law.factors, law.ignores
-
-    period: float | None
-    model: Any
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name == "observer":
             value = positive_number("observer of a law, its time constant [s],", value)
-        elif name == "dead_time" and not (value == 0.0 and value is not False) and positive(value) is None:
-            raise ConfigurationError(f"dead_time of a law must be a number of seconds, 0 or more, not {shown(value)}")
+        elif name == "dead_time":
+            value = duration("dead_time of a law", value)
         elif name == "law" and hasattr(value, "fading"):
             value = copy(value)  # by itself, the law that is given observes nothing
         super().__setattr__(name, value)
         if name in ("law", "observer") and hasattr(self, "observer") and hasattr(self.law, "fading"):
             self.law.fading = self.observer
-        if name in (*OBSERVER, "law", "period"):
-            self._parts: tuple[Any, ...] | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_parts": None}
-
-    def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Forget the drift, and what the law remembers."""
-        if period is not None:
-            self.period = positive_number("the sampling period", period)
-        self.model = self.model if model is None else model
-        self._parts = None
-        if self.period is not None:
-            restart(self.law, self.period, None if self.model is None else lambda: self.model)
-        else:
-            self.law.reset()
-
-    @property
-    def uses(self) -> tuple[str, ...]:
-        """What the law uses, and the observer."""
-        return tuple(dict.fromkeys((*(name for name in self.law.uses if name not in ("memory", "model")), *USED))) + (
-            ("model",) if "model" in self.law.uses else ()
-        )
-
-    def remark(self, labels: tuple[str, ...]) -> str:
-        """See :class:`.Controller`."""
-        return self.law.remark(labels)
+        if name in ("observer", "dead_time", "law", "period"):
+            self._parts = None
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The law's command on the corrected rows.
@@ -111,8 +78,3 @@ class Observed(Controller):
             made = fresh if made is None else fresh._replace(seen=made.seen, after=made.after)
             self._parts = rows.labels, made
         return made
-
-
-def without_observer(law: Controller) -> Controller:
-    """The law that an observer is before; the law itself where there is none."""
-    return law.law if isinstance(law, Observed) else law

@@ -19,7 +19,7 @@ from ..compiled.workspace import (
 )
 from ..errors import InvalidInput, SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, demand_known
+from .base import Controller, demand_known, demand_model
 from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
@@ -124,14 +124,9 @@ class PredictiveControl(Controller):
 
     def _ready(self, rows: Rows, task: Task) -> Any:
         """What plans for these rows; raises InvalidInput if there is no model of them, or no sampling period."""
-        if self.model is None:
-            raise InvalidInput(
-                f"the law {self.name!r} uses a model: ask it by ControlStep.command, or tell it by "
-                "reset(model=step.model()) of the control step that makes these rows"
-            )
-        demand_known(f"the law {self.name!r}", rows, ("period",), self.period)
-        if rows.labels != self.model.labels or task.J.shape[1] != len(self.model.acceleration):
-            raise InvalidInput(f"the law {self.name!r} has the model of other rows or of another robot")
+        who = f"the law {self.name!r}"
+        demand_model(who, rows, task, self.model)
+        demand_known(who, rows, ("period",), self.period)
         if self._planner is None or self._planner.shape != task.J.shape:
             self._planner = self.planner(task.J.shape)
         return self._planner

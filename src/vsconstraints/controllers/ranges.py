@@ -56,6 +56,14 @@ def positive_number(name: str, value: object) -> float:
     return number
 
 
+def duration(name: str, value: object) -> float:
+    """Return the value as a float; raise ConfigurationError unless it is a number of seconds, 0 or more."""
+    number = 0.0 if value == 0.0 and value is not False else positive(value)
+    if number is None:
+        raise ConfigurationError(f"{name} must be a number of seconds, 0 or more, not {shown(value)}")
+    return number
+
+
 def one_of(what: str, name: object, known: Mapping[str, Known]) -> Known:
     """What is known by that name; raises ConfigurationError that names the candidates."""
     if not (isinstance(name, str) and name in known):

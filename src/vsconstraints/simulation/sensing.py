@@ -19,8 +19,7 @@ from ..formulas.row import gradient_error
 from ..robots.geometry import Pose
 from ..rows import Array, BoolArray, Rows
 from ..vision.camera import Camera
-from ..vision.measurement import Measurement
-from ..vision.pose_estimate import estimated_pose
+from ..vision.measurement import Measurement, estimated_pose
 from ..vision.scene import Scene
 from .disturbances import VISIBILITY, Disturbances
 

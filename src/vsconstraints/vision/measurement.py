@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from ..compiled import load
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..robots.geometry import Pose
 from ..rows import Array
@@ -133,3 +134,16 @@ def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
     if array.shape != shape or np.isinf(array).any():
         raise InvalidInput(f"measured {what} must be {shape} numbers, NaN where there is none, not {shown(value)}")
     return array
+
+
+def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
+    """Pose of the camera in the target's frame that explains an image best: Gauss–Newton from a pose near by.
+
+    Markers are (m, 3) in the target's frame [m], seen at normalised coordinates (m, 2). Where they do not determine the
+    pose, it is as near by. Raises LinAlgError if numbers leave the range of floating point.
+    """
+    R, t, seen = np.array(near.R, order="C"), np.array(near.t), np.ascontiguousarray(normalised)
+    scratch = np.empty(64 * len(markers) + 256), np.zeros(1, dtype=np.int64)
+    if not load("sensing").estimate(np.ascontiguousarray(markers), seen, R, t, *scratch):
+        raise np.linalg.LinAlgError("no pose explains the image within the range of floating point")
+    return Pose(R, t)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...controllers import Choices, Range, law_ranges
-from ...controllers.observer import without_observer
+from ...controllers.base import innermost
 from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
@@ -158,7 +158,7 @@ class Searched:
     @cached_property
     def default(self) -> Options:
         """The default values of these options."""
-        law = without_observer(self.law.make())
+        law = innermost(self.law.make())
         return {option: default_of(law, option) for option in self.ranges}
 
     def setting(self, options: Mapping[str, Any]) -> ControllerSpec:

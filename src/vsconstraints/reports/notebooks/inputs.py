@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from ...comparisons.runs.spec import ControllerSpec
-from ...controllers import CONTROLLERS, Controller, Demand, Observed, Resolver, make_controller
-from ...controllers.observer import OBSERVER, without_observer
+from ...controllers import CONTROLLERS, WRAPPERS, Controller, Demand, Resolver, make_controller
+from ...controllers.base import Wrapper, innermost
 from ...errors import ConfigurationError, VsconstraintsError, described, shown
 from ...plugins.classes import IN_SESSION
 from ...plugins.provenance import noted_import
@@ -121,20 +121,31 @@ def _no_law(value: object) -> ConfigurationError:
     return ConfigurationError(f"a law is {kinds}, not {shown(value)}")
 
 
+def _wrappers(law: Controller) -> list[Wrapper]:
+    """What stands around the law of a registered class; the outermost first."""
+    found = []
+    while isinstance(law, Wrapper) and type(law) not in CONTROLLERS.values():
+        found.append(law)
+        law = law.law
+    return found
+
+
 def _kind(law: Controller) -> type[Controller]:
-    """The registered class of a law, or of the one that an observer is before."""
-    return type(law) if CONTROLLERS.get(getattr(law, "name", "")) is type(law) else type(without_observer(law))
+    """The registered class of a law, or of the one that wrappers are around."""
+    wrappers = _wrappers(law)
+    return type(wrappers[-1].law if wrappers else law)
 
 
 def _options(law: Controller) -> dict[str, Any] | None:
     """The options with which a file would name this law; None if it cannot."""
-    inner, kind = without_observer(law), _kind(law)
-    replaced = {"solve", "command", "define"} & (vars(law).keys() | vars(inner).keys())
-    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or type(law) not in (kind, Observed) or replaced:
+    inner, kind, wrappers = innermost(law), _kind(law), _wrappers(law)
+    replaced = {"solve", "command", "define"} & set().union(*map(vars, (law, *wrappers, inner)))
+    replaced |= {"wrapper" for wrapper in wrappers if type(wrapper) not in WRAPPERS}
+    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or replaced:
         return None
     options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
     for parameter in inspect.signature(kind).parameters.values():
-        holder = inner if hasattr(inner, parameter.name) else law
+        holder = inner if hasattr(inner, parameter.name) else wrappers[-1].law if wrappers else law
         if parameter.kind is parameter.VAR_KEYWORD or not hasattr(holder, parameter.name):
             continue
         value = getattr(holder, parameter.name)
@@ -144,8 +155,8 @@ def _options(law: Controller) -> dict[str, Any] | None:
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
-    if kind is not type(law):
-        options |= {key: getattr(law, key) for key in OBSERVER if getattr(law, key)}
+    for wrapper in wrappers:
+        options |= {key: getattr(wrapper, key) for key in WRAPPERS[type(wrapper)] if getattr(wrapper, key)}
     try:
         json.dumps(options)
         return options if repr(make_controller(kind.name, options)) == repr(law) else None

@@ -20,7 +20,7 @@ from ...simulation import Setup
 from ...simulation.occluders import LinesOfSight
 from ...simulation.start import implausible
 from ...vision.features import Goal
-from ...vision.pose_estimate import estimated_pose
+from ...vision.measurement import estimated_pose
 from ...vision.scene import MINIMUM_DEPTH, Scene
 
 ROUNDING = 1e-9  # of σ relative to the row's scale, that counts as none

@@ -1,0 +1,86 @@
+"""A law on rows and task of the state in which its command begins to act, compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rows import Array
+from .compiler import IN_PLACE, compiled, in_place
+from .from_state import start_from
+from .laws import RESOLVER, apply_law, load_law, within
+from .parts import call_int_pointer, load_step, struct_loader
+from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
+
+
+class DelayArrays(NamedTuple):
+    """The commands of n joints that are under way, and the law that answers."""
+
+    #: Addresses of the law, of the step in the loop, and of the one that predicts; 0 where Python predicts.
+    law: int
+    loop: int
+    step: int
+    frozen: int  #: Whether all is predicted at the present time.
+    #: T_s, how late commands begin to act, and how much longer the first of those under way acts [s].
+    period: float
+    delay: float
+    first: float
+    sent: Array  #: (w, n) commands under way, the first that acts first.
+    now: Array  #: (1 + 2n,) t, q, q̇.
+
+    @classmethod
+    def of(cls, n: int, addresses: tuple[int, int, int], frozen: bool, period: float, delay: float) -> DelayArrays:
+        """With no command under way."""
+        under_way = max(int(np.ceil(delay / period - 1e-9)), 1)
+        first = delay - (under_way - 1) * period
+        return cls(*addresses, int(frozen), period, delay, first, np.zeros((under_way, n)), np.zeros(1 + 2 * n))
+
+
+load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, 1.0))
+
+
+@in_place
+def foresee(own: DelayArrays) -> None:
+    """Move the state on to when a command of now begins to act."""
+    commands, n = own.sent.shape
+    if own.frozen == 0:
+        own.now[0] += own.delay
+    for k in range(commands):
+        T = own.period if k > 0 else own.first
+        for j in range(n):
+            qdd = own.sent[k, j]
+            own.now[1 + j] += T * (own.now[1 + n + j] + 0.5 * T * qdd)
+            own.now[1 + n + j] += T * qdd
+
+
+@in_place
+def send(own: DelayArrays, rows: RowArrays, qdd: Array) -> None:
+    """Remember a command as the last under way."""
+    commands, n = own.sent.shape
+    for j in range(n):
+        for k in range(1, commands):
+            own.sent[k - 1, j] = own.sent[k, j]
+        own.sent[commands - 1, j] = within(rows, j, qdd[j])
+
+
+@compiled(RESOLVER, IN_PLACE, from_python=False)
+def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.DelayCompensated`."""
+    own, n = load_delay(load_law(address).demand), answer.qdd.size
+    start_from(own.loop, own.step, own.now)
+    foresee(own)
+    step = load_step(own.step)
+    if call_int_pointer(step.evaluate, (own.step, own.now[0], own.now[1 : 1 + n], own.now[1 + n :])) != 0:
+        return NEEDS_PYTHON
+    then = step.rows
+    ahead = RowArrays(
+        then.phi, then.Lg, then.Lf, then.sigma, then.sigma_dot, then.K, then.switching_gain, then.scale, rows.qdd_min,
+        rows.qdd_max,
+    )  # fmt: skip
+    # what tracking commands then is not what it commands now
+    own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
+    code = apply_law(own.law, ahead, step.task, own_answer)
+    if code == SOLVED or code >= RELAXED_ROWS:
+        send(own, rows, answer.qdd)
+    return code

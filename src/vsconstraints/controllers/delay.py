@@ -1,0 +1,97 @@
+"""Laws that know how late their commands act."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ..compiled import load
+from ..compiled.workspace import RowArrays
+from ..errors import ConfigurationError, InvalidInput, SceneError
+from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
+from .base import Controller, Wrapper, demand_known, demand_model
+from .compiled import BoundLaw, Wrapped
+from .ranges import positive_number
+
+MOST = 1000  #: Commands that may be under way.
+
+
+class DelayCompensated(Wrapper):
+    """Any law, on rows and task of the state in which its command begins to act, ``command_delay`` [s] from now.
+
+    That state is predicted by the commands under way, each of which moves the joints as double integrators (reduction
+    of an input delay: Artstein, IEEE Transactions on Automatic Control, 1982), and evaluated by a model from the last
+    measurement on. Bounds of q̈ are those of now. Where the model cannot give that state, with a marker behind the
+    camera, the law gets what is given, and ``Command.remark`` says so. What moves unknown to the model is foreseen by
+    an observer around the inner law, whose ``dead_time`` then is the sum of both delays.
+    """
+
+    name, own_uses = "delay-compensated", ("T_s", "memory", "model")
+
+    def __init__(self, law: Controller, *, command_delay: float) -> None:
+        self.law, self.command_delay = law, command_delay
+        self.factors, self.ignores = law.factors, law.ignores
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "command_delay":
+            value = positive_number("command_delay of a law, how late its commands act [s],", value)
+        super().__setattr__(name, value)
+        if name != "_parts":
+            self._parts = None
+
+    def unused(self) -> str:
+        """See :class:`.Controller`."""
+        return self.law.unused()
+
+    def model_of_law(self) -> Any:
+        """A model of what follows the state in which the command begins to act."""
+        return self.model.ahead()
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
+        own, kernels, now, n = self._arrays(rows, task), load("delay"), self.model.present, task.J.shape[1]
+        own.now[0], own.now[1 : 1 + n], own.now[1 + n :] = now.t, now.q, now.qd
+        kernels.foresee(own)
+        remark = ""
+        try:
+            then = self.model.at(own.now[0], own.now[1 : 1 + n].copy(), own.now[1 + n :].copy())
+            ahead, task = replace(then.rows, qdd_min=rows.qdd_min, qdd_max=rows.qdd_max), then.task
+        except (SceneError, InvalidInput) as error:
+            ahead, remark = rows, f"not foreseen to when it acts: {error}"
+        command = self.law.command(ahead, task)
+        kernels.send(own, RowArrays(*(getattr(rows, name) for name in RowArrays._fields)), command.qdd)
+        command.remark = "; ".join(filter(None, (remark, command.remark)))
+        return command
+
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+        """See :class:`.Controller`."""
+        replaced = type(self).command is not Controller.command or type(self).solve is not DelayCompensated.solve
+        if replaced or getattr(self.model, "step", None) is None or self.model.loop is None:
+            return None
+        then = self.model.step.now
+        inner = self.law.bind(then.rows, then.task, acted, qdd)
+        if inner is None:
+            return None
+        own = self._arrays(rows, task, inner.workspace.address)
+        # what the inner law remembers of its answer is of the rows that it is given
+        law = Wrapped(inner.law, own, load("delay").compensate, last_rates=UNKNOWN)
+        return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
+
+    def _arrays(self, rows: Rows, task: Task, law: int = 0) -> Any:
+        """What is under way, with the address of the bound law if there is one."""
+        who = "a law with a command_delay"
+        demand_model(who, rows, task, self.model)
+        demand_known(who, rows, ("period",), self.period)
+        assert self.period is not None
+        if self._parts is None or law not in (0, self._parts.law):
+            if self.command_delay > MOST * self.period:
+                raise ConfigurationError(
+                    f"command_delay of a law, {self.command_delay:g} s, is more than {MOST} sampling periods of "
+                    f"{self.period:g} s"
+                )
+            steps = (self.model.loop, self.model.step) if law else ()
+            addresses = (law, *(step.packed.workspace.address for step in steps)) if law else (0, 0, 0)
+            own = task.J.shape[1], addresses, self.model.frozen, self.period, self.command_delay
+            fresh = load("delay").DelayArrays.of(*own)
+            self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
+        return self._parts
