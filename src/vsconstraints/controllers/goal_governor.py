@@ -11,7 +11,7 @@ from ..compiled import load
 from ..compiled.workspace import zeros
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, restart
+from .base import Controller, demand_model, restart
 from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, in_usual_layout, tracking_of
 from .demands import Nothing
 from .laws import Pair
@@ -164,16 +164,12 @@ class GoalGovernor(Controller):
     def _ready(self, rows: Rows, task: Task) -> Governor:
         """What governs these rows, with the present options; raises InvalidInput if there is no model of them."""
         model, (k, n) = self.model, task.J.shape
-        if model is None:
-            raise InvalidInput(
-                f"{self.name} uses a model: tell it by reset(model=...) before the first command, or let a control "
-                "step or a simulation do so"
-            )
         if len(task.error) != len(task.b) or len(task.error_rate) != len(task.b):
             raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
+        demand_model(self.name, rows, task, model)
         made = self.governor or Governor.of(model, self.periods, (k, n))
-        if rows.labels != model.labels or n != len(model.present.q) or made.own.Jt.shape != (n, k):
-            raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
+        if made.own.Jt.shape != (n, k):
+            raise InvalidInput(f"{self.name} has remembered another task: reset() it first")
         self.governor = made
         made.own.settings[:] = self.speed, self.margin, self.influence, self.alpha, self.sharpness
         return made

@@ -9,7 +9,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from ..controllers import Controller, Pair, make_controller
-from ..controllers.base import restart
+from ..controllers.base import demand_model, restart
 from ..controllers.ranges import positive_number
 from ..errors import ConfigurationError, InvalidInput
 from ..rows import Array, Command, Rows, Task
@@ -91,8 +91,7 @@ class Policy(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class; InvalidInput without a model, and if the network is not of this scene's size."""
         model, n = self.model, task.J.shape[1]
-        if model is None:
-            raise InvalidInput(f"{self.name} uses a model: tell it by reset(model=...) before the first command")
+        demand_model(self.name, rows, task, model)
         if self._observer is None:
             self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
         _, q, qd = model.present
