@@ -89,9 +89,9 @@ class DelayCompensated(Wrapper):
                     f"command_delay of a law, {self.command_delay:g} s, is more than {MOST} sampling periods of "
                     f"{self.period:g} s"
                 )
-            steps = (self.model.loop, self.model.step) if law else ()
-            addresses = (law, *(step.packed.workspace.address for step in steps)) if law else (0, 0, 0)
-            own = task.J.shape[1], addresses, self.model.frozen, self.period, self.command_delay
-            fresh = load("delay").DelayArrays.of(*own)
+            loop, step = (each.packed.workspace.address if law else 0 for each in (self.model.loop, self.model.step))
+            fresh = load("delay").DelayArrays.of(
+                task.J.shape[1], (law, loop, step), self.model.frozen, self.period, self.command_delay
+            )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts
