@@ -190,7 +190,7 @@ def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
             f"{who} uses a model: ask it by ControlStep.command, or tell it by reset(model=step.model()) of the "
             "control step that makes these rows"
         )
-    if rows.labels != model.labels or task.J.shape[1] != len(model.acceleration):
+    if rows.labels != model.labels or task.J.shape[1] != len(model.present.q):
         raise InvalidInput(f"{who} has the model of other rows or of another robot")
 
 
