@@ -14,13 +14,14 @@ from test_disturbances import REFUSED, case
 from vsconstraints.comparisons.advice import Situation
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.controllers.base import Controller
+from vsconstraints.controllers.delay import MAX_PENDING
 from vsconstraints.robots.limits import NO_LIMITS, ActuatorLimits
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.intersample import inspected_periods
-from vsconstraints.simulation.plant import MAX_PENDING, Actuation, Plant
+from vsconstraints.simulation.plant import Actuation, Plant
 
 TS, TAU = 0.01, 0.03
 

@@ -30,14 +30,17 @@ class DelayArrays(NamedTuple):
     now: Array  #: (1 + 2n,) t, q, q̇.
 
     @classmethod
-    def of(cls, n: int, addresses: tuple[int, int, int], frozen: bool, period: float, delay: float) -> DelayArrays:
-        """With no command under way."""
-        under_way = max(int(np.ceil(delay / period - 1e-9)), 1)
-        first = delay - (under_way - 1) * period
-        return cls(*addresses, int(frozen), period, delay, first, np.zeros((under_way, n)), np.zeros(1 + 2 * n))
+    def of(
+        cls, n: int, addresses: tuple[int, int, int], frozen: bool, period: float, delay: tuple[int, float]
+    ) -> DelayArrays:
+        """With no command under way; a delay of so many periods and the rest of it [s]."""
+        whole, rest = delay
+        under_way, first = (whole + 1, rest) if rest > 0.0 or whole == 0 else (whole, period)
+        late = whole * period + rest
+        return cls(*addresses, int(frozen), period, late, first, np.zeros((under_way, n)), np.zeros(1 + 2 * n))
 
 
-load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, 1.0))
+load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
 
 
 @in_place

@@ -22,6 +22,11 @@ NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0)
 SCRATCH = 32768
 
 
+def arrays_of(rows: Rows) -> RowArrays:
+    """Rows as compiled functions take them."""
+    return RowArrays(*(getattr(rows, name) for name in RowArrays._fields))
+
+
 def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
     """The function that answers with all that rows and task say, and what it takes before its outputs."""
     known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
@@ -114,10 +119,9 @@ class CompiledLaw:
         arrays, parts = self.arrays, load("parts")
         arrays.squared[:] = (rows.Lg * rows.Lg).sum(axis=1)
         arrays.effort[0] = math.nan if tracking is None else np.linalg.norm(tracking)
-        given = RowArrays(*(getattr(rows, name) for name in RowArrays._fields))
         tracked = UNKNOWN if tracking is None else rows.Lg @ tracking
         outputs = arrays.after, arrays.asked
-        parts.call_int_pointer(arrays.demand, (self.workspace.address, given, tracked, purpose, *outputs))
+        parts.call_int_pointer(arrays.demand, (self.workspace.address, arrays_of(rows), tracked, purpose, *outputs))
         c: Array = arrays.asked.copy()
         return c
 

@@ -5,15 +5,27 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ..compiled import load
-from ..compiled.workspace import RowArrays
-from ..errors import ConfigurationError, InvalidInput, SceneError
+from ..errors import InvalidInput, SceneError
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .base import Controller, Wrapper, demand_known, demand_model
-from .compiled import BoundLaw, Wrapped
+from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import positive_number
 
-MOST = 1000  #: Commands that may be under way.
+MAX_PENDING = 100  #: Most commands that may be under way.
+
+
+def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
+    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many commands are under way."""
+    periods = delay / Ts
+    if not periods <= MAX_PENDING:
+        raise InvalidInput(
+            f"{name} must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not {delay} s"
+        )
+    whole = int(np.floor(periods + 1e-9))
+    return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
 
 
 class DelayCompensated(Wrapper):
@@ -59,7 +71,7 @@ class DelayCompensated(Wrapper):
         except (SceneError, InvalidInput) as error:
             ahead, remark = rows, f"not foreseen to when it acts: {error}"
         command = self.law.command(ahead, task)
-        kernels.send(own, RowArrays(*(getattr(rows, name) for name in RowArrays._fields)), command.qdd)
+        kernels.send(own, arrays_of(rows), command.qdd)
         command.remark = "; ".join(filter(None, (remark, command.remark)))
         return command
 
@@ -84,14 +96,10 @@ class DelayCompensated(Wrapper):
         demand_known(who, rows, ("period",), self.period)
         assert self.period is not None
         if self._parts is None or law not in (0, self._parts.law):
-            if self.command_delay > MOST * self.period:
-                raise ConfigurationError(
-                    f"command_delay of a law, {self.command_delay:g} s, is more than {MOST} sampling periods of "
-                    f"{self.period:g} s"
-                )
+            delay = split_delay("command_delay of a law", self.command_delay, self.period)
             loop, step = (each.packed.workspace.address if law else 0 for each in (self.model.loop, self.model.step))
             fresh = load("delay").DelayArrays.of(
-                task.J.shape[1], (law, loop, step), self.model.frozen, self.period, self.command_delay
+                task.J.shape[1], (law, loop, step), self.model.frozen, self.period, delay
             )
             self._parts = fresh if self._parts is None else fresh._replace(sent=self._parts.sent)
         return self._parts

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from ..compiled import load
-from ..compiled.workspace import RowArrays
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller, Wrapper, demand_known
-from .compiled import BoundLaw, Wrapped
+from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import duration, positive_number
 
 
@@ -52,7 +51,7 @@ class Observed(Wrapper):
         observed.
         """
         own, kernels = self._arrays(rows), load("observer")
-        kernels.correct(own, RowArrays(*(getattr(rows, name) for name in RowArrays._fields)))
+        kernels.correct(own, arrays_of(rows))
         phi, Lf, sigma, sigma_dot = (part.copy() for part in (own.phi, own.Lf, own.sigma, own.sigma_dot))
         command = self.law.command(replace(rows, phi=phi, Lf=Lf, sigma=sigma, sigma_dot=sigma_dot), task)
         own.seen[:] = own.after

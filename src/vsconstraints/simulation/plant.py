@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..compiled.samples import PlantArrays, hold
+from ..controllers.delay import split_delay
 from ..errors import InvalidInput
 from ..formulas.limits import JointLimits
 from ..rows import Array, IntArray
@@ -17,7 +18,6 @@ from .disturbances import Disturbances
 #: What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1).
 Actuation = Literal["acceleration", "position"]
 POSITION_LOOP = 6  #: Size of the system of an arm that follows q_c.
-MAX_PENDING = 100  #: Most commands that may be under way: each is a row of the state.
 
 
 class Plant:
@@ -59,7 +59,8 @@ class Plant:
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
         self.Ts, self._limits = float(Ts), without_limits(Ts) if limits is None else limits
-        self._system, self._delay = _system(actuation, tau), split_delay(disturbances.command_delay, self.Ts)
+        self._system = _system(actuation, tau)
+        self._delay = split_delay("disturbance command_delay", disturbances.command_delay, self.Ts)
         self.switch = self._delay[1] / self.Ts
         self.transition = np.array(_transition(self._system, self._delay, self.Ts))
         # what is under way grows older by a period
@@ -135,18 +136,6 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
     # x = (q, q̇, q_c, q̇_c, q̈_c, d_c)
     k, d = 1 / tau**2, 2 / tau
     return ((0, 1, 0, 0, 0, 0), (-k, -d, k, d, 0, 1), (0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 1, 0), (0,) * 6, (0,) * 6)
-
-
-def split_delay(delay: float, Ts: float) -> tuple[int, float]:
-    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many commands are under way."""
-    periods = delay / Ts
-    if not periods <= MAX_PENDING:
-        raise InvalidInput(
-            f"disturbance command_delay must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not "
-            f"{delay} s"
-        )
-    whole = int(np.floor(periods + 1e-9))
-    return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
 
 
 def pending_commands(delay: tuple[int, float]) -> int:

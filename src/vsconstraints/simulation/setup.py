@@ -10,6 +10,7 @@ import numpy as np
 
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
+from ..controllers.delay import split_delay
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
@@ -25,7 +26,7 @@ from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .image_sensor import ImageSensor, SceneRenderer
-from .plant import Actuation, Plant, pending_commands, split_delay
+from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
 
@@ -179,7 +180,7 @@ class Setup:
         """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
         n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
         # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
-        waiting = pending_commands(split_delay(self.disturbances.command_delay, self.Ts))
+        waiting = pending_commands(split_delay("disturbance command_delay", self.disturbances.command_delay, self.Ts))
         kept = (6 + waiting) * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
         # computed from them at the end: states, clearances, errors
         scored = 3 * n + 3 * m + 2 * markers + 8
