@@ -9,9 +9,12 @@ the study. The exit code is 1 if advice succeeds significantly less often than a
 
 from __future__ import annotations
 
+import itertools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,30 +29,32 @@ RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}
 BY = ["family", "condition"]
 
 
-def followed(study: Study) -> Iterator[dict[str, Any]]:
-    """Of each scene and condition the success of the laws that are taken, and of all laws: one line each."""
-    for family, own in study.runs.groupby("family", sort=False):
-        rest = replace(study, runs=study.runs[study.runs["family"] != family])
-        always = rest.runs.groupby("controller")["success"].mean().idxmax()
-        success = own.astype({"success": float}).pivot(
-            index=["scene", "condition"], columns="controller", values="success"
-        )
-        known: dict[Situation, dict[str, Advice]] = {}
-        for scene in study.scenes[study.scenes["family"] == family].to_dict("records"):
-            situation = Situation(**{name: scene[name] for name in vars(Situation())})
-            laws = success.loc[scene["scene"], scene["condition"]]
-            if situation not in known:
-                known[situation] = {rule: advise(rest, situation, margin=margin) for rule, margin in RULES.items()}
-            advices = known[situation]
-            taken = {rule: laws[advice.laws[0].law.name] for rule, advice in advices.items()}
-            told = {"unlike": float(bool(advices[ADVICE].unlike)), ALWAYS: laws[always], "any law": laws.mean()}
-            yield {**{name: scene[name] for name in BY}, **told, **taken, **laws}
+def followed(study: Study, family: str) -> list[dict[str, Any]]:
+    """Success of the laws that are taken, and of all laws, in each scene and condition of a family."""
+    own, rest = study.runs[study.runs["family"] == family], study.runs[study.runs["family"] != family]
+    others = replace(study, runs=rest)
+    always = rest.groupby("controller")["success"].mean().idxmax()
+    success = own.astype({"success": float}).pivot(index=["scene", "condition"], columns="controller", values="success")
+    known: dict[Situation, dict[str, Advice]] = {}
+    lines = []
+    for scene in study.scenes[study.scenes["family"] == family].to_dict("records"):
+        situation = Situation(**{name: scene[name] for name in vars(Situation())})
+        laws = success.loc[scene["scene"], scene["condition"]]
+        if situation not in known:
+            known[situation] = {rule: advise(others, situation, margin=margin) for rule, margin in RULES.items()}
+        advices = known[situation]
+        taken = {rule: laws[advice.laws[0].law.name] for rule, advice in advices.items()}
+        told = {"unlike": float(bool(advices[ADVICE].unlike)), ALWAYS: laws[always], "any law": laws.mean()}
+        lines.append({**{name: scene[name] for name in BY}, **told, **taken, **laws})
+    return lines
 
 
 def main(arguments: Sequence[str]) -> int:
     """Print shares in per cent and regrets in points."""
     study = Study.load(Path(arguments[0]) if arguments else SHIPPED)
-    lines = pd.DataFrame(followed(study))
+    with ProcessPoolExecutor() as processes:
+        families = processes.map(partial(followed, study), study.runs["family"].unique())
+    lines = pd.DataFrame(itertools.chain(*families))
     groups = lines.groupby(BY, sort=False)
     best = groups[[*study.laws]].mean().max(axis=1)
     table = pd.DataFrame({"scenes": groups.size(), "unlike": groups["unlike"].mean(), "best law": best})

@@ -44,26 +44,34 @@ class LinesOfSight:
 
     def hidden(self, q: Array, t: float) -> list[tuple[int, str]]:
         """Numbers of the markers that a link hides at ``q`` (n,) and ``t`` [s], each with the first such link."""
+        return self.at_all(q[None], [t])[0]
+
+    def at_all(self, q: Array, t: Sequence[float]) -> list[list[tuple[int, str]]]:
+        """What :meth:`hidden` says at each of the configurations q (N, n) and times t (N,)."""
         if not self._parts:
-            return []
-        camera, model = self.scene.camera, self.scene.robot.model
-        eye = (camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse).t
-        markers = self.scene.markers_at(q, t)
-        pin.forwardKinematics(model, self._data, q)
-        places = [self._data.oMi[body.joint] * placement for body, placement, _ in self._parts]
-        R, origin = np.array([at.rotation for at in places]), np.array([at.translation for at in places])[:, None]
-        # where each line enters and leaves the box around each solid, in whose frame both are
-        begin = (eye - origin) @ R
-        along = (markers - origin) @ R - begin
+            return [[] for _ in t]
+        camera, robot = self.scene.camera, self.scene.robot
+        eyes, markers, places = [], [], []
+        for each, time in zip(q, t, strict=True):
+            eyes.append((camera.fixed or robot.pose(each) @ camera.mount.inverse).t)
+            markers.append(self.scene.markers_at(each, time))
+            pin.forwardKinematics(robot.model, self._data, each)
+            places.append([self._data.oMi[body.joint] * placement for body, placement, _ in self._parts])
+        R = np.array([[at.rotation for at in now] for now in places])
+        origin = np.array([[at.translation for at in now] for now in places])[:, :, None]
+        # where each line enters and leaves the box around each solid, in whose frame both are: (N, P, M, 3)
+        begin = (np.array(eyes)[:, None, None] - origin) @ R
+        along = (np.array(markers)[:, None] - origin) @ R - begin
         along[along == 0.0] = TINY
         shares = np.stack(((self._low - SLACK - begin) / along, (self._high + SLACK - begin) / along))
         enters, leaves = shares.min(axis=0).max(axis=-1), shares.max(axis=0).min(axis=-1)
         near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
-        hidden = []
-        for i in np.flatnonzero(near.any(axis=0)):
+        hidden: list[list[tuple[int, str]]] = [[] for _ in t]
+        for n, i in np.argwhere(near.any(axis=1)):
             # distances of solids take far longer than boxes
-            hiding = (k for k in np.flatnonzero(near[:, i]) if _crosses(eye, markers[i], self._parts[k][2], places[k]))
-            hidden += [(int(i) + 1, self._parts[k][0].name) for k in itertools.islice(hiding, 1)]
+            parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
+            hiding = (body for body, _, solid, at in parts if _crosses(eyes[n], markers[n][i], solid, at))
+            hidden[n] += [(int(i) + 1, body.name) for body in itertools.islice(hiding, 1)]
         return hidden
 
 
@@ -86,8 +94,8 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
         return []
     first: dict[tuple[int, str], float] = {}
     glances = np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else np.empty(0, dtype=int)
-    for k in glances:
-        for hidden in lines.hidden(q[k], float(t[k])):
+    for k, seen in zip(glances, lines.at_all(q[glances], t[glances].tolist()), strict=True):
+        for hidden in seen:
             first.setdefault(hidden, float(t[k]))
     return [
         f"marker {number} is hidden by {link}, first seen at {since:.3g} s" for (number, link), since in first.items()
