@@ -28,6 +28,7 @@ PARTS: dict[str, Callable[[Effort], Part]] = {
     "growth": growth.measure,
     "loop": loop.measure,
     "trials": loop.measure_trials,
+    "scenes": loop.measure_scenes,
     "startup": startup.measure,
     "first": startup.measure_first_calls,
     "comparison": startup.measure_default_comparison,

@@ -11,6 +11,8 @@ from time import perf_counter
 
 import numpy as np
 
+from vsconstraints.comparisons.evidence import Campaign, scored
+from vsconstraints.comparisons.evidence.work import task_of
 from vsconstraints.controllers import make_controller
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate
@@ -20,9 +22,15 @@ from .steps import shortened
 from .timing import unit_subject, without_old_garbage
 
 TEXT = """
-Whole simulations of the case study: the check of the start, every step with everything that is logged, and the scores
-of the run afterwards. *Scores only* is the same without anything that is logged, compiled whole. Runs of all laws
-and blocks of the unit are taken in turn; within both, one step or call follows another at once.
+Whole simulations of the case study, for two laws also of the UR5: the check of the start, every step with everything
+that is logged, and the scores of the run afterwards. *Scores only* is the same without anything that is logged,
+compiled whole. Runs of all laws and blocks of the unit are taken in turn; within both, one step or call follows another
+at once.
+"""
+
+SCENES = """
+One drawn scene of the UR5 after another, without disturbances, with all laws of the default comparison and tracking:
+drawing, setups, runs and scores, in one process that has its code loaded.
 """
 
 TRIALS = """
@@ -36,8 +44,9 @@ UNIT_CALLS = 200
 def measure(effort: Effort) -> Part:
     """Simulated steps per second."""
     part = Part("Closed loop", TEXT)
-    scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
-    runs = {name: (scenario.setup(), law) for name, law in controllers().items()}
+    case_study, ur5 = (shortened(Scenario.load(name), effort.duration) for name in (CASE_STUDY, "ur5-fov"))
+    runs = {name: (case_study.setup(), law) for name, law in controllers().items()}
+    runs |= {f"{name}, UR5": (ur5.setup(), make_controller(name)) for name in ("sliding-mode", "hierarchical-qp")}
     for setup, law in runs.values():
         simulate(setup, law)
         score_run(setup, law)
@@ -75,7 +84,7 @@ def measure(effort: Effort) -> Part:
                 digits(step / of_unit),
                 microseconds(alone),
                 digits(alone / of_unit),
-                f"{scenario.tables['sampling_time'] / step:.0f}",
+                f"{runs[name][0].Ts / step:.0f}",
             ]
         )
     header = [
@@ -89,6 +98,21 @@ def measure(effort: Effort) -> Part:
     ]
     header += ["times real time"]
     part.tables.append(Table(header, lines))
+    return part
+
+
+def measure_scenes(effort: Effort) -> Part:
+    """Time of a drawn scene with all laws of the default comparison."""
+    part, campaign = Part("Drawn scenes", SCENES), Campaign.load().changed(conditions=("nominal",))
+    (family,) = (family for family in campaign.families if family.name == "ur5")
+    times = []
+    for number in range(1 + effort.trials // 4):
+        started = perf_counter()
+        runs = scored(task_of(campaign, family, [number])).runs.num_rows
+        times.append(perf_counter() - started)
+    part.numbers["ur5: median"] = found = float(np.median(times[1:]))
+    lines = [["ur5", str(len(times) - 1), str(runs), f"{found:.3f}"]]
+    part.tables.append(Table(["family", "scenes", "runs of a scene", "s a scene (median)"], lines))
     return part
 
 

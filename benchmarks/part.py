@@ -128,6 +128,8 @@ class Part:
 OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
+    "predictive-30": ("predictive", {"horizon": 30}),
+    "predictive-50": ("predictive", {"horizon": 50}),
     "robust-predictive": ("robust-predictive", {}),
     "goal-governor": ("goal-governor", {}),
     "barrier-governor": ("barrier-governor", {}),

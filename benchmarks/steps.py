@@ -75,6 +75,8 @@ def measure(effort: Effort) -> Part:
             lines += timed_in_turn(scenario, looking_ahead, effort.turns, part)
     header = ["scenario", "controller", "rows are", "m", "rows", "command", "total", "ratio", "p99/median", "first"]
     part.tables.append(Table(header, lines, text_columns=3))
+    spreads = (value for name, value in part.numbers.items() if name.endswith(": p99/median") and name[:4] != "unit")
+    part.numbers["greatest p99/median"] = max(spreads)
     return part
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from test_laws import PAIRS, compiled, made, problem
+from test_laws import EACH, compiled, made, problem
 from vsconstraints.controllers import (
     Additive,
     Barrier,
@@ -40,7 +40,7 @@ def boxed(seed, n=6):
     ), task
 
 
-@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+@pytest.mark.parametrize(("demand", "resolver"), EACH)
 def test_no_law_leaves_the_box(demand, resolver):
     law, saturated = made(demand, resolver), 0
     for seed in range(30):
@@ -57,7 +57,7 @@ def test_no_law_leaves_the_box(demand, resolver):
 
 
 @compiled
-@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+@pytest.mark.parametrize(("demand", "resolver"), EACH)
 def test_both_forms_keep_it_alike(demand, resolver):
     law, other = made(demand, resolver), made(demand, resolver)
     for seed in range(30):
@@ -70,7 +70,7 @@ def test_both_forms_keep_it_alike(demand, resolver):
         assert command.status == expected.status
 
 
-@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+@pytest.mark.parametrize(("demand", "resolver"), EACH)
 def test_a_box_that_holds_nothing_back_changes_no_bit(demand, resolver):
     for seed in range(10):
         rows, task = problem(seed)

@@ -11,7 +11,7 @@ import pytest
 
 from numpy_form import define, evaluate_task
 from oracle import Problem, lexicographic_optimum
-from test_laws import ASKING, PAIRS, SHARING, made, problem
+from test_laws import ASKING, EACH, SHARING, made, problem
 from vsconstraints.compiled import load
 from vsconstraints.control import ControlStep
 from vsconstraints.controllers import (
@@ -166,7 +166,7 @@ def test_where_no_row_asks_for_anything_the_task_is_tracked_by_the_nearest(
         np.testing.assert_allclose(command.qdd, task.rest + way, atol=1e-9)
 
 
-@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+@pytest.mark.parametrize(("demand", "resolver"), EACH)
 def test_a_rest_of_zero_changes_no_bit(demand: Demand, resolver: Resolver) -> None:
     for form in FORMS:
         one, other = made(demand, resolver), made(demand, resolver)

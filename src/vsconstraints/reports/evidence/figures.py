@@ -122,7 +122,7 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
         ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
         sheet.at += 0.12
-        ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1), yticks=[])
+        ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1, -(-count // 15)), yticks=[])
         ax.xaxis.tick_top()
         ax.grid(False)
         ax.spines[["left", "right", "bottom"]].set_visible(False)
