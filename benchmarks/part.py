@@ -128,18 +128,20 @@ class Part:
 OTHER_FORMS = {
     "potential-field-priority": ("potential-field", {"blend": "priority"}),
     "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
-    "predictive-30": ("predictive", {"horizon": 30}),
-    "predictive-50": ("predictive", {"horizon": 50}),
     "robust-predictive": ("robust-predictive", {}),
     "goal-governor": ("goal-governor", {}),
     "barrier-governor": ("barrier-governor", {}),
 }
 """Laws and options that are timed beside those of the default comparison."""
 
+LONG_PLANS = {f"predictive-{horizon}": ("predictive", {"horizon": horizon}) for horizon in (30, 50)}
+"""The same, on the case study alone."""
 
-def controllers() -> dict[str, Controller]:
-    """New controllers of the default comparison, and other forms of them, by name."""
-    others = {name: make_controller(law, options) for name, (law, options) in OTHER_FORMS.items()}
+
+def controllers(scenario: str = "") -> dict[str, Controller]:
+    """New controllers of the default comparison, and other forms of them that are timed on a scenario, by name."""
+    forms = {**OTHER_FORMS, **(LONG_PLANS if scenario == CASE_STUDY else {})}
+    others = {name: make_controller(law, options) for name, (law, options) in forms.items()}
     return {entry.name: entry.make() for entry in _default_suite().controllers} | others
 
 

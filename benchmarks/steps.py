@@ -83,7 +83,7 @@ def measure(effort: Effort) -> Part:
 def timed_in_turn(scenario: Scenario, looking_ahead: bool, turns: int, part: Part) -> list[list[str]]:
     """Lines of the table for laws that look ahead or for those that do not; their numbers are kept in the part."""
     laws, others = (
-        {law: controller for law, controller in controllers().items() if ("model" in controller.uses) == looking_ahead}
+        {law: own for law, own in controllers(scenario.name).items() if ("model" in own.uses) == looking_ahead}
         for _ in range(2)
     )
     walks, halves = {}, {}

@@ -36,7 +36,7 @@ BUDGETS = {
     "qp": Budget(479, 600),
     "controllers": Budget(3462, 2200),
     "control": Budget(842, 700),
-    "simulation": Budget(2549, 2000),
+    "simulation": Budget(2551, 2000),
     "scenarios": Budget(2386, 1800),
     "learning": Budget(259, 260),
     "comparisons": Budget(6689, 4000),
@@ -48,7 +48,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44439, 31_000)
+ALL = Budget(44441, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 303, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

@@ -60,7 +60,7 @@ def swing(folder: Path, shape: str = 'sphere radius="0.2"', **changes: Any) -> S
 )
 def test_a_link_hides_what_is_behind_it_only(angle: float, hidden: bool, tmp_path: Path) -> None:
     scene = swing(tmp_path).setup().scene
-    found = LinesOfSight(scene).hidden(np.array([angle, 0.0]), 0.0)
+    found = LinesOfSight(scene).hidden(np.array([[angle, 0.0]]), [0.0])[0]
     # the second marker is 1 m higher: the line to it passes 0.8 m above the flag
     assert found == ([(1, "flag")] if hidden else [])
 
@@ -85,7 +85,7 @@ def test_hidden_is_what_a_point_on_the_line_inside_a_link_says(shape: str, tmp_p
         }[shape[:3]].max()
         # a cylinder's prism is 0.5 % wider
         if abs(depth) > 2e-3:
-            assert ((1, "flag") in lines.hidden(q, 0.0)) == (depth > 0.0)
+            assert ((1, "flag") in lines.hidden(q[None], [0.0])[0]) == (depth > 0.0)
             seen += depth > 0.0
     assert 50 < seen < 150
 
@@ -141,10 +141,12 @@ def test_nothing_is_hidden_where_no_line_is_near_a_link(name: str, monkeypatch: 
         scene = Scene(there.robot, there.camera, there.markers, (), motion)
         lines, rng = LinesOfSight(scene), np.random.default_rng(2)
         q, t = rng.uniform(-2.5, 2.5, (100, there.robot.n)), rng.uniform(0.0, 2.0, 100)
-        hidden = [lines.hidden(*instant) for instant in zip(q, t, strict=True)]
+        hidden = lines.hidden(q, t)
+        assert hidden == [lines.hidden(q[[k]], t[[k]])[0] for k in range(100)]
+        assert lines.hidden(q[:0], t[:0]) == []
         with monkeypatch.context() as patch:
             patch.setattr("vsconstraints.simulation.occluders.SLACK", 1e9)
-            assert hidden == [lines.hidden(*instant) for instant in zip(q, t, strict=True)]
+            assert hidden == lines.hidden(q, t)
         assert 20 < sum(map(bool, hidden)) < 80
 
 

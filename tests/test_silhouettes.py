@@ -137,7 +137,7 @@ def test_links_hide_the_markers_that_lines_of_sight_say() -> None:
         fixed = Pose(np.stack([x, np.cross(z, x), z], axis=1), eye)
         camera = Camera((600.0, 600.0), (640.0, 480.0), fixed=fixed)
         scene = Scene(robot, camera, markers, ())
-        told = {number for number, _ in LinesOfSight(scene).hidden(q, 0.0)}
+        told = {number for number, _ in LinesOfSight(scene).hidden(q[None], [0.0])[0]}
         solids = [(points - eye) @ fixed.R for points in Occluders(scene, (), ("links",)).solids(q, 0.0)]
         there = (tip.act(markers) - eye) @ fixed.R
         n = np.cross(there[1] - there[0], there[2] - there[0])

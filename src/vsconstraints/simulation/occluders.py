@@ -42,13 +42,9 @@ class LinesOfSight:
         self._low = np.array([solid.aabb_local.min_ for _, _, solid in self._parts])[:, None]
         self._high = np.array([solid.aabb_local.max_ for _, _, solid in self._parts])[:, None]
 
-    def hidden(self, q: Array, t: float) -> list[tuple[int, str]]:
-        """Numbers of the markers that a link hides at ``q`` (n,) and ``t`` [s], each with the first such link."""
-        return self.at_all(q[None], [t])[0]
-
-    def at_all(self, q: Array, t: Sequence[float]) -> list[list[tuple[int, str]]]:
-        """What :meth:`hidden` says at each of the configurations q (N, n) and times t (N,)."""
-        if not self._parts:
+    def hidden(self, q: Array, t: Sequence[float]) -> list[list[tuple[int, str]]]:
+        """Numbers of the markers that a link hides at q (N, n) and t (N,) [s], each with the first such link."""
+        if not self._parts or not len(t):
             return [[] for _ in t]
         camera, robot = self.scene.camera, self.scene.robot
         eyes, markers, places = [], [], []
@@ -57,8 +53,8 @@ class LinesOfSight:
             markers.append(self.scene.markers_at(each, time))
             pin.forwardKinematics(robot.model, self._data, each)
             places.append([self._data.oMi[body.joint] * placement for body, placement, _ in self._parts])
-        R = np.array([[at.rotation for at in now] for now in places])
-        origin = np.array([[at.translation for at in now] for now in places])[:, :, None]
+        frames = np.array([[at.homogeneous for at in now] for now in places])
+        R, origin = frames[..., :3, :3], frames[..., None, :3, 3]
         # where each line enters and leaves the box around each solid, in whose frame both are: (N, P, M, 3)
         begin = (np.array(eyes)[:, None, None] - origin) @ R
         along = (np.array(markers)[:, None] - origin) @ R - begin
@@ -67,11 +63,10 @@ class LinesOfSight:
         enters, leaves = shares.min(axis=0).max(axis=-1), shares.max(axis=0).min(axis=-1)
         near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
         hidden: list[list[tuple[int, str]]] = [[] for _ in t]
-        for n, i in np.argwhere(near.any(axis=1)):
-            # distances of solids take far longer than boxes
+        for n, i in np.argwhere(near.any(axis=1)):  # distances of solids take far longer than boxes
             parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
-            hiding = (body for body, _, solid, at in parts if _crosses(eyes[n], markers[n][i], solid, at))
-            hidden[n] += [(int(i) + 1, body.name) for body in itertools.islice(hiding, 1)]
+            hiding = (body.name for body, _, solid, at in parts if _crosses(eyes[n], markers[n][i], solid, at))
+            hidden[n] += [(int(i) + 1, link) for link in itertools.islice(hiding, 1)]
         return hidden
 
 
@@ -89,12 +84,11 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
     """Which markers the robot's own links hide at times t (N,) [s] and q (N, n), in :data:`GLANCES` after the first."""
     try:
         lines = LinesOfSight(scene)
-    except ConfigurationError:
-        # said at the start
+    except ConfigurationError:  # said at the start
         return []
     first: dict[tuple[int, str], float] = {}
     glances = np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else np.empty(0, dtype=int)
-    for k, seen in zip(glances, lines.at_all(q[glances], t[glances].tolist()), strict=True):
+    for k, seen in zip(glances, lines.hidden(q[glances], t[glances].tolist()), strict=True):
         for hidden in seen:
             first.setdefault(hidden, float(t[k]))
     return [

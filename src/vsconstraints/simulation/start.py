@@ -71,7 +71,7 @@ def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
         lines = LinesOfSight(scene)
     except ConfigurationError as error:
         return [f"lines of sight are not checked: {error}"]
-    hidden = [f"marker {number} by {link}" for number, link in lines.hidden(q0, 0.0)]
+    hidden = [f"marker {number} by {link}" for number, link in lines.hidden(q0[None], [0.0])[0]]
     if hidden and refused:
         raise ConfigurationError(
             f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "

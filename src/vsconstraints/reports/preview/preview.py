@@ -68,7 +68,7 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
             problems.append(f"marker {i} is outside the image, at ({u:.0f}, {v:.0f}) px from its centre")
     if seen.all():
         try:
-            hidden = LinesOfSight(scene).hidden(q, t)
+            hidden = LinesOfSight(scene).hidden(q[None], [t])[0]
             problems += [f"marker {number} is hidden by the robot's own {link}" for number, link in hidden]
         except ConfigurationError as error:
             problems.append(f"lines of sight are not checked: {error}")

@@ -156,7 +156,7 @@ def check_ends(setup: Setup, ends: Ends) -> None:
         _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
     lines = LinesOfSight(setup.scene)
     for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
-        hidden = [] if q is None else lines.hidden(q, t)
+        hidden = [] if q is None else lines.hidden(q[None], [t])[0]
         if hidden and setup.on_hidden_markers == "refuse":
             raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
 
