@@ -3,8 +3,9 @@
 Each family is left out in turn, and advice is taken from the others for each of its scenes and conditions. Regret is
 the success, in points, that this loses against the one law that succeeds most often in that family and condition, which
 nobody knows beforehand. Beside it stand the regret of advice by other rules, of always taking the law that succeeds
-most often in the other families, and of a law drawn at random; and how often advice calls a scene unlike anything in
-the study. The exit code is 1 if advice succeeds significantly less often than always the same law.
+most often in the other families, and of a law drawn at random; how often advice names a law without a model, and how
+often it calls a scene unlike anything in the study. The exit code is 1 if advice may lose more than half a point
+(:data:`ALLOWED`) against always the same law, with 95 % confidence: naming laws that require less costs success.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from vsconstraints.comparisons.study import SHIPPED, Situation, Study
 ADVICE, ALWAYS = "advice", "always the same law"
 RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}
 BY = ["family", "condition"]
+ALLOWED = 0.005  #: Success that advice may lose against always the same law.
 
 
 def followed(study: Study, family: str) -> list[dict[str, Any]]:
@@ -44,7 +46,9 @@ def followed(study: Study, family: str) -> list[dict[str, Any]]:
             known[situation] = {rule: advise(others, situation, margin=margin) for rule, margin in RULES.items()}
         advices = known[situation]
         taken = {rule: laws[advice.laws[0].law.name] for rule, advice in advices.items()}
-        told = {"unlike": float(bool(advices[ADVICE].unlike)), ALWAYS: laws[always], "any law": laws.mean()}
+        first = advices[ADVICE].laws[0]
+        told = {"unlike": float(bool(advices[ADVICE].unlike)), "no model": float("model" not in first.requires)}
+        told |= {ALWAYS: laws[always], "any law": laws.mean()}
         lines.append({**{name: scene[name] for name in BY}, **told, **taken, **laws})
     return lines
 
@@ -57,7 +61,8 @@ def main(arguments: Sequence[str]) -> int:
     lines = pd.DataFrame(itertools.chain(*families))
     groups = lines.groupby(BY, sort=False)
     best = groups[[*study.laws]].mean().max(axis=1)
-    table = pd.DataFrame({"scenes": groups.size(), "unlike": groups["unlike"].mean(), "best law": best})
+    shares = groups[["unlike", "no model"]].mean()
+    table = pd.DataFrame({"scenes": groups.size(), **shares, "best law": best})
     for name in (*RULES, ALWAYS, "any law"):
         table[name] = best - groups[name].mean()
     print(table.to_string(float_format=lambda share: f"{100.0 * share:.1f}"))
@@ -69,7 +74,7 @@ def main(arguments: Sequence[str]) -> int:
     pair = mcnemar(lines[ADVICE], lines[ALWAYS])
     low, high = 100.0 * pair.low, 100.0 * pair.high
     print(f"advice less {ALWAYS}: {100.0 * pair.difference:.1f} ({low:.1f} to {high:.1f}) points")
-    return int(pair.high < 0.0)
+    return int(pair.low < -ALLOWED)
 
 
 if __name__ == "__main__":

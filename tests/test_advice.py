@@ -57,12 +57,12 @@ def taken(runs: Study, situation: Situation = LIKE, **options: Any) -> str:
     return advise(runs, situation, **options).laws[0].law.name
 
 
-def test_a_law_that_requires_less_may_lose_one_standard_error() -> None:
-    """3 scenes in which only the one succeeds, 2 in which only the other does: (95 − 94) ± √(5 − 1/100) scenes."""
-    near = [scene not in (0, 1, 2, *range(97, 100)) for scene in range(100)]
-    assert (sum(near), sum(share(95))) == (94, 95)
-    assert taken(study({"predictive": share(95), "hierarchical-qp": near})) == "hierarchical-qp"
-    assert taken(study({"predictive": share(95), "hierarchical-qp": near}), margin=0.0) == "predictive"
+def test_a_law_that_requires_less_may_lose_a_quarter_of_a_standard_error() -> None:
+    """In 13 scenes only the one succeeds, in 12 only the other: it loses 1.2 ± √(25 − 1/100) scenes, with all."""
+    near = [scene >= 13 for scene in range(100)]
+    assert (sum(near), sum(share(88))) == (87, 88)
+    assert taken(study({"predictive": share(88), "hierarchical-qp": near})) == "hierarchical-qp"
+    assert taken(study({"predictive": share(88), "hierarchical-qp": near}), margin=0.2) == "predictive"
     far = study({"predictive": share(95), "hierarchical-qp": share(91), "sliding-mode": share(60)})
     found = advise(far, LIKE)
     assert [law.law.name for law in found.laws] == ["predictive", "hierarchical-qp", "sliding-mode"]
@@ -301,7 +301,7 @@ def test_the_check_leaves_a_family_out(monkeypatch: pytest.MonkeyPatch, capsys: 
     for second, regret in ((other, "100.0"), (runs, "0.0")):
         both = replace(runs, runs=pd.concat([runs.runs, second.runs.assign(family="b")]))
         monkeypatch.setattr(Study, "load", lambda *_, both=both: both)
-        assert check.main(["made up"]) == 0
+        assert check.main(["made up"]) == 1  # so few scenes do not show that it loses less than half a point
         printed = capsys.readouterr().out
         assert f"best law 100.0; advice {regret}; most success {regret}" in printed
         assert "any law 50.0" in printed

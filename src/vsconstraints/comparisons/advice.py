@@ -14,7 +14,7 @@ from .statistics import PairedRates, Rate, distinguishable, mcnemar, rate, simul
 from .study import CONDITION, SCENE, Situation, Study
 
 ENOUGH = 20  #: scenes that advice rests on, where the study has them; all others together count as many
-MARGIN = 1.0  #: standard errors that a law which requires less may lose
+MARGIN = 0.25  #: standard errors that a law which requires less may lose
 ALIKE, NEAR = 2.0, 4.0  #: factors between two numbers that are alike, and near
 
 #: What may differ of scenes, one after the other, until there are enough: 1 is near, 2 is anything. First is what laws'
