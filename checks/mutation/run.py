@@ -122,13 +122,14 @@ class Runner:
         subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
     def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
-        processes = {}
-        for i in range(min(self.jobs, len(tests))):
-            result, output = self.folder / f"reached-{i}.json", self.folder / f"reached-{i}.log"
-            processes[fork(lambda i=i, r=result: watch(tests[i :: self.jobs], files, r), output)] = result, output
-        reached = {}
-        for process, (result, output) in processes.items():
-            os.waitpid(process, 0)
+        reached: dict[str, Reached] = {}
+        running, waiting = {}, list(enumerate(tests))
+        while waiting or running:
+            while waiting and len(running) < self.jobs:
+                i, test = waiting.pop()
+                result, output = self.folder / f"reached-{i}.json", self.folder / f"reached-{i}.log"
+                running[fork(lambda t=test, r=result: watch([t], files, r), output)] = result, output
+            result, output = running.pop(os.waitpid(-1, 0)[0])
             if not result.exists():
                 raise RuntimeError(f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}")
             for test, (seconds, entered) in json.loads(result.read_text(encoding="utf-8")).items():
