@@ -87,7 +87,7 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
         raise ConfigurationError(f'{type(law).__name__} has no name: write name = "…" in the class')
     options = _options(law)
     if options is not None:
-        return ControllerSpec(name, _kind(law).name, options), ""
+        return ControllerSpec(name, _named(law).name, options), ""
     packed, why = _packed(law)
     note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
     return own_spec(law, name, packed), note
@@ -130,22 +130,22 @@ def _wrappers(law: Controller) -> list[Wrapper]:
     return found
 
 
-def _kind(law: Controller) -> type[Controller]:
-    """The registered class of a law, or of the one that wrappers are around."""
+def _named(law: Controller) -> Controller:
+    """The law of a registered class: this one, or the one that wrappers are around."""
     wrappers = _wrappers(law)
-    return type(wrappers[-1].law if wrappers else law)
+    return wrappers[-1].law if wrappers else law
 
 
 def _options(law: Controller) -> dict[str, Any] | None:
     """The options with which a file would name this law; None if it cannot."""
-    inner, kind, wrappers = innermost(law), _kind(law), _wrappers(law)
-    replaced = {"solve", "command", "define"} & set().union(*map(vars, (law, *wrappers, inner)))
+    inner, named, wrappers = innermost(law), _named(law), _wrappers(law)
+    kind, replaced = type(named), {"solve", "command", "define"} & set().union(*map(vars, (*wrappers, named, inner)))
     replaced |= {"wrapper" for wrapper in wrappers if type(wrapper) not in WRAPPERS}
     if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or replaced:
         return None
     options: dict[str, Any] = law.factors.options() if law.factors != kind.factors else {}
     for parameter in inspect.signature(kind).parameters.values():
-        holder = inner if hasattr(inner, parameter.name) else wrappers[-1].law if wrappers else law
+        holder = inner if hasattr(inner, parameter.name) else named
         if parameter.kind is parameter.VAR_KEYWORD or not hasattr(holder, parameter.name):
             continue
         value = getattr(holder, parameter.name)
