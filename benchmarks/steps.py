@@ -17,12 +17,13 @@ from .timing import UNIT, Subject, Times, in_turn
 
 TEXT = """
 State in, command out, along the controller's own run of the scenario, at samples evenly spread over it, so that rows
-act where they act in the run. *rows* is `ControlStep.evaluate` (kinematics, features, rows and task), *command* is
-`controller.command` of these, with the making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`,
-which does both compiled in one, in a turn of its own. Times are median / p99 / max in µs; *ratio* is the total's median
-/ p99 / max in units, measured in turn with it; *first* is the first total in µs, with the making of the `ControlStep`,
-in a process that has its code loaded. Of long runs, the first 60 s. Laws that look ahead take their turns among
-themselves and with the unit: they compute for so long that the others would find the caches emptied.
+act where they act in the run; of laws that look ahead at consecutive ones, since they carry on their last plan. *rows*
+is `ControlStep.evaluate` (kinematics, features, rows and task), *command* is `controller.command` of these, with the
+making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`, which does both compiled in one, in a turn
+of its own. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in units, measured in turn
+with it; *first* is the first total in µs, with the making of the `ControlStep`, in a process that has its code loaded.
+Of long runs, the first 60 s. Laws that look ahead take their turns among themselves and with the unit: they compute for
+so long that the others would find the caches emptied.
 """
 
 
@@ -32,7 +33,9 @@ class Walk:
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
         self.controller = controller
         self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
-        self.places = np.linspace(0, len(self.states) - 1, turns).astype(int)
+        last = len(self.states) - 1
+        consecutive = "model" in controller.uses  # a law that carries on its last plan would find that of another place
+        self.places = np.minimum(np.arange(turns), last) if consecutive else np.linspace(0, last, turns).astype(int)
         restart(controller, setup.Ts)
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
@@ -87,10 +90,13 @@ def timed_in_turn(scenario: Scenario, looking_ahead: bool, turns: int, part: Par
         for _ in range(2)
     )
     walks, halves = {}, {}
+    # a task remembers its last sample: each walk has its own
+    setups = {law: scenario.setup() for law in laws}
+    runs = {law: simulate(setups[law], controller) for law, controller in laws.items()}
+    if looking_ahead:
+        turns = min(4 * turns, *(len(run.t) for run in runs.values()))
     for law, controller in laws.items():
-        # a task remembers its last sample: each walk has its own
-        setup = scenario.setup()
-        run = simulate(setup, controller)
+        setup, run = setups[law], runs[law]
         walks[law] = Walk(setup, controller, run, turns)
         halves[f"{law}, in two"] = Walk(scenario.setup(), others[law], run, turns)
     subjects: dict[str, Subject] = {law: walk.in_one for law, walk in walks.items()}

@@ -6,8 +6,6 @@ import ast
 import pkgutil
 import re
 import runpy
-import subprocess
-import sys
 from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
@@ -192,13 +190,3 @@ def test_shipped_suites_can_be_run(path: Path) -> None:
         return
     loaded = Campaign.load(path) if "families" in tables else Suite.load(path)
     assert loaded.title == tables["title"]
-
-
-def test_a_single_controller_can_be_imported_without_the_rest() -> None:
-    code = (
-        "import sys\nfrom vsconstraints.controllers import SlidingMode\n"
-        "heavy = {'matplotlib', 'typer', 'rich', 'osqp', 'proxsuite', 'cvxpy', 'qpsolvers'} & set(sys.modules)\n"
-        "print(sorted(heavy))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

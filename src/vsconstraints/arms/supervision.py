@@ -12,8 +12,8 @@ from types import FrameType
 
 import numpy as np
 
-from ..comparisons.runs.signals import SIGNALS
 from ..errors import ConfigurationError
+from ..plugins.signals import SIGNALS
 from ..simulation import Setup
 from ..vision.measurement import Plausible
 from .driver import Joints

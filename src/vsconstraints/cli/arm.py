@@ -37,8 +37,8 @@ def run(
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
-    from ..comparisons.runs.signals import exit_code
     from ..compiled import prepare
+    from ..plugins.signals import exit_code
     from ..scenarios import Scenario
 
     chosen = Scenario.load(scenario)

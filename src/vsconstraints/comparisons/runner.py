@@ -13,6 +13,7 @@ from typing import Any
 from ..compiled import prepare
 from ..errors import described
 from ..plugins.provenance import Files, digests, imported, noted
+from ..plugins.signals import INTERRUPTS, signal_of
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
@@ -20,7 +21,6 @@ from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, stor
 from .runs.folder import MANIFEST, locked
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
-from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
 from .suite import Suite

@@ -11,12 +11,12 @@ import numpy as np
 
 from ...compiled import prepare
 from ...errors import ConfigurationError
+from ...plugins.signals import deadline
 from ...robots.geometry import demand_sign
 from ...scenarios.reading import from_table
 from ...scenarios.toml import read_toml
 from ..runs.folder import MANIFEST, manifest_of
 from ..runs.pool import Failure, OpenWorkers
-from ..runs.signals import deadline
 from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming
 from .campaign import Campaign
 from .work import Batch, benches, tasks_of

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
+from ...plugins.signals import deadline
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST, Keep, kept_lines
 from ..runs.pool import Failure, OpenWorkers
-from ..runs.signals import deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES

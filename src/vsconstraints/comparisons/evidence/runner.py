@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...compiled import prepare
+from ...plugins.signals import INTERRUPTS, signal_of
 from ..runs.files import seal, storing, write_json
 from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
 from ..runs.machine import loaded_versions, machine, provenance, used_versions
 from ..runs.pool import Failure, OpenWorkers, Workers, processes
-from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE
 from .campaign import Campaign
 from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
+from ...plugins.signals import INTERRUPTS, deadline
 from ...scenarios.families import Drawn, Family
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
 from ..metrics import score
 from ..record import RunRecord
 from ..runs.machine import run_limit
-from ..runs.signals import INTERRUPTS, deadline
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
 from .campaign import Campaign

@@ -21,8 +21,8 @@ from typing import Any, Generic, Protocol, TypeVar
 from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
 from ...plugins.processes import end_with
+from ...plugins.signals import SIGNALS, signals_held
 from .machine import process_count
-from .signals import SIGNALS, signals_held
 
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")

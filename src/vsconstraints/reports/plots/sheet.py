@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ...comparisons.runs.files import replaced
 from ...errors import unknown_name
 from .style import FORMULAS, STYLE_SHEET
 
@@ -178,6 +177,8 @@ class Sheet:
     def save(self, *paths: Path) -> None:
         """Write files, each whole or not at all; their suffixes are of :data:`FORMATS`."""
         from PIL import Image
+
+        from ...comparisons.runs.files import replaced
 
         self.placed()
         for path in paths:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
@@ -184,6 +183,8 @@ def _bent(
     """(FINER H, FINER W) ideal normalised coordinates x and y of all points of an image, NaN where there are none."""
     knots = [np.linspace(0.0, side, -(-side // KNOT) + 1) for side in size]
     fine = [(np.arange(FINER * side) + 0.5) / FINER for side in size]
+    from scipy.interpolate import RectBivariateSpline  # takes longer to load than all other imports of a run
+
     pinhole = Camera(focal, size, (offset[0] + 0.5 * size[0], offset[1] + 0.5 * size[1]))
     grid = pinhole.from_corner(np.stack(np.meshgrid(*knots), axis=-1))
     ideal, certain = distortion.remove(pinhole.normalised(grid))
