@@ -257,14 +257,14 @@ class Run:
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        asked, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
+        phi, Lg, times = rows.phi.copy(), rows.Lg.copy(), self.loop.kept.step_time  # the law may change its arrays
         called = perf_counter()
         command = self.controller.command(rows, task)
         times[k % len(times)] = perf_counter() - called
         self.loop.answer.qdd[:] = command.qdd
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
-        lost = claimed and loses_rank(asked)
+        lost = claimed and loses_rank(replace(rows, phi=phi, Lg=Lg))
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)

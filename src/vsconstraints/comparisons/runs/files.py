@@ -66,8 +66,12 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
     arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     facts = {name: value for name, value in values.items() if name not in arrays}
     text = json.dumps(facts, default=lambda number: number.item())
-    with replaced(path) as part, part.open("wb") as file:
-        (np.savez_compressed if compressed else np.savez)(file, facts=np.array(text), **arrays)
+    kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    # level 6, NumPy's, takes four times as long for files a twentieth smaller
+    with replaced(path) as part, zipfile.ZipFile(part, "w", kind, compresslevel=1) as archive:
+        for name, array in {"facts": np.array(text), **arrays}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
