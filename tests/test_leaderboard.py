@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from test_evidence import here
 from test_testset import quiet
+from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Campaign, Plan, collect
 from vsconstraints.comparisons.study import SHIPPED, Study, differing
 from vsconstraints.errors import ConfigurationError
@@ -47,9 +49,9 @@ def folder(frozen: TestSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def study(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """As it is read from a table that was kept, without the own law's code."""
+    """As it is read from a table that the command line kept, without the own law's code."""
     table = tmp_path_factory.mktemp("kept") / "table.parquet"
-    Study.load(folder, own=True).keep(table)
+    assert CliRunner().invoke(app, ["advise", "--study", str(folder), "--keep", str(table)]).exit_code == 0
     return Study.load(table, own=True)
 
 

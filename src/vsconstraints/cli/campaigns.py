@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import count
 from math import isnan
 from pathlib import Path
@@ -192,14 +193,15 @@ def advise(
     elif not asked.said and keep is None:
         raise ConfigurationError("advise takes a scenario, or answers such as --joints 6 --latency-ms 30")
     with progress() as show:
-        runs = Study.load(study or SHIPPED, trust, lambda done, scenes: show("scenes", done, scenes))
-    known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
-    for word in {*(may_use or ())} - known:
-        raise unknown_name("information", word, known)
+        runs = Study.load(study or SHIPPED, trust, partial(show, "scenes"), own=keep is not None)
     if keep is not None:
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
     if asked.said:
+        runs = runs if keep is None else Study.load(keep)  # advice names laws that come with the package
+        known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
+        for word in {*(may_use or ())} - known:
+            raise unknown_name("information", word, known)
         found = advice_for(runs, asked, may_use or None)
         if as_json:
             console.print(_json(found))

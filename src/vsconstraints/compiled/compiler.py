@@ -293,7 +293,7 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
 
 
 _helpers: list[subprocess.Popen[bytes]] = []  #: Kept, since the end of a process that nobody holds is complained about.
-_announced: list[Path] = []  #: Where this process has said that it keeps what it compiles.
+ANNOUNCED = "VSCONSTRAINTS_COMPILING_IN"  #: Where this process, or one that started it, keeps what it now compiles.
 
 
 def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
@@ -304,9 +304,11 @@ def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
         states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
         for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT_PARTS if formulas else KEPT :]:
             shutil.rmtree(old, ignore_errors=True)
-    if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
-        _announced.append(folder.parent)
-        print(f"vsconstraints: compiling the control step, once; kept in {folder.parent}", file=sys.stderr, flush=True)
+    kept_in = str(folder.parent)
+    if os.environ.get(ANNOUNCED) != kept_in and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
+        os.environ[ANNOUNCED] = kept_in
+        text = f"vsconstraints: compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
+        print(text, file=sys.stderr, flush=True)
         _share(function.__module__.rpartition(".")[2])
     return folder
 
