@@ -40,10 +40,32 @@ def test_every_law_of_the_suites_is_in_the_table_with_what_it_uses(suite: str) -
         assert parameters == stated or (not stated and parameters in ("–", "u⁺ of the rows")), entry.name
 
 
+def kept(name: str, scenes: int) -> tuple[Any, Any]:
+    """A table of so many scenes that is kept, and the success of its laws in each condition, in per cent."""
+    runs = pd.read_parquet(ROOT / "comparisons" / f"{name}.parquet")
+    assert runs.drop_duplicates(["family", "scene"]).shape[0] == scenes
+    return runs, (100.0 * runs.groupby(["controller", "condition"])["success"].mean()).round().unstack()
+
+
+def test_what_the_page_says_of_a_policy_is_that_of_the_kept_runs() -> None:
+    page = (ROOT / "docs" / "own-controller.md").read_text(encoding="utf-8").partition("## 7. A learned law")[2]
+    said = {law: [*map(int, shares)] for law, *shares in re.findall(r"`([\w-]+)`\s(\d+)/(\d+)/(\d+)", page)}
+    _, success = kept("policy", 200)
+    assert said == {law: [*own[["nominal", "disturbed", "limited"]]] for law, own in success.iterrows()}
+
+
+def test_what_the_page_says_of_tuned_laws_is_that_of_the_kept_runs() -> None:
+    page = (ROOT / "docs" / "which-law.md").read_text(encoding="utf-8").partition("0 / 20 / 100 evaluations")[2]
+    lines = re.findall(r"^\| `(.+?)` \| \d+ / \d+ / \d+ \| (\d+) → (\d+) \| (\d+) → (\d+) \|$", page, re.MULTILINE)
+    _, success = kept("tuned-laws", 350)
+    assert {law for law, *_ in lines} == {law for law in success.index if not law.endswith("-tuned")}
+    for law, *said in lines:
+        own = [success.loc[name, when] for when in ("nominal", "disturbed") for name in (law, f"{law}-tuned")]
+        assert [*map(int, said)] == own, law
+
+
 def test_success_in_the_table_is_that_of_the_kept_runs() -> None:
-    runs = pd.read_parquet(ROOT / "comparisons" / "laws.parquet")
-    assert runs.drop_duplicates(["family", "scene"]).shape[0] == 500
-    success = (100.0 * runs.groupby(["controller", "condition"])["success"].mean()).round().unstack()
+    runs, success = kept("laws", 500)
     lines, suite = table(), Suite.load(ROOT / "comparisons" / "laws.toml")
     for entry in suite.controllers:
         shares = "–" if entry.name == "tracking" else "{nominal:.0f}/{disturbed:.0f}/{limited:.0f}"
