@@ -7,7 +7,7 @@ import sys
 
 CODE = """
 import os, signal, threading, time
-from vsconstraints.plugins.signals import Stopped, obey_signals, signal_of, signals_held
+from vsconstraints.plugins.processes import Stopped, obey_signals, signal_of, signals_held
 obey_signals()
 threading.Thread(target=time.sleep, args=(1.0,), daemon=True).start()  # it does not hold signals
 done = []

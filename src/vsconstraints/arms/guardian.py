@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from ..errors import ConfigurationError, described
-from ..plugins.signals import SIGNALS
+from ..plugins.processes import SIGNALS
 
 ATTEMPTS = 3  #: How often a stop command is tried.
 START_S, END_S = 60.0, 10.0  #: How long the process may take to be ready, while the arm stands, and to end [s].

@@ -13,7 +13,7 @@ from types import FrameType
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..plugins.signals import SIGNALS
+from ..plugins.processes import SIGNALS
 from ..simulation import Setup
 from ..vision.measurement import Plausible
 from .driver import Joints

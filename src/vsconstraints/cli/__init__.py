@@ -12,7 +12,7 @@ import typer
 
 from .. import __version__
 from ..errors import StorageError, VsconstraintsError, WorkersLost
-from ..plugins.signals import INTERRUPTS, exit_code, obey_signals, signal_of
+from ..plugins.processes import INTERRUPTS, exit_code, obey_signals, signal_of
 from . import arm, campaigns, options, paper, results, scenes, testset
 from .terminal import NOTHING_DONE, USAGE_ERROR, console, errors
 

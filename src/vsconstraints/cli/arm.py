@@ -38,7 +38,7 @@ def run(
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
     from ..compiled import prepare
-    from ..plugins.signals import exit_code
+    from ..plugins.processes import exit_code
     from ..scenarios import Scenario
 
     chosen = Scenario.load(scenario)

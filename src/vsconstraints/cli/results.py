@@ -15,7 +15,7 @@ from rich.text import Text
 
 from ..errors import ConfigurationError, shown
 from ..plugins.extras import demand
-from ..plugins.signals import INTERRUPTS, signal_of
+from ..plugins.processes import INTERRUPTS, signal_of
 from ..reports.plots import formats_of
 from .options import Names
 from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command

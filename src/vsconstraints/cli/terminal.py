@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import typer
 from rich.console import Console
 
-from ..plugins.signals import INTERRUPTS, exit_code, signal_of
+from ..plugins.processes import INTERRUPTS, exit_code, signal_of
 
 # no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no picture of one
 console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)

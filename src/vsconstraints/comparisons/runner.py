@@ -12,8 +12,8 @@ from typing import Any
 
 from ..compiled import prepare
 from ..errors import described
+from ..plugins.processes import INTERRUPTS, signal_of
 from ..plugins.provenance import Files, digests, imported, noted
-from ..plugins.signals import INTERRUPTS, signal_of
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...compiled import prepare
 from ...errors import ConfigurationError
-from ...plugins.signals import deadline
+from ...plugins.processes import deadline
 from ...robots.geometry import demand_sign
 from ...scenarios.reading import from_table
 from ...scenarios.toml import read_toml

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
-from ...plugins.signals import deadline
+from ...plugins.processes import deadline
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed

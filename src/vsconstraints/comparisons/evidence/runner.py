@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...compiled import prepare
-from ...plugins.signals import INTERRUPTS, signal_of
+from ...plugins.processes import INTERRUPTS, signal_of
 from ..runs.files import seal, storing, write_json
 from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
 from ..runs.machine import loaded_versions, machine, provenance, used_versions

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
-from ...plugins.signals import INTERRUPTS, deadline
+from ...plugins.processes import INTERRUPTS, deadline
 from ...scenarios.families import Drawn, Family
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries

@@ -20,8 +20,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
-from ...plugins.processes import end_with
-from ...plugins.signals import SIGNALS, signals_held
+from ...plugins.processes import SIGNALS, end_with, signals_held
 from .machine import process_count
 
 Key = TypeVar("Key", bound=Hashable)
