@@ -12,7 +12,7 @@ from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
-from .part import CASE_STUDY, Effort, Part, Table, controllers, digits, median_p99_max, microseconds, ratios
+from .part import CASE_STUDY, LONG_PLANS, Effort, Part, Table, controllers, digits, median_p99_max, microseconds, ratios
 from .timing import UNIT, Subject, Times, in_turn
 
 TEXT = """
@@ -78,8 +78,9 @@ def measure(effort: Effort) -> Part:
             lines += timed_in_turn(scenario, looking_ahead, effort.turns, part)
     header = ["scenario", "controller", "rows are", "m", "rows", "command", "total", "ratio", "p99/median", "first"]
     part.tables.append(Table(header, lines, text_columns=3))
-    spreads = (value for name, value in part.numbers.items() if name.endswith(": p99/median") and name[:4] != "unit")
-    part.numbers["greatest p99/median"] = max(spreads)
+    other = ("unit", *(f"{CASE_STUDY}, {law}" for law in LONG_PLANS))  # no law comes with so long a plan
+    spreads = {name.removesuffix(": p99/median"): value for name, value in part.numbers.items() if "p99/med" in name}
+    part.numbers["greatest p99/median"] = max(value for name, value in spreads.items() if name not in other)
     return part
 
 
