@@ -1,11 +1,12 @@
 """``python -m checks.known [--scenes N]``: what laws would gain by knowing disturbances, and what a dead time costs.
 
 On held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is known: it is taken out,
-everything else is the same, the tolerances of goals too. Where all are known, nothing but the law is left: no law that
-must find them out can be expected to do better, so that this is the bound for disturbed scenes. Then scenes without
-disturbances in which images, or commands, are late by a dead time, of which a law is told or not (its options
-``dead_time`` and ``command_delay``), also where nothing is late. Success in per cent; differences are paired, with
-McNemar's test, and are those from the first condition, of the law that is not told.
+everything else is the same, the tolerances of goals too. Where all are known, nothing but the law is left: no law
+that must find them out can be expected to do better, so that this is the bound for disturbed scenes. Then scenes
+without disturbances in which images, or commands, are late by a dead time, of which a law is told or not (its options
+``dead_time`` and ``command_delay``), also where nothing is late; images may say when they were taken (dated). Success
+in per cent; differences are paired, with McNemar's test, and are those from the first condition, of the law that is
+not told.
 """
 
 from __future__ import annotations
@@ -74,12 +75,12 @@ def _with_known_motion(data: Any) -> Any:
     return [_with_known_motion(each) for each in data] if isinstance(data, list) else data
 
 
-def late(key: str) -> Callable[[Tables], Tables]:
+def late(key: str, **others: Any) -> Callable[[Tables], Tables]:
     """Makes images (``"delay"``) or commands (``"command_delay"``) late by the dead time."""
 
     def change(tables: Tables) -> Tables:
         by: float = ceil(DEAD_TIME / tables["sampling_time"]) if key == "delay" else DEAD_TIME
-        return {**tables, "disturbances": {**tables.get("disturbances", {}), key: by}}
+        return {**tables, "disturbances": {**tables.get("disturbances", {}), key: by, **others}}
 
     return change
 
@@ -112,7 +113,10 @@ class Changed:
 
 STUDIES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Mapping[str, Any]]]] = {
     "known": (KNOWN, LAWS),
-    "images": (NOMINAL | {"late": ("nominal", late("delay"))}, told(**OBSERVER, dead_time=DEAD_TIME)),
+    "images": (
+        NOMINAL | {"late": ("nominal", late("delay")), "late, dated": ("nominal", late("delay", delay_known=True))},
+        told(**OBSERVER, dead_time=DEAD_TIME),
+    ),
     "commands": (NOMINAL | {"late": ("nominal", late("command_delay"))}, told(command_delay=DEAD_TIME)),
 }
 

@@ -62,7 +62,8 @@ class SimulatedImages:
         image = self._sensor.measured(k, q, rest, self._world.evaluate(t, q, rest))
         pixels = scene.glance(q, t)[0] if image is None or image.pixels is None else image.pixels
         newest = k - k % self._every
-        taken = t - (k - max(newest - self._delay, 0)) * self._setup.Ts
+        age = 0 if self._setup.disturbances.delay_known else k - max(newest - self._delay, 0)
+        taken = t - age * self._setup.Ts
         return Measurement(scene.camera.distort(pixels), None, min(taken, t))
 
     def remarks(self) -> list[str]:

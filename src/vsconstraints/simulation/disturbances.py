@@ -47,6 +47,8 @@ class Disturbances:
     #: Time between images, a multiple of the sampling time; that itself if zero [s]. Between images the last is held.
     image_period: float = 0.0
     delay: int = 0  #: How many image periods an image is old when it can be used.
+    #: Whether images say when they were taken: what they show is then moved on to now, as the model says it moved.
+    delay_known: bool = False
     lost_frames: float = 0.0  #: Probability that an image is lost; the last one before it then stays in use.
     seed: tuple[int, ...] = (0,)  #: Of everything random: the same numbers are drawn whatever the controller does.
 

@@ -25,9 +25,9 @@ from ..vision.measurement import Measurement
 from ..vision.scene import Scene, State
 from .disturbances import Disturbances
 from .occluders import Occluders
-from .sensing import Sensor
+from .sensing import Sensor, moved_on
 
-POSTULATED = ("pixel_noise", "image_period", "delay", "lost_frames")  #: Disturbances of images that are not rendered.
+POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")  #: Of images that are not rendered.
 STOPPING = 0.1  #: Time constant with which an arm without images is braked [s].
 
 
@@ -192,8 +192,7 @@ class ImageSensor(Sensor):
         now = self._model.camera_pose(q, t)
         camera, pixels = last.camera, last.pixels
         if self.settings.prediction:
-            camera = last.camera @ (last.model.inverse @ now)
-            pixels = self._model.project(camera) + last.pixels - self._model.project(last.camera)
+            camera, pixels = moved_on(self._model, last.camera, last.pixels, last.model, now)
         depth = self.settings.depth
         if isinstance(depth, str):
             Z = self._model.depth(camera if depth == "pose" else now)

@@ -74,6 +74,12 @@ def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
     return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
 
 
+def moved_on(scene: Scene, camera: Pose, pixels: Array, then: Pose, now: Pose) -> tuple[Pose, Array]:
+    """A measured pose and pixels (M, 2) after the motion of the camera between two poses by the model."""
+    moved = camera @ (then.inverse @ now)
+    return moved, scene.project(moved) + pixels - scene.project(camera)
+
+
 class Sensor:
     """Makes measurements of what is true, sample after sample.
 
@@ -114,8 +120,10 @@ class Sensor:
         if settings.pixel_noise or settings.lost_frames:
             normal, uniform = _drawn((*settings.seed, 1), 1 + (samples - 1) // self._every, markers)
             noise, lost = settings.pixel_noise * normal, uniform < settings.lost_frames
-        held = np.zeros((settings.delay + 1, markers, 2)) if self._images is None else self._images.held
-        self._images, self._covered = Images(self._every, noise, lost, held), samples
+        slots, pose = settings.delay + 1, 12 * settings.delay_known
+        empty = np.zeros((slots, markers, 2)), np.zeros((slots, pose)), np.zeros(pose)
+        held = empty if self._images is None else self._images[3:]
+        self._images, self._covered = Images(self._every, noise, lost, *held), samples
         return self._images
 
     @property
@@ -144,10 +152,17 @@ class Sensor:
         images = self._images
         if images is None or k >= self._covered:
             images = self.images(2 * k + 1)
-        pixels = ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
+        motion = self.scene.motion  # what moves unknown to the control stands still for it
+        now = self.believed.camera_pose(q, k * self._Ts if motion is None or motion.known else 0.0)
+        images.now[:] = np.concatenate((now.R.ravel(), now.t))[: len(images.now)]
+        slot = usable(images, k, seen)
+        pixels = ideal_pixels(self.camera, images.held[slot].copy())
         near = Pose(world.camera_R, world.camera_t)
         camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), near)
         try:
+            if self.disturbances.delay_known:
+                then = Pose(images.poses[slot, :9].reshape(3, 3), images.poses[slot, 9:])
+                camera, pixels = moved_on(self.believed, camera, pixels, then, now)
             Z = self.believed.depth(camera)
         except SceneError as error:
             raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
