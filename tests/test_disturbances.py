@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from numpy_form import believed, evaluate_rows, observe
 from scenes import NOW, random_scene, robot
+from vsconstraints.compiled import load
+from vsconstraints.compiled.workspace import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.geometry import Pose, distance
@@ -211,6 +213,49 @@ def test_lost_frames_leave_the_last_image() -> None:
             np.testing.assert_allclose(seen, true[last], atol=1e-9)
             lost += 1
     assert 0.3 < lost / 300 < 0.5
+
+
+def named(name: str, duration: float = 0.3, **settings: Any) -> Setup:
+    scenario = Scenario.load(name).with_override("duration", duration)
+    for key, value in settings.items():
+        scenario = scenario.with_override(f"disturbances.{key}", value)
+    return scenario.setup()
+
+
+@pytest.mark.parametrize("name", ["ur5-fov", "ur5-image", "eye-to-hand-pbvs", "eye-to-hand-ibvs", "moving-target"])
+def test_images_that_say_when_they_were_taken_may_be_late(name: str) -> None:
+    """Where the model is right: by itself the delay moves the arm, and with the age of images it moves nothing."""
+    late = {"image_period": 3 * named(name).Ts, "delay": 4}
+    runs = [simulate(named(name, **one), HierarchicalQP()) for one in ({}, late, {**late, "delay_known": True})]
+    assert np.abs(runs[1].q - runs[0].q).max() > 1e-4
+    np.testing.assert_allclose(runs[2].q, runs[0].q, atol=1e-7)
+    np.testing.assert_allclose(runs[2].phi, runs[0].phi, atol=1e-5 * np.abs(runs[0].phi).max())
+
+
+@pytest.mark.parametrize(("name", "age"), [("moving-target", 0), ("moving-target-unknown", 5)])
+def test_an_image_is_moved_on_by_no_motion_that_is_unknown(name: str, age: int) -> None:
+    """As a measurement, and where compiled code writes it."""
+    setup = named(name, delay=5, delay_known=True)
+    sensor, world, believed_step = setup.sensor(), setup.world(), setup.control()
+    images, (true, own) = setup.sensor().sensing(9), (step.packed for step in (world, believed_step))
+    pixels = []
+    for k in range(9):
+        at = k * setup.Ts
+        pixels.append(world.evaluate(at, setup.q0, setup.qd0).pixels)
+        seen = sensor.measured(k, setup.q0, setup.qd0, world.evaluate(at, setup.q0, setup.qd0))
+        assert load("sensing").observe(Workspace(images), true.workspace, own.workspace, at, k) == 0
+        own.step.measurement[:] = 0
+    assert seen is not None
+    assert np.abs(pixels[8] - pixels[3]).max() > 0.1
+    for measured in (seen.pixels, own.step.measured[:, :2]):
+        np.testing.assert_allclose(measured, pixels[8 - age], atol=1e-6)
+
+
+def test_a_lost_image_is_as_old_as_the_one_in_its_place() -> None:
+    """Where the model is right nothing is lost with it."""
+    lost = {"lost_frames": 0.5, "delay": 2, "delay_known": True}
+    one, other = (simulate(named("ur5-fov", **settings), HierarchicalQP()) for settings in ({}, lost))
+    np.testing.assert_allclose(other.q, one.q, atol=1e-7)
 
 
 def test_a_wrong_depth_and_wrong_intrinsics_spoil_the_jacobian_as_they_should() -> None:

@@ -179,27 +179,6 @@ def test_a_disturbed_run_is_the_same_in_both_forms(name: str, settings: str, mon
     np.testing.assert_array_equal(scores.phi_max, compiled.phi.max(axis=0))
 
 
-@pytest.mark.parametrize("name", ["ur5-fov", "ur5-image", "eye-to-hand-pbvs", "eye-to-hand-ibvs", "moving-target"])
-def test_images_that_say_when_they_were_taken_may_be_late(name: str) -> None:
-    """Where the model is right: by itself the delay moves the arm, and with the age of images it moves nothing."""
-    late = {"image_period": 3 * disturbed(name, {}).Ts, "delay": 4}
-    runs = [simulate(disturbed(name, one, 0.6), HierarchicalQP()) for one in ({}, late, {**late, "delay_known": True})]
-    assert np.abs(runs[1].q - runs[0].q).max() > 1e-3
-    np.testing.assert_allclose(runs[2].q, runs[0].q, atol=1e-7)
-    np.testing.assert_allclose(runs[2].phi, runs[0].phi, atol=1e-5 * np.abs(runs[0].phi).max())
-
-
-@pytest.mark.parametrize(("name", "age"), [("moving-target", 0), ("moving-target-unknown", 5)])
-def test_an_image_is_moved_on_by_no_motion_that_is_unknown(name: str, age: int) -> None:
-    setup = disturbed(name, {"delay": 5, "delay_known": True})
-    sensor, world = setup.sensor(), setup.world()
-    true = [world.evaluate(k * setup.Ts, setup.q0, setup.qd0) for k in range(9)]
-    seen = [sensor.measured(k, setup.q0, setup.qd0, one) for k, one in enumerate(true)][-1]
-    assert seen is not None
-    assert np.abs(true[8].pixels - true[3].pixels).max() > 0.1
-    np.testing.assert_allclose(seen.pixels, true[8 - age].pixels, atol=1e-6)
-
-
 def test_the_public_call_is_given_the_same_rows() -> None:
     setup = disturbed("case-study-6r", SETTINGS["all"])
     assert_same(simulate(setup, SlidingMode()), simulate(setup, SlidingMode(), by_public_call=True))
