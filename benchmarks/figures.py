@@ -46,7 +46,9 @@ def _steps(part: Part) -> plt.Figure:
     for i, (law, look) in enumerate(looks(list(found)).items()):
         # one below the other, since times of several laws are the same
         at = [scenarios.index(name) + 0.8 * ((i + 0.5) / len(found) - 0.5) for name in found[law]]
-        axes.plot(list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, mec="w", mew=0.5, label=law)
+        # hollow where a law differs from another one by its line
+        face = {"mec": "w", "mew": 0.5} if look.line == "-" else {"mfc": "w", "mew": 1.2}
+        axes.plot(list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, label=law, **face)
     for row in range(1, len(scenarios)):
         axes.axhline(row - 0.5, color="0.85", linewidth=0.6, zorder=0)
     axes.set_yticks(range(len(scenarios)), scenarios)
