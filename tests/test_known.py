@@ -38,12 +38,16 @@ def test_nothing_is_unknown_once_everything_is_known(family: str) -> None:
 @pytest.mark.parametrize("study", ["images", "commands"])
 def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(study: str, family: str) -> None:
     changed = tables_of(family, study)
-    assert [*changed] == [*STUDIES[study][0]] == ["nominal", "late"]
+    names = ["nominal", "late", *(["late, dated"] if study == "images" else [])]
+    assert [*changed] == [*STUDIES[study][0]] == names
     late: dict[str, float] = {"command_delay": DEAD_TIME}
     if study == "images":
         late = {"delay": ceil(DEAD_TIME / changed["nominal"]["sampling_time"])}
     assert {**changed["late"], "disturbances": {}} == {**changed["nominal"], "disturbances": {}}
     assert changed["late"]["disturbances"] == {**changed["nominal"].get("disturbances", {}), **late}
+    if study == "images":
+        dated = {**changed["late"]["disturbances"], "delay_known": True}
+        assert changed["late, dated"] == {**changed["late"], "disturbances": dated}
     told = {key: options for key, options in STUDIES[study][1].items() if key.endswith(", told")}
     option = {"images": "dead_time", "commands": "command_delay"}[study]
     assert {options[option] for options in told.values()} == {DEAD_TIME}
