@@ -67,7 +67,7 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
     facts = {name: value for name, value in values.items() if name not in arrays}
     text = json.dumps(facts, default=lambda number: number.item())
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    # level 6, NumPy's, takes four times as long for files a twentieth smaller
+    # level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
     with replaced(path) as part, zipfile.ZipFile(part, "w", kind, compresslevel=1) as archive:
         for name, array in {"facts": np.array(text), **arrays}.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
