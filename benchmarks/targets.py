@@ -79,8 +79,9 @@ TARGETS = (
     Target("one simulated step, logging included, sliding mode", "loop", "sliding-mode: ratio", 0.4),
     Target("`vsconstraints --help`", "startup", "vsconstraints --help: median", 0.4, "s"),
     Target("drawn scene of the UR5, all default laws", "scenes", "ur5: median", 0.2, "s"),
-    Target("default comparison, whole process", "comparison", "whole process", 12.0, "s"),
-    Target("first compilation of everything", "first", "compiling: all first calls", 20.0, "s"),
+    Target("default comparison, whole process", "comparison", "whole process, cached", 12.0, "s"),
+    Target("the same, nothing compiled before", "comparison", "whole process, first ever", 35.0, "s"),
+    Target("CPU spent compiling for it", "comparison", "compiling: CPU", 20.0, "s"),
     *(
         Target(f"growth with {what}, {law}{kind}", "growth", f"{what}, {law}{kind}: last slope", LINEAR, "slope")
         for what, kinds in (("rows", ("",)), ("markers", (", pose", ", image")))

@@ -186,9 +186,11 @@ def _checks(signature: str) -> list[Callable[[Any], bool]]:
 
 
 def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
-    before = numba.config.CACHE_DIR
+    config = numba.config
+    before = config.CACHE_DIR, config.LOOP_VECTORIZE
     with _writable(cache_of(function, formulas)) as folder:
-        numba.config.CACHE_DIR = str(folder)
+        # loops are of a few joints or rows: vectors make no step faster, and compiling takes a tenth longer
+        config.CACHE_DIR, config.LOOP_VECTORIZE = str(folder), 0
         try:
             with compile_lock(folder):
                 try:
@@ -201,7 +203,7 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
                         file.unlink()
                     return _compile_or_read(jit, function)
         finally:
-            numba.config.CACHE_DIR = before
+            config.CACHE_DIR, config.LOOP_VECTORIZE = before
 
 
 def _compile_or_read(jit: Any, function: F) -> F:

@@ -8,14 +8,14 @@ from ..formulas.row import BOUND, share
 from ..rows import Array
 from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place
-from .hierarchy import Priorities, hierarchy
+from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
 from .laws import RESOLVER, load_law, within
 from .least_violation import GREATEST, LEAST
-from .linear import copy_vector, finite
+from .linear import finite
 from .resolving import demanded, finished, follow_alone, measurable
-from .scratch import blank, emptied, filled, matrix, vector
-from .walls import Demands, Resolved
-from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
+from .scratch import emptied, filled, flags, matrix
+from .walls import Demands, Resolved, count_resisting
+from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, SOLVED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place
@@ -49,22 +49,18 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     box = matrix(scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
-    J, b, rest = task.J, task.b, task.rest
-    if aim == NEAREST or law.tracks != 0:
-        follow_alone(law, task, answer)
+    follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
-    if aim in (NEAREST, SCALED):
-        J, b, rest = blank(scratch, n, n), vector(scratch, n), rest[:0]
-        copy_vector(b, qdd)
-        for j in range(n):
-            J[j, j] = 1.0
     weights = law.weights if law.weights.size == m else filled(scratch, m, 1.0)
-    priorities = Priorities(box, damping, tolerance, aim == STRICT)
-    resolved = Resolved(qdd, answer.slack, answer.acted)
-    demands = Demands(rows.Lg, law.asked, rows.scale, weights)
-    code, answer.iterations[0] = hierarchy(demands, J, b, rest, priorities, resolved, scratch)
+    demands, resolved = Demands(rows.Lg, law.asked, rows.scale, weights), Resolved(qdd, answer.slack, answer.acted)
+    nearest, code, answer.iterations[0] = aim_at(qdd, scratch), SOLVED, 0
+    if count_resisting(demands, box, nearest.X, flags(scratch, m), resolved) >= 0:
+        by_joints = aim in (NEAREST, SCALED)
+        wanted = nearest if by_joints else aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
+        priorities = Priorities(box, damping, tolerance, aim == STRICT)
+        code, answer.iterations[0] = hierarchy(demands, wanted, priorities, resolved, scratch)
     if code == FAILED:
         return FAILED
     if not finite(answer.slack):

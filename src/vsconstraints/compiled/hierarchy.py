@@ -39,9 +39,16 @@ class Priorities(NamedTuple):
     strict: bool
 
 
-class Span(NamedTuple):
-    """Reflections of which the first ``rank`` span the rows of the task, and a lower bound of its gain there."""
+class Aim(NamedTuple):
+    """What the levels below the rows want: least ‖G (x − center)‖, then least distance to q̈₀.
 
+    ``G`` (k, n + 1) is the task without its null space, X[levels.CENTER] of the work space ``X`` the best without rows;
+    the first ``rank`` of the reflections ``F`` and ``T`` span the rows of G, and ``gain`` is a lower bound of its gain
+    there.
+    """
+
+    G: Array
+    X: Array
     F: Array
     T: Array
     rank: int
@@ -49,9 +56,10 @@ class Span(NamedTuple):
 
 
 @inner
-def find_center(J: Array, b: Array, rest: Array, tolerance: float, G: Array, X: Array, scratch: Scratch) -> Span:
-    """Write J†b of least distance to q̈₀ to X[levels.CENTER] and the task without its null space to G; its span."""
-    n = X.shape[1]
+def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scratch) -> Aim:
+    """J q̈ = b, with J (k, n), b (k,) and q̈₀ ``rest`` (n,), or (0,) for zero: the center is J†b nearest to q̈₀."""
+    n = J.shape[1]
+    G, X = matrix(scratch, J.shape[0], n + 1), blank(scratch, levels.ROWS_OF_X, n)
     for i in range(J.shape[0]):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
@@ -60,7 +68,17 @@ def find_center(J: Array, b: Array, rest: Array, tolerance: float, G: Array, X: 
     F, T, rank, least = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch)
     for j in range(rest.size):
         X[levels.CENTER, j] += rest[j]
-    return Span(F, T, rank, abs(least))
+    return Aim(G, X, F, T, rank, abs(least))
+
+
+@inner
+def aim_at(center: Array, scratch: Scratch) -> Aim:
+    """An acceleration (n,), in the metric of the joints."""
+    n = center.size
+    G, X = blank(scratch, n, n + 1), blank(scratch, levels.ROWS_OF_X, n)
+    for j in range(n):
+        G[j, j], X[levels.CENTER, j] = 1.0, center[j]
+    return Aim(G, X, G, G, n, 1.0)
 
 
 @inner
@@ -87,19 +105,17 @@ def solve_stage(
 
 
 @inner
-def moves(normals: Array, i: int, span: Span, row: Array) -> bool:
+def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
     """Whether the null space of the task moves a row of the walls; ``row`` (1, n) is scratch."""
     n = row.shape[1]
     copy(row, START, normals, i, n)
-    apply_transposed(span.F, span.T, span.rank, row, START)
-    moved = math.sqrt(dot(row, START, row, START, span.rank, n))
+    apply_transposed(aim.F, aim.T, aim.rank, row, START)
+    moved = math.sqrt(dot(row, START, row, START, aim.rank, n))
     return not moved <= MET * length(row, START, n)
 
 
 @inner
-def solve_in_span(
-    walls: Walls, G: Array, span: Span, priorities: Priorities, X: Array, point: Array, scratch: Scratch
-) -> tuple[bool, int]:
+def solve_in_span(walls: Walls, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch) -> tuple[bool, int]:
     """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about its hand alone.
 
     Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈, and what level 3
@@ -107,19 +123,20 @@ def solve_in_span(
     does, or moves one that J†b exceeds, or the task is nearly singular. And the rows that were added.
     """
     box, damping, tolerance, _ = priorities
+    G, X, F, T, rank, gain = aim
     n, w = X.shape[1], walls.held.size
-    if not span.gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
+    if not gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):
-        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(walls.normals, i, span, row):
+        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(walls.normals, i, aim, row):
             return False, 0
-    Q = levels.columns(span.F, span.T, span.rank, START, span.rank, scratch)
+    Q = levels.columns(F, T, rank, START, rank, scratch)
     undamped = Priorities(box, 0.0, tolerance, True)
-    code, steps = solve_stage(walls, G, Q, span.rank, undamped, X, point, scratch)
+    code, steps = solve_stage(walls, G, Q, rank, undamped, X, point, scratch)
     found = code == SOLVED
     for i in range(w):
-        found = found and not (walls.held[i] and moves(walls.normals, i, span, row))
+        found = found and not (walls.held[i] and moves(walls.normals, i, aim, row))
     for i in range(0 if found else w):
         walls.held[i], walls.limits[i] = False, walls.sides[i]
     return found, steps
@@ -127,7 +144,7 @@ def solve_in_span(
 
 @inner
 def descend_levels(
-    walls: Walls, G: Array, X: Array, span: Span, priorities: Priorities, qdd: Array, scratch: Scratch
+    walls: Walls, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
     """Go down the levels from rows that resist: the code, whether levels 2 and 3 may be better met, the iterations.
 
@@ -135,11 +152,11 @@ def descend_levels(
     which the least violations leave; and in those which level 2 leaves, where the damping has cost it something or no
     answer has passed the check.
     """
-    box, damping, tolerance, strict = priorities
+    (G, X, _, _, rank, _), (box, damping, tolerance, strict) = aim, priorities
     n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ROWS_OF_POINT, qdd.size)
     copy(point, AIM, X, levels.CENTER, n)
-    if strict and span.rank < n:
-        found, steps = solve_in_span(walls, G, span, priorities, X, point, scratch)
+    if strict and rank < n:
+        found, steps = solve_in_span(walls, aim, priorities, point, scratch)
         if found:
             copy_vector(qdd, point[0])
             return SOLVED, False, steps
@@ -184,33 +201,29 @@ def descend_levels(
                 qdd[j] = point[0, j]
         if stage == STRICT_TASK:
             return SOLVED, code != SOLVED, steps
-        if code == SOLVED and not (strict and span.rank < n and levels.damped(G, X, point)):
+        if code == SOLVED and not (strict and rank < n and levels.damped(G, X, point)):
             return SOLVED, False, steps
         stage = STRICT_TASK if code == SOLVED or stage == RELAXING else RELAXING
 
 
 @inner
 def hierarchy(
-    demands: Demands, J: Array, b: Array, rest: Array, priorities: Priorities, resolved: Resolved, scratch: Scratch
+    demands: Demands, aim: Aim, priorities: Priorities, resolved: Resolved, scratch: Scratch
 ) -> tuple[int, int]:
-    """Of q̈ in the box those that violate the demands least, of these those of least ‖J q̈ − b‖, then of least ‖q̈ − q̈₀‖.
+    """Of q̈ in the box those that violate the demands least, of these those nearest to what the task aims at.
 
     The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how strict level 2 is.
-    J (k, n) and b (k,) are the task's, ``rest`` is q̈₀ (n,), or (0,) for zero. Shapes, signs and finite numbers are for
-    the caller to check before; and after, that ``resolved`` is finite.
+    Shapes, signs and finite numbers are for the caller to check before; and after, that ``resolved`` is finite.
 
     Returns ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
     ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set method, at least 1 if it was needed.
     """
-    n, box = resolved.qdd.size, priorities.box
-    G, X = matrix(scratch, J.shape[0], n + 1), blank(scratch, levels.ROWS_OF_X, n)
-    span = find_center(J, b, rest, priorities.tolerance, G, X, scratch)
     fixed = flags(scratch, demands.c.size)
-    free = count_resisting(demands, box, X, fixed, resolved)
+    free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)
     if free < 0:
         return SOLVED, 0
-    walls = gather_walls(demands, box, fixed, free, resolved, scratch)
-    code, short, steps = descend_levels(walls, G, X, span, priorities, resolved.qdd, scratch)
+    walls = gather_walls(demands, priorities.box, fixed, free, resolved, scratch)
+    code, short, steps = descend_levels(walls, aim, priorities, resolved.qdd, scratch)
     if code != SOLVED:
         return code, steps
     unmet = report(walls, resolved)

@@ -172,8 +172,9 @@ def judge_contact(loop: Loop) -> None:
         rate, most = rows.Lf[i], 0.0
         for j in range(len(loop.alone)):
             rate += rows.Lg[i, j] * loop.alone[j]
-            most += abs(rows.Lg[i, j]) * limits.acceleration[j] if rows.Lg[i, j] != 0.0 else 0.0
         if max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0:
+            for j in range(len(loop.alone)):
+                most += abs(rows.Lg[i, j]) * limits.acceleration[j] if rows.Lg[i, j] != 0.0 else 0.0
             shares[i] = rows.Lf[i] / most if most > 0.0 else math.copysign(math.inf, rows.Lf[i])
 
 
@@ -183,10 +184,13 @@ def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) ->
     Their φ is slowed: q̈ (n,) makes it rise by less than tracking ``alone`` (n,) would, from the same state. What slows
     one row slows others as well. Of the slowed rows, those with φ ≥ 0 act; where there is none, the one nearest to it.
     """
-    nearest = -math.inf
+    nearest, joints = -math.inf, 0
+    for j in range(len(qdd)):
+        # most often the two are the same
+        joints = joints if qdd[j] == alone[j] else len(qdd)
     for i in range(len(active)):
         slowed = 0.0
-        for j in range(len(qdd)):
+        for j in range(joints):
             slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
         active[i] = slowed > NOTICED * rows.switching_gain[i]
         if active[i]:

@@ -7,11 +7,10 @@ import math
 from ..formulas.row import BOUND
 from ..rows import Array
 from .compiler import compiled, inner
-from .hierarchy import Priorities, hierarchy
+from .hierarchy import Priorities, aim_at, aim_at_task, hierarchy
 from .laws import RESOLVER, load_law, within
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
-from .levels import CENTER, ROWS_OF_X
 from .linear import ONE, START, add, apply, copy, dot, length
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
@@ -55,9 +54,8 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
-    X, box, fixed = blank(scratch, ROWS_OF_X, n), matrix(scratch, 2, n), flags(scratch, m + 2 * n)
+    X, box, fixed = aim_at(qdd, scratch).X, matrix(scratch, 2, n), flags(scratch, m + 2 * n)
     for j in range(n):
-        X[CENTER, j] = qdd[j]
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
     if count_resisting(own, box, X, fixed, Resolved(qdd, answer.slack, answer.acted)) < 0:
@@ -86,7 +84,7 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
         Priorities(bounds, LESS * damping, tolerance, True),
         Demands(A, c, scale, filled(scratch, c.size, 1.0)),
     )
-    code, _ = hierarchy(demands, J, b, free, priorities, found, scratch)
+    code, _ = hierarchy(demands, aim_at_task(J, b, free, tolerance, scratch), priorities, found, scratch)
     if code not in (SOLVED, SHORT):
         if law.otherwise == 0:
             return INCOMPATIBLE

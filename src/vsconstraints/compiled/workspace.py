@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
 from weakref import WeakValueDictionary
 
@@ -295,11 +295,7 @@ class Size:
     @property
     def outputs(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
         """Place in the array of outputs, and shape, of each."""
-        declared, lengths = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}, self.lengths
-        shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
-        ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
-        starts = [0, *ends[:-1]]
-        return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, starts, ends, strict=True)}
+        return _outputs(self)
 
     def step(self, limits: JointLimits | None = None) -> tuple[Step, Array]:
         """A step of this size, of zeros, and the array that all its outputs are parts of."""
@@ -310,6 +306,14 @@ class Size:
         step.bodies["R"][0] = np.eye(3)
         step.bounds[:] = np.inf
         return step, out
+
+
+@lru_cache(maxsize=256)
+def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
+    declared, lengths = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}, size.lengths
+    shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
+    return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, [0, *ends[:-1]], ends, strict=True)}
 
 
 _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()  #: By their addresses.

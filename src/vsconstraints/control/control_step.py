@@ -223,9 +223,10 @@ class ControlStep(Evaluator):
         size, law = step.packed.size, step.bind(controller)
         if law is None:
             return None
-        kernels, packed, measure, innovation = load("from_state"), step.packed, step.measure, self.innovation
+        kernels, packed, measure = load("from_state"), step.packed, step.measure
         both = kernels.command_by.bind(packed.workspace, law.workspace, law.answer)
         refused, answer, copied, constraints = kernels.REFUSED, law.command, step.out.copy, self.constraints
+        doubt = self.innovation[6:].item
         undistort, unknown = undistortion(self.scene.camera, size.M), np.full(size.M, np.nan)
         in_two, with_doubts = partial(self._in_two_calls, controller), self._with_doubts
 
@@ -263,7 +264,7 @@ class ControlStep(Evaluator):
             if command is None:
                 command = controller.command(evaluation.rows, evaluation.task)
                 self.commanded(command.qdd)
-            return evaluation, with_doubts(evaluation, command) if innovation[6] > 1.0 else command
+            return evaluation, with_doubts(evaluation, command) if doubt() > 1.0 else command
 
         return in_one
 

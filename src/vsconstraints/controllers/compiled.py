@@ -109,7 +109,7 @@ class CompiledLaw:
         else:  # as call has it, without a call in between, which takes longer
             of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
             code = self._follow[0](of_rows, J, task.b, qdd, acted, slack, count)
-        return code, qdd, acted, slack, int(count[0]) if self.measures else 0
+        return code, qdd, acted, slack, count.item() if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
         """(m,) what rows ask for, by the demand's formula in Python, with the tracking command (n,) if it is used.
@@ -186,7 +186,7 @@ class BoundLaw:
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
         law, qdd, acted = self.law, self.qdd.copy(), self.acted.copy()
-        slack, count = (self.slack.copy(), int(self.count[0])) if law.measures else (NO_SLACK, 0)
+        slack, count = (self.slack.copy(), self.count.item()) if law.measures else (NO_SLACK, 0)
         code = self._code if code is None else code
         command: Command | None = self.resolver.command(code, qdd, acted, law.labels, slack, count)
         if command is not None and self._rows.qdd_max is not UNKNOWN:

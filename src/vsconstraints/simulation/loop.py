@@ -72,8 +72,9 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
 
     Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
     """
-    remarks = setup.check_start()
-    run = Run(Prepared(setup, controller.factors), controller, whole=False)
+    prepared = Prepared(setup, controller.factors)
+    remarks = setup.check_start(prepared.world)
+    run = Run(prepared, controller, whole=False)
     run.to_the_end()
     scores = run.scores()
     return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))

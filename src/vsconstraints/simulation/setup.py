@@ -215,13 +215,14 @@ class Setup:
         """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the arguments."""
         return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene))
 
-    def check_start(self) -> list[str]:
+    def check_start(self, world: ControlStep | None = None) -> list[str]:
         """What a reader of the results should know, one sentence each; raises ConfigurationError if there is no start.
 
         That is: a joint is outside its range, a marker behind the camera, outside the image, or hidden by the robot's
         own links as far as it has collision geometry, an error outside its funnel, or the rows cannot be evaluated. Any
         other constraint violated at the start is no error: every controller is built to come back. Nor is a goal that
-        puts markers where a constraint forbids them, which no controller can reach.
+        puts markers where a constraint forbids them, which no controller can reach. ``world`` is that of the setup, if
+        it is there already.
         """
         robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)
@@ -229,7 +230,7 @@ class Setup:
             raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
-                return self._remarks_at_start()
+                return self._remarks_at_start(world or self.world())
         except SceneError as error:
             raise ConfigurationError(f"at the start, {error}") from error
         except VsconstraintsError:
@@ -237,8 +238,8 @@ class Setup:
         except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
             raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
 
-    def _remarks_at_start(self) -> list[str]:
-        camera, start = self.scene.camera, self.world().evaluate(0.0, self.q0, self.qd0)
+    def _remarks_at_start(self, world: ControlStep) -> list[str]:
+        camera, start = self.scene.camera, world.evaluate(0.0, self.q0, self.qd0)
         pixels = enumerate(start.pixels, start=1)
         unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]
         if unseen:

@@ -241,7 +241,8 @@ class Bench:
                 if self._ready is None:
                     setup, self._setup = self._setup, None
                     setup = until_settled(scene.setup(self._condition) if setup is None or own_parts else setup)
-                    self._ready = Prepared(setup), setup.check_start()
+                    prepared = Prepared(setup)
+                    self._ready = prepared, setup.check_start(prepared.world)
                 (prepared, remarks), self._ready = self._ready, None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
