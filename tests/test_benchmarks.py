@@ -11,7 +11,7 @@ import pytest
 from vsconstraints.compiled import available
 from vsconstraints.constraints import ConstraintSet
 from vsconstraints.control import ControlStep
-from vsconstraints.controllers import SlidingMode
+from vsconstraints.controllers import PredictiveControl, SlidingMode
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.scene import Scene
@@ -25,6 +25,7 @@ from benchmarks.appendix_b import AppendixB  # noqa: E402
 from benchmarks.forms import three_active  # noqa: E402
 from benchmarks.part import FULL, QUICK, TINY, Part, digits  # noqa: E402
 from benchmarks.report import write  # noqa: E402
+from benchmarks.steps import Walk  # noqa: E402
 
 
 def test_appendix_b_agrees_with_the_sliding_mode_on_the_case_study():
@@ -46,6 +47,15 @@ def tiny(tmp_path_factory):
     parts, failures = run(list(PARTS), TINY)
     folder = tmp_path_factory.mktemp("benchmarks")
     return parts, failures, write(parts, failures, folder, "python -m benchmarks", 1.0)
+
+
+def test_laws_that_look_ahead_are_timed_at_consecutive_samples_and_others_along_the_whole_run():
+    """Asked elsewhere than where its last plan leads, a law would compute what it never does in a loop."""
+    setup = Scenario.load("case-study-6r").with_override("duration", 0.5).setup()
+    run = simulate(setup, SlidingMode())
+    ahead, alone = (Walk(setup, law, run, 20) for law in (PredictiveControl(), SlidingMode()))
+    assert list(ahead.places) == list(range(20))
+    assert alone.places[-1] == len(run.t) - 1
 
 
 def test_every_part_runs(tiny):

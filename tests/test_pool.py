@@ -15,7 +15,7 @@ import pytest
 
 from processes import left_over, marked, needs_proc, with_mark
 from vsconstraints.comparisons.runs import machine as resources
-from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
+from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool, processes_kept
 
 
 def do(what: str, file: str = "") -> object:
@@ -64,6 +64,40 @@ def test_a_call_that_fails_in_any_way_is_answered_by_its_reason() -> None:
     assert "cannot be sent" in str(found["lock"])
     assert "cannot be sent" in str(found["unpacked"])
     assert not isinstance(found["fine"], Failure)
+
+
+def process_and(what: str) -> tuple[int, str]:
+    """Another function than :func:`do`."""
+    return os.getpid(), what
+
+
+@needs_proc
+def test_processes_are_handed_on_only_where_they_are_kept_and_end_with_the_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    environment, mark = marked()
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+
+    def one_after_the_other() -> list[set[int]]:
+        found = []
+        for function in (do, process_and):
+            with Pool(function, 2) as pool:
+                answered = dict(pool.run({"a": ("work",), "b": ("work",)}))
+            found.append({answer[0] for answer in answered.values() if isinstance(answer, tuple)})
+        return found
+
+    first, second = one_after_the_other()
+    assert not first & second
+    with processes_kept():
+        first, second = one_after_the_other()
+        assert first == second
+        with Pool(do, 1) as pool:
+            assert dict(pool.run({"dies": ("die",)})) == {"dies": Failure(DIED)}
+        # one that died is not handed on
+        with Pool(process_and, 2) as pool:
+            assert all(isinstance(answer, tuple) for _, answer in pool.run({"a": ("x",), "b": ("y",)}))
+    assert with_mark(mark) == []
 
 
 def test_a_process_that_dies_costs_its_call_and_the_others_go_on_in_parallel(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking
 from vsconstraints.controllers.predictive import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.vision.tracking import TrackingGains
@@ -325,3 +326,52 @@ def test_options_that_cannot_be_used_are_refused(option: str, value: Any) -> Non
     with pytest.raises((InvalidInput, ConfigurationError)):
         setattr(law, option, value)
     assert getattr(law, option) == kept
+
+
+# --- what is not checked twice ---
+
+
+def asked(law: PredictiveControl, name: str, k: int) -> tuple[Rows, Task]:
+    """Rows and task of a sample of the law's own run; it has a model of them, and no plan yet."""
+    own = setup(name)
+    run = simulate(own, PredictiveControl(), remarks=())
+    step = ControlStep(own.scene, own.constraints, own.task)
+    law.reset(period=own.Ts, model=step.model())
+    evaluation = step.evaluate(float(run.t[k]), run.q[k], run.qd[k])
+    return evaluation.rows, evaluation.task
+
+
+@pytest.mark.parametrize(("name", "k"), [("case-study-6r", 0), ("example-2d-fov", 400), ("example-2d-bowl", 300)])
+def test_a_command_is_the_one_that_all_checks_in_numpy_let_pass(name: str, k: int) -> None:
+    laws = PredictiveControl(), PredictiveControl()
+    (rows, task), _ = asked(laws[0], name, k), asked(laws[1], name, k)
+    plain, checked = laws[0].command(rows, task), laws[1].define(rows, task)
+    np.testing.assert_array_equal(plain.qdd, checked.qdd)
+    np.testing.assert_array_equal(plain.acted, checked.acted)
+    assert (plain.status, plain.reason, plain.remark) == (checked.status, checked.reason, checked.remark)
+
+
+@pytest.mark.parametrize(
+    "part", ["rows.phi", "rows.Lg", "rows.Lf", "rows.switching_gain", "rows.scale", "rows.sigma", "task.J", "task.b"]
+)
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_bad_input_is_refused_by_name_though_the_compiled_law_is_asked_first(part: str, bad: float) -> None:
+    law = PredictiveControl()
+    given = dict(zip(("rows", "task"), asked(law, "case-study-6r", 0), strict=True))
+    of, _, name = part.partition(".")
+    wrong = np.array(getattr(given[of], name))
+    wrong.flat[-1] = bad
+    given[of] = replace(given[of], **{name: wrong})
+    with pytest.raises(InvalidInput, match=name):
+        law.command(**given)
+
+
+def test_a_law_of_ones_own_that_solves_otherwise_is_asked_by_all_checks() -> None:
+    class Own(PredictiveControl):
+        def solve(self, rows: Rows, task: Task) -> Command:
+            return replace(super().solve(rows, task), qdd=np.full(task.J.shape[1], np.nan))
+
+    law = Own()
+    command = law.command(*asked(law, "case-study-6r", 0))
+    assert command.status == "failed"
+    assert not command.qdd.any()

@@ -10,6 +10,7 @@ import pytest
 
 from test_simulation import Fails, Meddles, Played, dependent_rows, setup
 from vsconstraints.comparisons import RunRecord, score
+from vsconstraints.control.packing import Packed
 from vsconstraints.controllers import (
     Controller,
     HierarchicalQP,
@@ -178,3 +179,22 @@ def test_rows_act_alike_whoever_says_what_tracking_commands(resolver: type[Resol
     assert told.active.any()
     for name in ("active", "saturated", "phi", "qdd_command"):
         np.testing.assert_array_equal(getattr(told, name), getattr(asked, name), err_msg=name)
+
+
+@pytest.mark.parametrize(("disturbed", "made"), [({}, 1), ({"disturbances.pixel_noise": 1.0}, 2)])
+def test_a_run_makes_its_control_step_once_and_that_of_the_world_where_it_is_another(
+    monkeypatch: pytest.MonkeyPatch, disturbed: dict[str, float], made: int
+) -> None:
+    scenario = Scenario.load("case-study-6r").with_override("duration", 0.1)
+    for key, value in disturbed.items():
+        scenario = scenario.with_override(key, value)
+    there, packed, count = scenario.setup(), Packed.__init__, 0
+
+    def counted(*arguments: Any, **named: Any) -> None:
+        nonlocal count
+        count += 1
+        packed(*arguments, **named)
+
+    monkeypatch.setattr(Packed, "__init__", counted)
+    score_run(there, SlidingMode())
+    assert count == made

@@ -92,6 +92,7 @@ def compare(
     from ..comparisons import Suite, keep_trajectories
     from ..comparisons import compare as run
     from ..comparisons.runs.folder import demand_keep, locked
+    from ..comparisons.runs.pool import processes_kept
     from ..reports.results import reason_kind
 
     kept = demand_keep(keep)
@@ -101,6 +102,7 @@ def compare(
     total = len(chosen.with_baseline().runs())
     note_processes(jobs)
     context.with_resource(locked(out, "a comparison"))
+    context.with_resource(processes_kept())
     failures, done = Counter[str](), count(1)
     with progress() as show:
 

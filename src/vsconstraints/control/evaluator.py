@@ -44,7 +44,8 @@ class Evaluation:
     def part(self, name: str) -> Array:
         """An output of the step by its name in :attr:`.Size.outputs`."""
         where, shape = self._packed.parts[name]
-        return self.out[where].reshape(shape)
+        part = self.out[where]
+        return part if len(shape) == 1 else part.reshape(shape)
 
     @property
     def rows(self) -> Rows:

@@ -47,7 +47,7 @@ class Controller(Part, ABC):
             # numbers that leave the range of floating point are found below
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 command: Any = self.solve(rows, task)  # own laws are not type-checked
-            fault = _fault(command, rows, task)
+            fault = fault_of(command, rows, task)
         except (np.linalg.LinAlgError, SolverError) as error:
             fault = f"{type(error).__name__}: {error}"
         if fault:
@@ -147,7 +147,8 @@ def innermost(law: Controller) -> Controller:
     return law
 
 
-def _fault(command: object, rows: Rows, task: Task) -> str:
+def fault_of(command: object, rows: Rows, task: Task) -> str:
+    """What is wrong with a law's answer to these rows and this task; empty if nothing is."""
     n, m = task.J.shape[1], len(rows.labels)
     if not isinstance(command, Command):
         return f"the law gave {shown(command)}, not a Command"

@@ -10,16 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.workspace import (
-    FAILED,
-    NEEDS_PYTHON,
-    RANK_LOSS,
-    RELAXED_ROWS,
-    SOLVED,
-)
+from ..compiled.workspace import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED
 from ..errors import InvalidInput, SolverError, shown
-from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller, demand_known, demand_model
+from ..rows import Array, BoolArray, Command, Rows, Task, keep_box
+from .base import Controller, demand_known, demand_model, fault_of
 from .compiled import COUNT, BoundLaw, CompiledLaw, Wrapped, tracking_of
 from .demands import Nothing
 from .least_norm import RANK_TOLERANCE
@@ -30,6 +24,7 @@ from .resolvers import Hierarchy
 MAX_BLOCKS, MAX_PERIODS = 100, 10_000  #: Of a horizon, and of a block.
 #: What a model gives along a plan, in the order of the compiled law.
 PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
+CHECKED = "ok", "relaxed"  #: Statuses of commands that the compiled law has checked.
 
 
 class Plan(NamedTuple):
@@ -110,6 +105,19 @@ class PredictiveControl(Controller):
         """See :class:`.Controller`."""
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
+    def command(self, rows: Rows, task: Task) -> Command:
+        """See :class:`.Controller`; what the compiled law has checked by itself is not checked again."""
+        try:
+            planner = self._ready(rows, task)
+            if planner.compiled and type(self).solve is PredictiveControl.solve:
+                command: Command = planner.solve(rows, task)
+                if command.status in CHECKED or not fault_of(command, rows, task):
+                    keep_box(rows, command)
+                    return command
+        except Exception:
+            pass
+        return self.define(rows, task)
+
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
         command: Command = self._ready(rows, task).solve(rows, task)
@@ -117,7 +125,7 @@ class PredictiveControl(Controller):
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
-        if type(self).command is not Controller.command or type(self).solve is not PredictiveControl.solve:
+        if type(self).command is not PredictiveControl.command or type(self).solve is not PredictiveControl.solve:
             return None
         planner = self._ready(rows, task)
         return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None

@@ -32,6 +32,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 DIED = "the process that ran it died"
 CHECK = 1.0  # how often silent processes are checked [s]
 PATIENCE = 5.0  # how long processes may take to end by themselves when nothing is left to do [s]
+NEXT_FUNCTION = b"function"  # what is sent to a process before another function than it has called until then
 MAX_FAILED_STARTS = 5  # processes in a row that may die before they are ready
 
 
@@ -77,12 +78,11 @@ class Pool(Generic[Answer]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        for worker in self._workers:
-            worker.connection.close()
-        deadline = time.monotonic() + (PATIENCE if kind is None else 0.0)
-        for worker in self._workers:
-            worker.end(max(0.0, deadline - time.monotonic()))
-        self._workers.clear()
+        idle = [worker for worker in self._workers if worker.ready and worker.key is None and kind is None]
+        if _handed_on is not None:
+            _handed_on.extend(idle)
+            self._workers = [worker for worker in self._workers if worker not in idle]
+        _end_all(self._workers, PATIENCE if kind is None else 0.0)
 
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
@@ -100,8 +100,8 @@ class Pool(Generic[Answer]):
                 repeated.add(waiting[0])
             while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
                 # listed before it starts: it ends with the pool even if its start is interrupted
-                self._workers.append(worker := _Worker())
-                worker.start(self._function)
+                self._workers.append(worker := _handed_on.pop() if _handed_on else _Worker())
+                worker.serve(self._function)
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
                     key = waiting.popleft()
@@ -141,6 +141,31 @@ class Pool(Generic[Answer]):
             ended = f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
             needs = "a script that uses several needs `if __name__ == '__main__':` around what it does"
             raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
+
+
+_handed_on: list[_Worker] | None = None  #: Idle processes of pools before; None where each has its own.
+
+
+@contextmanager
+def processes_kept() -> Iterator[None]:
+    """Let each pool in the block take over the idle processes of the one before: starting one takes over a second."""
+    global _handed_on
+    before, _handed_on = _handed_on, []
+    try:
+        yield
+    finally:
+        _end_all(_handed_on, PATIENCE)
+        _handed_on = before
+
+
+def _end_all(workers: list[_Worker], patience: float) -> None:
+    """End these processes, at the latest after so long [s]."""
+    for worker in workers:
+        worker.connection.close()
+    deadline = time.monotonic() + patience
+    for worker in workers:
+        worker.end(max(0.0, deadline - time.monotonic()))
+    workers.clear()
 
 
 def processes(count: int | None = None) -> OpenWorkers:
@@ -193,12 +218,16 @@ class _Worker:
         self.limit, self._begun = math.inf, 0.0
         self.ready = self.dead = False
 
-    def start(self, function: Callable[..., object]) -> None:
-        # else the first process starts it, and it lets signals through again
-        resource_tracker.ensure_running()
-        with signals_held(), _single_threaded():
-            self.process.start()
-        self._theirs.close()
+    def serve(self, function: Callable[..., object]) -> None:
+        """Let it answer calls of this function; where it has not started yet, start it."""
+        if self.process.pid is None:
+            # else the first process starts it, and it lets signals through again
+            resource_tracker.ensure_running()
+            with signals_held(), _single_threaded():
+                self.process.start()
+            self._theirs.close()
+        self.ready = False
+        self._send(NEXT_FUNCTION)
         self._send(pickle.dumps(function))
 
     def begin(self, key: Hashable, packed: bytes, limit: float) -> None:
@@ -242,16 +271,19 @@ def _single_threaded() -> Iterator[None]:
 
 
 def _serve(connection: Connection, parent: int) -> None:
-    """In a worker: receive a function, confirm, then answer tuples of arguments until the connection closes."""
+    """In a worker: receive functions, which it confirms, and answer tuples of arguments until the connection closes."""
     end_with(parent)
     warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool handles it: Ctrl-C reaches all processes of a terminal
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     with suppress(EOFError, OSError):  # the pool is gone
-        function = connection.recv()
-        connection.send(None)
         while True:
-            connection.send_bytes(_answer(function, connection.recv_bytes()))
+            message = connection.recv_bytes()
+            if message == NEXT_FUNCTION:
+                function = connection.recv()
+                connection.send(None)
+            else:
+                connection.send_bytes(_answer(function, message))
 
 
 def _answer(function: Callable[..., object], packed: bytes) -> bytes:
