@@ -375,3 +375,15 @@ def test_a_law_of_ones_own_that_solves_otherwise_is_asked_by_all_checks() -> Non
     command = law.command(*asked(law, "case-study-6r", 0))
     assert command.status == "failed"
     assert not command.qdd.any()
+
+
+def test_what_the_compiled_law_has_not_checked_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = PredictiveControl()
+    rows, task = asked(law, "case-study-6r", 0)
+    lost = Command(
+        np.full(task.J.shape[1], np.nan), "suboptimal", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels
+    )
+    monkeypatch.setattr(Planner, "solve", lambda planner, rows, task: replace(lost))
+    command = law.command(rows, task)
+    assert command.status == "failed"
+    assert not command.qdd.any()
