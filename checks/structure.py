@@ -43,12 +43,12 @@ BUDGETS = {
     "reports": Budget(6804, 4000),
     "paper": Budget(2927, 2400),
     "arms": Budget(1930, 1300),
-    "cli": Budget(1278, 700),
+    "cli": Budget(1280, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44574, 31_000)
+ALL = Budget(44576, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 302, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

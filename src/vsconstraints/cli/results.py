@@ -99,10 +99,12 @@ def compare(
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
     chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed, settings or ())
     note(*chosen.remarks())
-    total = len(chosen.with_baseline().runs())
+    runs = chosen.with_baseline().runs()
+    total = len(runs)
     note_processes(jobs)
     context.with_resource(locked(out, "a comparison"))
-    context.with_resource(processes_kept())
+    if not any(spec.has_own_parts for spec in runs):  # own laws may leave anything in their process
+        context.with_resource(processes_kept())
     failures, done = Counter[str](), count(1)
     with progress() as show:
 
