@@ -148,9 +148,9 @@ def _write(record: Any, **values: Any) -> None:
 
 def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     robot, motion = scene.robot, scene.motion
-    placements, axes = joints(robot)
-    _write(step.joints, R=[pose.R for pose in placements], t=[pose.t for pose in placements])
-    _write(step.joints, axis=axes, prismatic=robot.prismatic)
+    placements = list(robot.model.jointPlacements)[1:]
+    _write(step.joints, R=[place.rotation for place in placements], t=[place.translation for place in placements])
+    _write(step.joints, axis=robot.axes, prismatic=robot.prismatic)
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
         raise ConfigurationError(f"control takes a tip that the last joint moves, not the frame {tip.name}")
@@ -224,22 +224,3 @@ def _write_motion(record: Any, motion: Motion) -> None:
     k = motion.size
     record["velocity"][:k], record["amplitude"][:k] = motion.velocity, motion.amplitude
     record["rate"], record["phase"] = motion.rate, motion.phase
-
-
-def joints(robot: Robot) -> tuple[list[Pose], list[Array]]:
-    """Placement of every joint in the frame of the one before, and its axis there.
-
-    Raises ConfigurationError if the joints are not a chain of revolute and prismatic ones.
-    """
-    model = robot.model
-    placements, axes = [], []
-    for i, joint in enumerate(model.joints[1:], start=1):
-        if model.parents[i] != i - 1 or joint.nq != 1 or joint.nv != 1:
-            raise ConfigurationError(f"control takes serial chains, not {model.names[i]} ({joint.shortname()})")
-        data = joint.createData()
-        joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
-        S = np.asarray(data.S).reshape(6)
-        placement = model.jointPlacements[i]
-        placements.append(Pose(np.array(placement.rotation), np.array(placement.translation)))
-        axes.append(S[:3] if robot.prismatic[i - 1] else S[3:])
-    return placements, axes

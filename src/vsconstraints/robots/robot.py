@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -84,10 +85,26 @@ class Robot:
         """(n,) q_min, q_max and qd_max, copied."""
         return self.q_min.copy(), self.q_max.copy(), self.qd_max.copy()
 
-    @property
+    @cached_property
     def prismatic(self) -> tuple[bool, ...]:
         """Which of the n joints move along a line."""
         return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
+
+    @cached_property
+    def axes(self) -> Array:
+        """(n, 3) unit axes of the joints, each in its own frame.
+
+        Raises ConfigurationError if the joints are not a chain of revolute and prismatic ones.
+        """
+        model, axes = self.model, np.empty((self.n, 3))
+        for i, joint in enumerate(model.joints[1:]):
+            if model.parents[i + 1] != i or joint.nq != 1 or joint.nv != 1:
+                name = model.names[i + 1]
+                raise ConfigurationError(f"control takes serial chains, not {name} ({joint.shortname()})")
+            data = joint.createData()
+            joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
+            axes[i] = np.asarray(data.S).reshape(2, 3)[0 if self.prismatic[i] else 1]
+        return axes
 
     @property
     def links(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ..compiled.samples import Loop
-from ..formulas.tracking import goals_at
+from ..formulas.tracking import ROUNDING
 from ..robots.geometry import Pose, distances
 from ..rows import Array, IntArray
 from ..vision.features import CameraPose
@@ -29,13 +29,13 @@ def judge(
         return ended, reason
     kept, speed = loop.kept, setup.goal_tolerances[-1, 3]
     t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
-    unreached, goals = loop.scores.unreached, goals_at(loop.goals.begins, t)
+    unreached, first = loop.scores.unreached, first_samples(loop.goals.begins, samples, setup.Ts)
     settled = settling_times(unreached, loop.goals.begins, samples, setup.Ts)
     # a goal that begins and ends between two samples is not missed
-    missed = [goal for goal in np.unique(goals[goals < goals[-1]]) if np.isnan(settled[goal])]
+    missed = np.flatnonzero((first[:-1] < first[1:]) & (first[1:] < samples) & np.isnan(settled[:-1]))
     dwelling = int(np.argmax(t >= t[-1] - (setup.tolerances.dwell_s if dwell is None else dwell)))
-    there = goals[dwelling] == len(setup.task.goals) - 1 and unreached[-1] < dwelling
-    if there and not missed:
+    there = first[-1] <= dwelling and unreached[-1] < dwelling
+    if there and not missed.size:
         return "converged", ""
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
     if there:
@@ -47,7 +47,8 @@ def judge(
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
     enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
-    if enough and goals[begin] == goals[-1] and _time_to_go(setup, loop, since) < t[-1]:
+    same_goal = not ((begin < first) & (first < samples)).any()
+    if enough and same_goal and _time_to_go(setup, loop, since) < t[-1]:
         return "slow", "; ".join([f"still approaching, {final}", *left])
     camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
     moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
@@ -75,16 +76,23 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
     return float((error[-1] - 1.0) / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
 
 
+def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
+    """(g,) the first of so many samples in which each goal or a later one holds, ``samples`` where there is none."""
+    first = np.searchsorted(np.arange(samples) * Ts + ROUNDING, begins)
+    first[0] = 0  # the first goal also holds before it begins
+    return first
+
+
 def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) -> Array:
     """(g,) from when each goal begins until it is reached for good, before the next one begins or the run ends [s].
 
     NaN where it is not. Leaving a goal early does not help: when each begins is fixed. ``unreached`` (g,) is the last
     sample in which a goal is not reached while it holds, −1 if there is none; goals begin at ``begins`` (g,) [s].
     """
-    numbers, goals = np.arange(len(begins)), goals_at(begins, np.arange(samples) * Ts)
-    first = np.maximum(unreached + 1, np.searchsorted(goals, numbers))
-    there = np.append(goals, -1)[first] == numbers
-    return np.where(there, np.maximum(first * Ts - begins, 0.0), np.nan)
+    first = first_samples(begins, samples, Ts)
+    reached = np.maximum(unreached + 1, first)
+    there = reached < np.append(first[1:], samples)
+    return np.where(there, np.maximum(reached * Ts - begins, 0.0), np.nan)
 
 
 def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:

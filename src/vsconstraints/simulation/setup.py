@@ -151,6 +151,11 @@ class Setup:
         return GradientError(self.constraints.scaled(factors), self.disturbances, self.scene.robot.n)
 
     @cached_property
+    def forbidden(self) -> list[str]:
+        """See :func:`vsconstraints.simulation.start.forbidden_goals`."""
+        return forbidden_goals(self.scene, self.constraints, self.task)
+
+    @cached_property
     def separated(self) -> list[str]:
         """See :func:`vsconstraints.simulation.start.separated_markers`."""
         start = self.scene.glance(self.q0)[0]
@@ -261,4 +266,4 @@ class Setup:
                 raise ConfigurationError(refusal)
         violated = np.flatnonzero(sigma > 0.0)
         remarks += [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated]
-        return remarks + forbidden_goals(self.scene, self.constraints, self.task) + self.separated
+        return remarks + self.forbidden + self.separated

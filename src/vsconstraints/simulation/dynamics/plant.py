@@ -10,7 +10,6 @@ import pinocchio as pin
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
 from ...compiled.workspace import Workspace
-from ...control.packing import joints
 from ...errors import ConfigurationError, SceneError, described
 from ...formulas.limits import JointLimits
 from ...plugins.extras import demand
@@ -109,12 +108,11 @@ def _inertia(model: pin.Model, q: Array) -> Array:
 
 def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     """A model's bodies as compiled code takes them."""
-    placements, axes = joints(robot)
-    bodies = list(model.inertias)[1:]
+    placements, bodies = list(robot.model.jointPlacements)[1:], list(model.inertias)[1:]
     return BodyArrays(
-        np.array([pose.R for pose in placements]),
-        np.array([pose.t for pose in placements]),
-        np.array(axes),
+        np.array([place.rotation for place in placements]),
+        np.array([place.translation for place in placements]),
+        robot.axes,
         np.array(robot.prismatic, dtype=np.bool_),
         np.array([body.mass for body in bodies]),
         np.array([np.array(body.lever) for body in bodies]),
