@@ -7,6 +7,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import pinocchio as pin
 
 from vsconstraints.compiled import load
 from vsconstraints.constraints import ConstraintSet, Manipulability, PerformanceFunnel, RowBlock
@@ -55,32 +56,62 @@ def remounted(scene: Scene, state: State) -> State:
     return replace(state, **{name: getattr(there, name) for name in names})
 
 
-def measured_state(measured: Measurement, scene: Scene, state: State, correction: Array) -> State:
+def keep_view(views: dict[float, Pose], scene: Scene, state: State, known: bool = False) -> None:
+    """Keep where the camera is now beside its poses at the times before, as far as motion is known."""
+    if views and state.t < max(views):
+        views.clear()
+    unknown = scene.motion is not None and not (known or scene.motion.known)
+    views[state.t] = scene.camera_pose(state.robot.q, 0.0 if unknown else state.t)
+
+
+def moved_on(
+    measured: Measurement, scene: Scene, state: State, views: dict[float, Pose]
+) -> tuple[Pose | None, Array, Array]:
+    """What is measured of the camera's pose, and (M, 2) pixels and (M,) depths, as the model has moved since.
+
+    The model is where it was at the nearest of the times, and moved by the twist of now for what is left.
+    """
+    pixels, Z, camera = measured.pixels, measured.depth, measured.camera
+    assert pixels is not None
+    assert Z is not None
+    assert measured.taken is not None
+    if not measured.taken < state.t:
+        return camera, pixels, Z
+    nearest = min(reversed(views), key=lambda t: abs(t - measured.taken))
+    twist, rest = believed(scene, state).camera_twist, measured.taken - nearest
+    then = views[nearest] @ Pose(np.asarray(pin.exp3(rest * twist[3:])), rest * twist[:3])
+    now = views[state.t]
+    pixels = pixels + scene.project(now) - scene.project(then)
+    return camera and camera @ then.inverse @ now, pixels, Z + scene.depth(now) - scene.depth(then)
+
+
+def measured_state(
+    measured: Measurement, scene: Scene, state: State, correction: Array, views: dict[float, Pose] | None = None
+) -> State:
     """What a controller believes that is told this of a state; keeps the correction (M, 2) up."""
+    seen = measured if measured.pixels is not None else replace(measured, pixels=np.full_like(correction, np.nan))
+    camera, pixels, Z = moved_on(seen, scene, state, views or {state.t: state.camera})
     if measured.pixels is None:
-        return believed(scene, state, measured.camera)
+        return believed(scene, state, camera)
     model, eye = state.normalised.position, scene.camera
-    Z = np.where(np.isnan(measured.depth), state.depth, measured.depth)
-    seen = np.flatnonzero(np.isfinite(measured.pixels).all(axis=1))
-    there = state.pixels.position.copy()
-    there[seen] = measured.pixels[seen]
-    velocity = believed(scene, state, measured.camera, (there, Z)).normalised.velocity
-    moved = eye.normalised(there) + (state.t - measured.taken) * velocity
-    correction[seen] = (moved - model)[seen]
-    return believed(scene, state, measured.camera, (eye.pixels(model + correction), Z))
+    found = np.flatnonzero(np.isfinite(pixels).all(axis=1))
+    correction[found] = (eye.normalised(pixels) - model)[found]
+    Z = np.where(np.isnan(Z), state.depth, Z)
+    return believed(scene, state, camera, (eye.pixels(model + correction), Z))
 
 
 def innovation(
-    measured: Measurement | None, model: State, camera: Camera, correction: Array, slip: Array, bounds: Array
-) -> Array:
+    measured: Measurement | None, model: State, found_pose: Pose, camera: Camera, correction: Array, slip: Array,
+    bounds: Array,
+) -> Array:  # fmt: skip
     """(7,) how far what is measured is from the model, and the greatest ratio of that to its bounds."""
     found = np.zeros(7)
     if measured is not None and measured.pixels is not None:
         seen = model.pixels.position + correction * camera.focal
         found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
     if measured is not None and measured.camera is not None:
-        found[2] = np.linalg.norm(measured.camera.t - model.camera.t)
-        found[3] = angle(((measured.camera.R - model.camera.R) ** 2).sum())
+        found[2] = np.linalg.norm(found_pose.t - model.camera.t)
+        found[3] = angle(((found_pose.R - model.camera.R) ** 2).sum())
     found[5] = np.abs(slip).max(initial=0.0) / MEMORY
     found[6] = (found[:6] / bounds).max()
     return found
@@ -103,6 +134,7 @@ def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
 
 
 SAMPLES: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+VIEWS: WeakKeyDictionary[Any, dict[float, Pose]] = WeakKeyDictionary()
 
 
 def observe(sensor: Any, state: State) -> State:
@@ -116,10 +148,14 @@ def observe(sensor: Any, state: State) -> State:
     world = Evaluated(None, None, None, None, state.pixels.position, None, state.camera.R, state.camera.t)  # type: ignore
     measured = sensor.measured(k, state.robot.q, state.robot.qd, world)
     camera, pixels, Z = state.camera, state.pixels.position, state.depth
-    if measured is not None:
-        camera, pixels, Z = measured.camera, measured.pixels, measured.depth
     if settings.mount:
         state = remounted(sensor.believed, state)
+    if measured is not None:
+        views = VIEWS.setdefault(sensor, {})
+        keep_view(views, sensor.believed, state)
+        # states of tests may be of another time than the sample
+        measured = replace(measured, taken=state.t - (k * sensor._Ts - measured.taken))
+        camera, pixels, Z = moved_on(measured, sensor.believed, state, views)
     return believed(sensor.believed, state, camera, (pixels, settings.depth_factor * Z))
 
 
@@ -284,17 +320,19 @@ class NumpyStep(ControlStep):
         super().__init__(*arguments, **options)
         self._mine = np.zeros(1), np.zeros(self.scene.robot.n), np.zeros(self.scene.robot.n)
         self._correction, self._slip = np.zeros((len(self.scene.markers), 2)), np.full(self.scene.robot.n, np.nan)
+        self._views: dict[float, Pose] = {}
 
     def reset(self) -> None:
         super().reset()
         reset(self.visual_task)
         self._correction[:], self._slip[:] = 0.0, np.nan
+        self._views.clear()
 
     def evaluate_measured(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Any:
-        model = self.scene.evaluate(*self._checked(t, q, qd))
-        state = model
+        state = model = self.scene.evaluate(*self._checked(t, q, qd))
+        keep_view(self._views, self.scene, model, self.known)
         if measured is not None:
-            state = measured_state(measured, self.scene, model, self._correction)
+            state = measured_state(measured, self.scene, model, self._correction, self._views)
         elif self.believes:
             state = believed(self.scene, model)
         before, q_before, qd_before = self._mine
@@ -302,7 +340,8 @@ class NumpyStep(ControlStep):
         before[:], q_before[:], qd_before[:] = t, q, qd
         found = define(self, state)
         bounds = self.plausible.bounds(self.scene.camera)
-        self.innovation[:] = innovation(measured, model, self.scene.camera, self._correction, self._slip, bounds)
+        parts = model, state.camera, self.scene.camera, self._correction, self._slip
+        self.innovation[:] = innovation(measured, *parts, bounds)
         return found
 
     def bound(self) -> None:

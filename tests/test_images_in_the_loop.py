@@ -15,7 +15,7 @@ from vsconstraints.comparisons.suite import demand_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.frames import FOREIGN, OWN, frames, marked, write_frames
-from vsconstraints.robots.geometry import distance
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.simulation.image_sensor import ImageSensor, SceneRenderer
@@ -39,17 +39,15 @@ def sensor(setup: Setup) -> ImageSensor:
 
 def seen_on_the_way(there: Setup, until: float, speed: float = 0.3) -> tuple[list[float], list[float], list[float]]:
     """Greatest errors of pixels, of the camera [m], and of depths [m], sample after sample, of an arm that moves."""
-    eye, errors = sensor(there), []
+    eye, control, errors = sensor(there), there.control(), []
     direction = np.array([1.0, 0.3, -0.2, 0.5, 0.2, 1.0])
     for k in range(round(until / there.Ts)):
         t = k * there.Ts
         q, qd = there.q0 + speed * t * direction, speed * direction
-        true, told = there.scene.evaluate(t, q, qd), eye.measured(k, q, qd)
-        assert told.pixels is not None
-        assert told.depth is not None
-        assert told.camera is not None
-        off = np.abs(told.pixels - true.pixels.position).max()
-        errors.append((off, distance(told.camera, true.camera)[0], np.abs(told.depth - true.depth).max()))
+        true, told = there.scene.evaluate(t, q, qd), control.evaluate_measured(t, q, qd, eye.measured(k, q, qd))
+        off, depth = np.abs(told.pixels - true.pixels.position).max(), control.packed.step.seen["depth"]
+        place = Pose(told.camera_R, told.camera_t)
+        errors.append((off, distance(place, true.camera)[0], np.abs(depth - true.depth).max()))
     return tuple(map(list, zip(*errors, strict=True)))  # type: ignore[return-value]
 
 

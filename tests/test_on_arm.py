@@ -225,16 +225,14 @@ def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
     assert np.abs(q - log.column("sent_q")[~log.braking]).max() > 1e-5
 
 
-@pytest.mark.parametrize("known", [False, True])
-def test_images_of_a_dry_run_come_late_and_rarely(known: bool) -> None:
-    """Those that are moved on to the present are of the present."""
-    setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1, "delay_known": known}).setup()
+def test_images_of_a_dry_run_come_late_and_rarely() -> None:
+    setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1}).setup()
     eye = image_source("simulated", setup)
     assert eye is not None
     seen = [eye(k * Ts, setup.q0) for k in range(35)]
     assert all(one is not None for one in seen)
     ages = [k * Ts - one.taken for k, one in enumerate(seen) if one is not None and one.taken is not None]
-    np.testing.assert_allclose(ages[20:30], 0.0 if known else 0.02 + Ts * np.arange(10), atol=1e-12)
+    np.testing.assert_allclose(ages[20:30], 0.02 + Ts * np.arange(10), atol=1e-12)
     wrong = UR5.with_override("disturbances", {"focal_factor": [1.1, 1.1]}).setup()
     with pytest.raises(ConfigurationError, match="disturbances of calibration"):
         image_source("simulated", wrong)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,29 +43,24 @@ class SimulatedImages:
                 "a simulated camera sees as the scenario's camera does: disturbances of calibration, mount, depth and "
                 "target are for `compare`"
             )
+        if setup.images is None:
+            setup = replace(setup, disturbances=replace(wrong, delay_known=True))
         self._setup, self._sensor, self._sample, self._world = setup, setup.sensor(), 0, setup.world()
         self.renders = isinstance(self._sensor, ImageSensor)
-        period = wrong.image_period or setup.Ts
-        self._every, self._delay = round(period / setup.Ts), round(wrong.delay * period / setup.Ts)
 
     def __call__(self, t: float, q: Array) -> Measurement | None:
-        """What is seen; a lost image leaves the last one, with the time at which it would have been taken."""
+        """What is seen, and when; a lost image leaves the last one."""
         scene, k = self._setup.scene, self._sample
         self._sample += 1
         if isinstance(self._sensor, ImageSensor):
             seen = self._sensor.measured(k, q, np.zeros_like(q))
             assert seen.pixels is not None
             pixels = scene.camera.distort(seen.pixels)
-            return None if self._sensor.blind else Measurement(pixels, seen.depth, t, seen.camera)
-        if not self._setup.disturbances.sensing:
-            return Measurement(scene.camera.distort(scene.glance(q, t)[0]), None, t)
-        rest = np.zeros_like(q)
-        image = self._sensor.measured(k, q, rest, self._world.evaluate(t, q, rest))
-        pixels = scene.glance(q, t)[0] if image is None or image.pixels is None else image.pixels
-        newest = k - k % self._every
-        age = 0 if self._setup.disturbances.delay_known else k - max(newest - self._delay, 0)
-        taken = t - age * self._setup.Ts
-        return Measurement(scene.camera.distort(pixels), None, min(taken, t))
+            return None if self._sensor.blind else Measurement(pixels, seen.depth, seen.taken, seen.camera)
+        world = self._world.evaluate(t, q, np.zeros_like(q))
+        image = self._sensor.measured(k, q, np.zeros_like(q), world) or Measurement(world.pixels, None, t)
+        assert image.pixels is not None
+        return Measurement(scene.camera.distort(image.pixels), None, image.taken)
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of rendered images."""

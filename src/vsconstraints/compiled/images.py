@@ -11,16 +11,16 @@ from .workspace import BOOL, F8, Scratch
 class Images(NamedTuple):
     """Images of M markers [px]: what goes wrong with each of N, and the last ones, filled round and round.
 
-    An image is taken in ``every`` so many-th sample; ``noise`` is added to its pixels, or it is ``lost``. Where images
-    say when they were taken, ``poses`` are the camera's by the model then, R and t, and ``now`` that of the present.
+    An image is taken in ``every`` so many-th sample; ``noise`` is added to its pixels, or it is ``lost``. If they are
+    ``dated``, the control knows when they were ``taken`` [s].
     """
 
     every: int
+    dated: int
     noise: Annotated[Array, F8, "N", "M", 2]
     lost: Annotated[BoolArray, BOOL, "N"]
     held: Annotated[Array, F8, "delay + 1", "M", 2]
-    poses: Annotated[Array, F8, "delay + 1", "pose"]
-    now: Annotated[Array, F8, "pose"]
+    taken: Annotated[Array, F8, "delay + 1"]
 
 
 class Lenses(NamedTuple):
@@ -43,8 +43,8 @@ class Sensing(NamedTuple):
     scratch: Scratch
 
 
-def usable(images: Images, k: int, pixels: Array) -> int:
-    """Which of the held images can be used in sample k; an image that is taken in it, of pixels (M, 2), is held.
+def usable(images: Images, k: int, t: float, pixels: Array) -> int:
+    """Which of the held images can be used in sample k, at t [s]; one that is taken in it, of pixels (M, 2), is held.
 
     Where a lost one is looked for, the one before stands. What was seen before the beginning is what is seen at it.
     """
@@ -55,6 +55,5 @@ def usable(images: Images, k: int, pixels: Array) -> int:
         for j in range(len(pixels)):
             for c in range(2):
                 images.held[slot, j, c] = images.held[before, j, c] if stays else pixels[j, c] + images.noise[i, j, c]
-        for j in range(len(images.now)):
-            images.poses[slot, j] = images.poses[before, j] if stays else images.now[j]
+        images.taken[slot] = images.taken[before] if stays else t
     return max(number - slots + 1, 0) % slots

@@ -16,7 +16,6 @@ from ..formulas.vectors import (
     minus,
     plus,
     product,
-    transposed_product,
     turned,
     turned_back,
     vector,
@@ -26,11 +25,10 @@ from . import images
 from . import scratch as parts
 from .compiler import OPTIONS, compiled, in_place, inner, register_formulas
 from .images import Sensing
-from .kinematics import place, put, put_matrix
+from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
 from .parts import address, call_int_pointer, checked, load_step, struct_loader
-from .step import place_camera
 from .workspace import Scratch, Step, zeros
 
 in_place(images.usable)
@@ -95,14 +93,6 @@ def estimate(markers: Array, seen: Array, R: Array, t: Array, numbers: Array, ta
     return finite
 
 
-@in_place
-def moved_on(R: Matrix, t: Vector, then: Array, now: Array) -> tuple[Matrix, Vector]:
-    """A measured pose after the motion between two poses of the model, each R and t in 12 numbers."""
-    A, B = matrix(then[:9].reshape(3, 3)), matrix(now[:9].reshape(3, 3))
-    away = turned_back(A, minus(vector(now[9:]), vector(then[9:])))
-    return product(R, transposed_product(A, B)), plus(t, turned(R, away))
-
-
 load_sensing = struct_loader(zeros(Sensing))
 
 
@@ -116,17 +106,10 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
     sensing, true, believed = load_sensing(sensing_address), load_step(true_address), load_step(believed_address)
     lens, pixels, camera, scratch = sensing.lenses, true.pixels, believed.camera[0], sensing.scratch
     held = sensing.images
-    if len(held.now) > 0:
-        place(believed, true.q)
-        place_camera(believed, t * believed.target[0].known)  # what moves unknown to the control stands still for it
-        for c in range(3):
-            held.now[9 + c] = believed.camera_t[c]
-            for j in range(3):
-                held.now[3 * c + j] = believed.camera_R[c, j]
     if lens.address != 0:
         call_int_pointer(lens.address, (lens.true, pixels, lens.pixels, False))
         pixels = lens.pixels
-    slot = images.usable(held, k, pixels)
+    slot = images.usable(held, k, t, pixels)
     pixels = held.held[slot]
     if lens.address != 0:
         call_int_pointer(lens.address, (lens.believed, pixels, lens.pixels, True))
@@ -140,23 +123,16 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
     found, R, where = explain(believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch)
     if not found:
         return 1
-    then_R, then = R, where
-    if len(held.now) > 0:
-        R, where = moved_on(R, where, held.poses[slot], held.now)
     for i in range(len(seen)):
         P = turned_back(R, minus(vector(believed.markers[i]), where))
         if not P[2] >= MINIMUM_DEPTH:
             return 1
         believed.measured[i, 2] = P[2]
-        if len(held.now) > 0:
-            before = turned_back(then_R, minus(vector(believed.markers[i]), then))
-            for c in range(2):
-                believed.measured[i, c] += camera.focal[c] * (P[c] / P[2] - before[c] / before[2])
     put_matrix(R, believed.camera_R)
     put(where, believed.camera_t)
     measurement = believed.measurement[0]
     measurement.given = measurement.pose_given = 1
-    measurement.time = t
+    measurement.time = held.taken[slot] if held.dated else t
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from ..formulas.features import MINIMUM_DEPTH, image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle, carried, relative_twist, target_pose
+from ..formulas.rotation import turn_by
 from ..formulas.vectors import (
+    Matrix,
     Vector,
     along_with,
     matrix,
@@ -48,34 +51,86 @@ def carry(step: Step, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 @in_place
+def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
+    """Where the target is in the base frame at time t [s]."""
+    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
+    R, origin = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    if camera.fixed:
+        tip_R = matrix(tip.R)
+        R = product(tip_R, matrix(camera.tip_R))
+        origin = plus(vector(tip.origin), turned(tip_R, vector(camera.tip_t)))
+    elif target.moves:
+        moved, _, _ = displaced(target.motion, t)
+        R, origin = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+    return R, origin
+
+
+@in_place
 def place_camera(step: Step, t: float) -> None:
     """Write where the camera and the target are in the base frame, and the one relative to the other."""
-    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
-    tip_R, tip_origin, R, origin = matrix(tip.R), vector(tip.origin), matrix(camera.R), vector(camera.t)
-    target_R, target_t = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
-    if camera.fixed:
-        target_R = product(tip_R, matrix(camera.tip_R))
-        target_t = plus(tip_origin, turned(tip_R, vector(camera.tip_t)))
-    else:
-        R, origin = product(tip_R, R), plus(tip_origin, turned(tip_R, origin))
-        if target.moves:
-            moved, _, _ = displaced(target.motion, t)
-            target_R, target_t = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+    tip, camera = step.bodies[len(step.joints)], step.camera[0]
+    R, origin = matrix(camera.R), vector(camera.t)
+    if not camera.fixed:
+        tip_R = matrix(tip.R)
+        R, origin = product(tip_R, R), plus(vector(tip.origin), turned(tip_R, origin))
+    target_R, target_t = target_at(step, t)
     put_matrix(R, step.eye[0].R)
     put(origin, step.eye[0].origin)
     put_matrix(target_R, step.target_R)
     put(target_t, step.target_t)
-    R, origin = transposed_product(target_R, R), turned_back(target_R, minus(origin, target_t))
     if not step.measurement[0].pose_given:
-        put_matrix(R, step.camera_R)
-        put(origin, step.camera_t)
+        put_matrix(transposed_product(target_R, R), step.camera_R)
+        put(turned_back(target_R, minus(origin, target_t)), step.camera_t)
+
+
+@in_place
+def newest_view(step: Step) -> int:
+    """Where the camera's pose of the present sample is."""
+    return (step.last[0].views - 1) % len(step.views)
+
+
+@in_place
+def keep_view(step: Step, t: float) -> None:
+    """Keep where the camera is, as far as motion is known; in a sample of the same time in place of the one before."""
+    last, eye, target, views = step.last[0], step.eye[0], step.target[0], step.views
+    newest = views[newest_view(step)].time
+    if last.views > 0 and t <= newest:
+        last.views = last.views - 1 if t == newest else 0
+    target_R, target_t = matrix(step.target_R), vector(step.target_t)
+    if target.moves and not target.known:  # what moves unknown to the control stands still for it
+        target_R, target_t = target_at(step, 0.0)
+    view = views[last.views % len(views)]
+    view.time = t
+    put_matrix(transposed_product(target_R, matrix(eye.R)), view.R)
+    put(turned_back(target_R, minus(vector(eye.origin), target_t)), view.t)
+    last.views += 1
+
+
+@in_place
+def look_back(step: Step) -> None:
+    """Write where the camera was when the image was taken, and move its measured pose on from there to now.
+
+    That is where it was in the sample that is nearest in time, moved by the present twist for the rest of the time.
+    """
+    eye, measurement, views, then = step.eye[0], step.measurement[0], step.views, step.then[0]
+    at = newest = newest_view(step)
+    taken = measurement.time
+    for i in range(1, min(step.last[0].views, len(views))):
+        before = (newest - i) % len(views)
+        if abs(views[before].time - taken) >= abs(views[at].time - taken):
+            break
+        at = before
+    rest, R = taken - views[at].time, matrix(views[at].R)
+    origin = plus(vector(views[at].t), turned(R, times(rest, vector(eye.velocity))))
+    R = product(R, turn_by(times(rest, vector(eye.angular_velocity))))
+    put_matrix(R, then.R)
+    put(origin, then.t)
+    if not measurement.pose_given:
         return
-    off = difference = 0.0
-    for i in range(3):
-        off += (step.camera_t[i] - origin[i]) ** 2
-        for j in range(3):
-            difference += (step.camera_R[i, j] - R[i][j]) ** 2
-    step.innovation[2], step.innovation[3] = math.sqrt(off), angle(difference)
+    now_R, now = matrix(views[newest].R), vector(views[newest].t)
+    moved = turned(matrix(step.camera_R), turned_back(R, minus(now, origin)))
+    put(plus(vector(step.camera_t), moved), step.camera_t)
+    put_matrix(product(matrix(step.camera_R), transposed_product(R, now_R)), step.camera_R)
 
 
 @in_place
@@ -111,6 +166,12 @@ def move_camera(step: Step, t: float) -> None:
 
 
 @in_place
+def in_view(step: Step, view: Any, i: int) -> Vector:
+    """A marker in the frame of a camera that is there."""
+    return turned_back(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
+
+
+@in_place
 def in_camera(step: Step, i: int) -> Vector:
     """A marker in the camera frame, where the model has it."""
     there = turned(matrix(step.target_R), vector(step.markers[i]))
@@ -131,11 +192,16 @@ def see(step: Step, i: int, t: float) -> bool:
         # what a detector says; what it says nothing of is as far from where the model has it as it was last seen
         x, y, said = P[0] / P[2], P[1] / P[2], step.measured[i]
         Z = said[2] if said[2] >= MINIMUM_DEPTH else P[2]
+        dx = dy = 0.0
+        if step.measurement[0].time < t - JUST_NOW:
+            # what was seen some time ago has moved on since, as the model says
+            before, now = in_view(step, step.then[0], i), in_view(step, step.views[newest_view(step)], i)
+            if before[2] >= MINIMUM_DEPTH and now[2] >= MINIMUM_DEPTH:
+                dx, dy = now[0] / now[2] - before[0] / before[2], now[1] / now[2] - before[1] / before[2]
+                Z = max(Z + now[2] - before[2], MINIMUM_DEPTH) if said[2] >= MINIMUM_DEPTH else Z
         if said[0] == said[0] and said[1] == said[1]:
             u, w = (said[0] - camera.offset[0]) / camera.focal[0], (said[1] - camera.offset[1]) / camera.focal[1]
-            # what was seen some time ago has moved on since
-            age, moved = t - step.measurement[0].time, image_motion((u * Z, w * Z, Z), v, omega, v_dot, omega_dot)
-            step.correction[i, 0], step.correction[i, 1] = u + age * moved[2] - x, w + age * moved[3] - y
+            step.correction[i, 0], step.correction[i, 1] = u + dx - x, w + dy - y
         x, y = x + step.correction[i, 0], y + step.correction[i, 1]
         P = (x * Z, y * Z, Z)
     P = times(camera.depth_factor, P)
@@ -155,8 +221,17 @@ def write_innovation(step: Step, t: float) -> None:
     if measurement.given:
         innovation[0], innovation[1] = image_innovation(step.pixels, step.correction, camera.focal[0], camera.focal[1])
         innovation[4] = t - measurement.time
-    if not measurement.pose_given:
-        innovation[2] = innovation[3] = 0.0
+    innovation[2] = innovation[3] = 0.0
+    if measurement.pose_given:
+        eye, target_R = step.eye[0], matrix(step.target_R)
+        R = transposed_product(target_R, matrix(eye.R))
+        origin = turned_back(target_R, minus(vector(eye.origin), vector(step.target_t)))
+        off = difference = 0.0
+        for i in range(3):
+            off += (step.camera_t[i] - origin[i]) ** 2
+            for j in range(3):
+                difference += (step.camera_R[i, j] - R[i][j]) ** 2
+        innovation[2], innovation[3] = math.sqrt(off), angle(difference)
     for j in range(len(step.slip)):
         innovation[5] = max(innovation[5], abs(step.slip[j]) / MEMORY)
     for i in range(len(step.bounds)):
@@ -194,6 +269,10 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
     move(step, q, qd)
     place_camera(step, t)
     move_camera(step, t)
+    keep_view(step, t)
+    measurement = step.measurement[0]
+    if (measurement.given or measurement.pose_given) and measurement.time < t - JUST_NOW:
+        look_back(step)
     for i in range(len(step.seen)):
         if not see(step, i, t):
             return False

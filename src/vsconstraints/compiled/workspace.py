@@ -79,12 +79,15 @@ EYE = record(
     ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
     ("angular_acceleration", V3),
 )  # fmt: skip
-#: Whether pixels are measured, and when; whether the camera's pose is.
-MEASUREMENT = record("#given", "time", "#pose_given")
+#: Whether pixels are measured, and whether the camera's pose is; when.
+MEASUREMENT = record("#given", "#pose_given", "time")
+#: The camera's pose in the target's frame at some time, as far as motion is known.
+VIEW = record("time", ("R", M3), ("t", V3))
 #: The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too.
 GRADIENT_ERROR = record("#address", "#in_phi")
-#: The sample before; goal −1 if there is none; the time of its goal's first sample.
-SAMPLE = record("time", "#goal", "began")
+#: The sample before; goal −1 if there is none; the time of its goal's first sample; how many views there have been.
+SAMPLE = record("time", "#goal", "began", "#views")
+VIEWS = 256  #: Samples of which the camera's pose is kept.
 
 
 class RowArrays(NamedTuple):
@@ -211,8 +214,11 @@ class Step(NamedTuple):
     camera_J: Annotated[Array, F8, 6, "n"]
     seen: Annotated[Records, MARKER, "M"]
     places: Annotated[Records, PLACE, "P"]
-    # measured pixels and Z, NaN where there are none; how far a marker was last seen from where the model has it, in
-    # normalised coordinates
+    # the camera in the last samples by the model, filled round and round, and when the image was taken; measured pixels
+    # and Z, NaN where there are none; how far a marker was last seen from where the model has it, in normalised
+    # coordinates
+    views: Annotated[Records, VIEW, VIEWS]
+    then: Annotated[Records, VIEW, 1]
     measurement: Annotated[Records, MEASUREMENT, 1]
     measured: Annotated[Array, F8, "M", 3]
     correction: Annotated[Array, F8, "M", 2]

@@ -13,8 +13,6 @@ from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas.limits import JointLimits
 from ..robots.geometry import Pose
-from ..robots.robot import Robot
-from ..rows import Array
 from ..vision.camera import Camera
 from ..vision.features import CameraPose, FeatureMotion, ImagePoints
 from ..vision.measurement import Measurement
@@ -86,7 +84,7 @@ class Packed:
         """Arrays that are kept from one sample to the next."""
         step = self.step
         task = step.last_error, step.last_partial, step.last_J, step.last_reference
-        return step.last, *task, step.correction, step.last_command
+        return step.last, *task, step.correction, step.last_command, step.views
 
     def remembered(self) -> list[Any]:
         """A copy of the memory."""
@@ -100,9 +98,9 @@ class Packed:
     def reset(self) -> None:
         """Forget the last sample."""
         last, *others = self.memory
-        last["goal"], last["time"], last["began"] = -1, 0.0, 0.0
+        last["goal"], last["time"], last["began"], last["views"] = -1, 0.0, 0.0, 0
         for array in others:
-            array[:] = 0.0
+            array[...] = 0
         self.step.slip[:] = np.nan
 
     def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:

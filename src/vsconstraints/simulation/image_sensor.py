@@ -25,7 +25,7 @@ from ..vision.measurement import Measurement
 from ..vision.scene import Scene, State
 from .disturbances import Disturbances
 from .occluders import Occluders
-from .sensing import Sensor, moved_on
+from .sensing import Sensor
 
 POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")  #: Of images that are not rendered.
 STOPPING = 0.1  #: Time constant with which an arm without images is braked [s].
@@ -189,16 +189,12 @@ class ImageSensor(Sensor):
             raise SceneError(f"no tag that is looked for is seen in the first image{why}")
         self.blind = t - last.taken > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
         self._braked += self.blind
-        now = self._model.camera_pose(q, t)
-        camera, pixels = last.camera, last.pixels
-        if self.settings.prediction:
-            camera, pixels = moved_on(self._model, last.camera, last.pixels, last.model, now)
         depth = self.settings.depth
         if isinstance(depth, str):
-            Z = self._model.depth(camera if depth == "pose" else now)
+            Z = self._model.depth(last.camera if depth == "pose" else last.model)
         else:
-            Z = np.full(len(pixels), float(depth))
-        return Measurement(pixels, Z, t, camera)
+            Z = np.full(len(last.pixels), float(depth))
+        return Measurement(last.pixels, Z, last.taken if self.settings.prediction else t, last.camera)
 
     def _take(self, number: int, t: float, q: Array, qd: Array) -> None:
         """Take an image, and find out at once what it will say."""

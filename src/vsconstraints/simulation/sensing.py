@@ -74,12 +74,6 @@ def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
     return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
 
 
-def moved_on(scene: Scene, camera: Pose, pixels: Array, then: Pose, now: Pose) -> tuple[Pose, Array]:
-    """A measured pose and pixels (M, 2) after the motion of the camera between two poses by the model."""
-    moved = camera @ (then.inverse @ now)
-    return moved, scene.project(moved) + pixels - scene.project(camera)
-
-
 class Sensor:
     """Makes measurements of what is true, sample after sample.
 
@@ -120,10 +114,10 @@ class Sensor:
         if settings.pixel_noise or settings.lost_frames:
             normal, uniform = _drawn((*settings.seed, 1), 1 + (samples - 1) // self._every, markers)
             noise, lost = settings.pixel_noise * normal, uniform < settings.lost_frames
-        slots, pose = settings.delay + 1, 12 * settings.delay_known
-        empty = np.zeros((slots, markers, 2)), np.zeros((slots, pose)), np.zeros(pose)
-        held = empty if self._images is None else self._images[3:]
-        self._images, self._covered = Images(self._every, noise, lost, *held), samples
+        slots = settings.delay + 1
+        memory = (np.zeros((slots, markers, 2)), np.zeros(slots)) if self._images is None else self._images[-2:]
+        self._images = Images(self._every, int(settings.delay_known), noise, lost, *memory)
+        self._covered = samples
         return self._images
 
     @property
@@ -152,21 +146,16 @@ class Sensor:
         images = self._images
         if images is None or k >= self._covered:
             images = self.images(2 * k + 1)
-        motion = self.scene.motion  # what moves unknown to the control stands still for it
-        now = self.believed.camera_pose(q, k * self._Ts if motion is None or motion.known else 0.0)
-        images.now[:] = np.concatenate((now.R.ravel(), now.t))[: len(images.now)]
-        slot = usable(images, k, seen)
+        t = k * self._Ts
+        slot = usable(images, k, t, seen)
         pixels = ideal_pixels(self.camera, images.held[slot].copy())
         near = Pose(world.camera_R, world.camera_t)
         camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), near)
         try:
-            if self.disturbances.delay_known:
-                then = Pose(images.poses[slot, :9].reshape(3, 3), images.poses[slot, 9:])
-                camera, pixels = moved_on(self.believed, camera, pixels, then, now)
             Z = self.believed.depth(camera)
         except SceneError as error:
             raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
-        return Measurement(pixels, Z, k * self._Ts, camera)
+        return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
     def write(self, step: Step) -> None:
         """Let a compiled step believe what would be seen of a state to come: at once and without noise."""

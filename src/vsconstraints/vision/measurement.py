@@ -52,10 +52,10 @@ class Measurement:
     #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is taken
     #: to be as far from where the model has it as when it was last seen.
     pixels: Array | None = None
-    depth: Array | None = None  #: (M,) Z of the markers [m], NaN or not given where the model's is to be taken.
-    #: When the image was taken [s]; now if None. What was seen before has moved on with its present velocity.
+    depth: Array | None = None  #: (M,) Z of the markers then [m], NaN or not given where the model's is to be taken.
+    #: When the image was taken [s]; now if None. What was seen before has moved on by as much as the model has since.
     taken: float | None = None
-    #: The camera's pose in the target's frame, for position-based tasks; the model's if None.
+    #: The camera's pose in the target's frame then, for position-based tasks; the model's if None.
     camera: Pose | None = None
 
     def checked(self, M: int, t: float) -> Self:

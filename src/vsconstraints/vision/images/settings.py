@@ -25,7 +25,7 @@ class ImageSettings:
     latency_s: float = 0.03  #: How long after that it can be used [s]. The first is waited for.
     detector: DetectorName = "apriltag"
     prediction: bool = True  #: Whether images are moved on by the known motion until the next one.
-    depth: DepthName | float = "pose"  #: Of the "pose" that explains the image, of the "model", or always the same [m].
+    depth: DepthName | float = "pose"  #: In an image: by the "pose" that explains it, the "model", or always this [m].
     noise: float = 2.0  #: Standard deviation of every grey level, of 256.
     blur_px: float = 0.5  #: Standard deviation of the lens's blur [px].
     light: float = 1.0  #: Factor on all grey levels; what exceeds 255 is white.
