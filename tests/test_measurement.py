@@ -89,7 +89,7 @@ def test_a_late_image_is_moved_on_as_the_model_has_moved(name, since):
     assert np.abs(now.pixels.position - then.pixels.position).max() > 10.0 * Ts
     beside = rng.standard_normal(then.pixels.position.shape)
     late = {"pixels": then.pixels.position + beside, "depth": then.depth + 0.01, "taken": 0.0}
-    wrong = then.camera @ Pose(np.eye(3), np.array([0.0, 0.0, 0.01]))
+    wrong = then.camera @ Pose(np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]), np.full(3, 0.01))
     found = compiled.evaluate(t, q, qd, **late, camera=wrong)
     np.testing.assert_allclose(found.pixels, now.pixels.position + beside, atol=1e-8)
     np.testing.assert_allclose(compiled.packed.step.seen["depth"], now.depth + 0.01, atol=1e-11)
