@@ -153,8 +153,8 @@ def observe(sensor: Any, state: State) -> State:
     if measured is not None:
         views = VIEWS.setdefault(sensor, {})
         keep_view(views, sensor.believed, state)
-        # states of tests may be of another time than the sample
-        measured = replace(measured, taken=state.t - (k * sensor._Ts - measured.taken))
+        if not settings.delay_known and not isinstance(sensor, ImageSensor):
+            measured = replace(measured, taken=state.t)  # states of tests may be of another time than the sample
         camera, pixels, Z = moved_on(measured, sensor.believed, state, views)
     return believed(sensor.believed, state, camera, (pixels, settings.depth_factor * Z))
 
