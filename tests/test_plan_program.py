@@ -19,9 +19,11 @@ class Problem:
     """A random program of H blocks for n joints and m rows, one of them on φ itself, and its dense matrices.
 
     Without any acceleration rows begin at about ``value`` and rise from instant to instant; |q̈| is at most ``most``.
+    The first row is ``steep`` times as large, and its shares as much smaller, as the program is told.
     """
 
-    def __init__(self, seed: int, value: float, most: float, H: int = 4, n: int = 3, m: int = 5) -> None:
+    def __init__(self, seed: int, value: float, most: float, steep: float = 1.0) -> None:
+        H, n, m = 4, 3, 5
         rng = np.random.default_rng(seed)
         J, b = rng.normal(size=(H, 4, n)), 5.0 * rng.normal(size=(H, 4))
         gains, rest, free = rng.uniform(1.0, 5.0, (H, 2)), rng.uniform(0.0, 3.0, (H, 2)), rng.normal(size=(H, n))
@@ -35,7 +37,9 @@ class Problem:
         left[-1, by_speed > 0] = np.inf
         scale, self.weights = rng.uniform(0.5, 2.0, m), rng.uniform(0.5, 2.0, m)
         low, high = -most * rng.uniform(0.5, 1.0, (H, n)), most * rng.uniform(0.5, 1.0, (H, n))
-        self.limits = Limits(N, block, since, stop, values, gradient, by_speed, falls, left, scale, low, high)
+        share, larger = rng.uniform(0.2, 1.0, (N - 1, m)), np.array([steep, *[1.0] * (m - 1)])
+        rows = values * larger, gradient * larger[:, None], by_speed, falls, left, share / larger
+        self.limits = Limits(N, block, since, stop, *rows, scale, low, high)
         factor = Factor(*map(np.zeros, ((H, n, 2 * n), (H, n), (H, n, n), (H, n), (2 * n + 1, 2 * n))))
         self.space = Space.of(H, N, n, m)
         self.code, self.active = plan_program.plan_best(self.cost, factor, self.limits, self.space, self.weights)
@@ -56,6 +60,7 @@ class Problem:
         G = rows[1:] - falls[:, None, None] * rows[:-1]
         h = left - values[1:] + falls[:, None] * values[:-1]
         bounded = np.isfinite(h)
+        G, h = share[:, :, None] * G, share * h
         self.G, self.h, self.row = G[bounded], h[bounded], np.tile(np.arange(m), (N - 1, 1))[bounded]
         begins = np.array([0, *range(2, H + 1)])
         residuals, sides = [], []
@@ -87,6 +92,16 @@ def test_plans_are_those_of_a_dense_program(seed: int) -> None:
     assert problem.code == SOLVED
     np.testing.assert_allclose(problem.u, best, atol=1e-9 * max(1.0, np.abs(best).max()))
     assert not problem.space.slack.any()
+
+
+@pytest.mark.parametrize("value", [-0.3, 0.1])
+def test_a_row_beyond_all_rounding_is_as_good_as_any(value: float) -> None:
+    """As of a marker far outside the image; with slacks and without."""
+    for seed in range(20):
+        usual, steep = (Problem(seed, value, 2.0, factor) for factor in (1.0, 1e12))
+        assert steep.code == usual.code
+        np.testing.assert_allclose(steep.u, usual.u, atol=1e-5 * np.abs(usual.u).max())
+        np.testing.assert_allclose(steep.space.slack, usual.space.slack, atol=1e-5)
 
 
 def test_some_programs_have_no_rows_in_the_way_and_some_many() -> None:

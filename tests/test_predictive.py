@@ -19,6 +19,7 @@ from vsconstraints.controllers.predictive import Planner
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
+from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.vision.tracking import TrackingGains
 
@@ -269,6 +270,21 @@ def test_a_marker_behind_the_camera_shortens_the_horizon() -> None:
     assert "predicted" in command.remark + command.reason
     assert np.isfinite(command.qdd).all()
     assert np.abs(command.qdd).max() <= 0.1 + 1e-9
+
+
+def test_a_long_plan_may_lead_far_outside_the_image() -> None:
+    """There the rows of markers are 10¹² times their scale: the program has its answer all the same, and keeps rows."""
+    (family,) = TestSet.load().chosen(("ur5",), "held-out", 1, None)["families"]
+    setup = replace(family.scene(0).setup(), duration=0.4)
+    law = PredictiveControl(horizon=20)
+    run = simulate(setup, law, by_public_call=True)
+    assert run.status != "failed"
+    assert run.phi.max() < 0.0
+    step, answers = setup.control(), []
+    law.reset(setup.Ts, step.model())
+    for state in zip(run.t.tolist(), run.q, run.qd, strict=True):
+        answers.append(step.command(law, *state)[1].status)
+    assert set(answers) == {"ok"}
 
 
 def test_the_same_twice_and_after_a_reset() -> None:

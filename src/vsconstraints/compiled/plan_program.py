@@ -34,6 +34,9 @@ NEGLIGIBLE = 1e-14  #: Slack by π that is none.
 INDEPENDENT = 1e-12
 #: A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and with slacks.
 MET, MET_SOFT = 1e-11, 1e-6
+#: Rows that change by more than their scale over this way [rad or m] are divided by as much. Far outside the image a
+#: row may be 10¹² times its scale: rounding then exceeds any fraction of it, and no other row would count beside it.
+WAY = 1e-2
 #: Rows of the work space behind those of :mod:`.least_distance`, and how many there are in all.
 TURNED, SIDE, VECTORS = constant(5), constant(6), 7
 
@@ -75,9 +78,10 @@ class Limits(NamedTuple):
     value: Array
     gradient: Array
     by_speed: IntArray
-    #: (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left.
+    #: (N − 1,) and (N − 1, m): rows are value(t + 1) − fall value(t) ≤ left, multiplied by their shares.
     falls: Array
     left: Array
+    share: Array
     scale: Array  #: (m,) of the rows.
     #: (H, n) the box.
     low: Array
@@ -234,6 +238,7 @@ def excess(limits: Limits, space: Space, row: int) -> float:
     if row < rows:
         t, i = row // m, row % m
         over = at(limits, space.moved, t + 1, i) - limits.falls[t] * at(limits, space.moved, t, i) - limits.left[t, i]
+        over *= limits.share[t, i]
     else:
         entry, size = row - rows, limits.low.size
         k, j = (entry % size) // n, entry % n
@@ -250,7 +255,8 @@ def most_exceeded(limits: Limits, space: Space, met: float) -> int:
         before = at(limits, space.moved, 0, i)
         for t in range(N - 1):
             after = at(limits, space.moved, t + 1, i)
-            over = (after - limits.falls[t] * before - limits.left[t, i] - space.slack[i]) / limits.scale[i]
+            over = limits.share[t, i] * (after - limits.falls[t] * before - limits.left[t, i])
+            over = (over - space.slack[i]) / limits.scale[i]
             if over > most:
                 chosen, most = t * m + i, over
             before = after
@@ -291,15 +297,15 @@ def differentiate(cost: Cost, factor: Factor, limits: Limits, row: int, adjoint:
     adjoint[:] = 0.0
     if row < rows:
         t, i = row // m, row % m
-        k = limits.block[t + 1]
+        k, share = limits.block[t + 1], limits.share[t, i]
         if k == H:
             for j in range(n):
-                adjoint[1, j] = limits.gradient[t + 1, i, j]
-                adjoint[2, j] = 0.5 * limits.stop * limits.gradient[t + 1, i, j]
+                adjoint[1, j] = share * limits.gradient[t + 1, i, j]
+                adjoint[2, j] = 0.5 * limits.stop * adjoint[1, j]
         else:
-            pull_on(limits, adjoint, t + 1, i, 1.0, True)
+            pull_on(limits, adjoint, t + 1, i, share, True)
         if t > 0:
-            pull_on(limits, adjoint, t, i, -limits.falls[t], limits.block[t] == k)
+            pull_on(limits, adjoint, t, i, -share * limits.falls[t], limits.block[t] == k)
     else:
         entry = row - rows
         k = (entry % limits.low.size) // n

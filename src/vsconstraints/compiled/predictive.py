@@ -16,7 +16,7 @@ from .laws import RESOLVER, load_law
 from .least_distance import FORCE
 from .linear import copy_vector
 from .parts import call_int_pointer, load_step, struct_loader
-from .plan_program import Cost, Factor, Limits, Space, follow_block, move, plan_best
+from .plan_program import WAY, Cost, Factor, Limits, Space, follow_block, move, plan_best
 from .resolving import finished, follow_alone, measurable
 from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
 
@@ -77,6 +77,7 @@ class PlanArrays(NamedTuple):
     by_speed: IntArray
     falls: Array
     left: Array
+    share: Array
     low: Array
     high: Array
     space: Space  #: See :class:`.Space`.
@@ -104,6 +105,7 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
         "gradient": zeros((N, m, n)),
         "falls": zeros(N - 1),
         "left": zeros((N - 1, m)),
+        "share": zeros((N - 1, m)),
         "low": zeros((H, n)),
         "high": zeros((H, n)),
         "space": Space.of(H, N, n, m),
@@ -208,7 +210,7 @@ def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
     """What of the limits is written, at the first instants."""
     return Limits(
         count, plans.block, plans.since, plans.braking[0], plans.value, plans.gradient, plans.by_speed, plans.falls,
-        plans.left, scale, plans.low, plans.high,
+        plans.left, plans.share, scale, plans.low, plans.high,
     )  # fmt: skip
 
 
@@ -249,8 +251,8 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
 
 
 @in_place
-def limit(plans: PlanArrays, count: int) -> None:
-    """Write by how much rows fall from instant to instant, and by how much they may be exceeded while braking."""
+def limit(plans: PlanArrays, count: int, scale: Array) -> None:
+    """Write by how much rows fall from instant to instant, how far they may be exceeded while braking, and shares."""
     m, N = plans.gradient.shape[1], plans.times.size - 1
     for t in range(count - 1):
         brakes = t + 1 == N
@@ -261,6 +263,11 @@ def limit(plans: PlanArrays, count: int) -> None:
                 # what is outside now may come back as slowly; the first state does not depend on the plan
                 outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
+            steepest = 0.0
+            for j in range(plans.then.size):
+                before = plans.falls[t] * abs(plans.gradient[t, i, j])
+                steepest = max(steepest, abs(plans.gradient[t + 1, i, j]), before)
+            plans.share[t, i] = scale[i] / max(scale[i], WAY * steepest)
 
 
 @in_place
@@ -356,7 +363,7 @@ def decide(law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays,
         copy_vector(qdd, plans.plan[0])
         return FAILED
     linearise(plans, count, rows, task)
-    limit(plans, count)
+    limit(plans, count, rows.scale)
     damping = weigh(plans, count, task)
     cost = Cost(plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free)
     limits = limits_of(plans, count, rows.scale)
