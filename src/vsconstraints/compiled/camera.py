@@ -1,0 +1,188 @@
+"""The camera of a control step: where it is, how it moves, and where it was in the samples before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..formulas.features import MINIMUM_DEPTH
+from ..formulas.motion import carried, relative_twist, target_pose
+from ..formulas.rotation import turn_by
+from ..formulas.vectors import (
+    Matrix,
+    Vector,
+    along_with,
+    matrix,
+    minus,
+    plus,
+    product,
+    times,
+    transposed_product,
+    turned,
+    turned_back,
+    vector,
+)
+from ..rows import Array
+from .compiler import in_place
+from .constraint_rows import displaced
+from .kinematics import point_jacobian, put, put_matrix
+from .workspace import Step
+
+
+@in_place
+def carry(step: Step, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
+    """Position, velocity and acceleration of the point at r from a body's origin."""
+    body = step.bodies[number]
+    velocity, acceleration = carried(
+        r,
+        vector(body.velocity),
+        vector(body.angular_velocity),
+        vector(body.acceleration),
+        vector(body.angular_acceleration),
+    )
+    return plus(vector(body.origin), r), velocity, acceleration
+
+
+@in_place
+def put_pose(pose: tuple[Matrix, Vector], R: Array, origin: Array) -> None:
+    """Write a pose to arrays."""
+    put_matrix(pose[0], R)
+    put(pose[1], origin)
+
+
+@in_place
+def from_target(step: Step, R: Matrix, origin: Vector) -> tuple[Matrix, Vector]:
+    """The camera's pose in the frame of a target that is there."""
+    eye = step.eye[0]
+    return transposed_product(R, matrix(eye.R)), turned_back(R, minus(vector(eye.origin), origin))
+
+
+@in_place
+def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
+    """Where the target is in the base frame at time t [s]."""
+    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
+    R, origin = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    if camera.fixed:
+        tip_R = matrix(tip.R)
+        R = product(tip_R, matrix(camera.tip_R))
+        origin = plus(vector(tip.origin), turned(tip_R, vector(camera.tip_t)))
+    elif target.moves:
+        moved, _, _ = displaced(target.motion, t)
+        R, origin = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+    return R, origin
+
+
+@in_place
+def place_camera(step: Step, t: float) -> None:
+    """Write where the camera and the target are in the base frame, and the one relative to the other."""
+    tip, camera = step.bodies[len(step.joints)], step.camera[0]
+    R, origin = matrix(camera.R), vector(camera.t)
+    if not camera.fixed:
+        tip_R = matrix(tip.R)
+        R, origin = product(tip_R, R), plus(vector(tip.origin), turned(tip_R, origin))
+    target_R, target_t = target_at(step, t)
+    put_pose((R, origin), step.eye[0].R, step.eye[0].origin)
+    put_pose((target_R, target_t), step.target_R, step.target_t)
+    if not step.measurement[0].pose_given:
+        put_pose(from_target(step, target_R, target_t), step.camera_R, step.camera_t)
+
+
+@in_place
+def move_camera(step: Step, t: float) -> None:
+    """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
+    n = len(step.joints)
+    tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
+    R, origin = matrix(eye.R), vector(eye.origin)
+    r = turned(matrix(tip.R), vector(camera.t))
+    if camera.fixed:
+        # as if the tip carried it: its motion is that of the target, reversed
+        r = minus(vector(camera.t), vector(tip.origin))
+    _, velocity, acceleration = carry(step, n, r)
+    away, omega = origin, (0.0, 0.0, 0.0)
+    if target.moves:
+        known = 1.0 * target.known
+        d, d_dot, d_ddot = displaced(target.motion, t)
+        away, omega = minus(minus(origin, vector(target.centre)), d), times(known, vector(target.angular_velocity))
+        velocity, acceleration = along_with(velocity, -known, d_dot), along_with(acceleration, -known, d_ddot)
+    v, w, v_dot, w_dot = relative_twist(
+        velocity, acceleration, vector(tip.angular_velocity), vector(tip.angular_acceleration), omega, away
+    )
+    sign = -1.0 if camera.fixed else 1.0
+    put(times(sign, turned_back(R, v)), eye.velocity)
+    put(times(sign, turned_back(R, w)), eye.angular_velocity)
+    put(times(sign, turned_back(R, v_dot)), eye.acceleration)
+    put(times(sign, turned_back(R, w_dot)), eye.angular_acceleration)
+    point_jacobian(step, n, origin, step.J_point)
+    for j in range(n):
+        about = 0.0 if step.joints[j].prismatic else sign
+        put(times(sign, turned_back(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
+        put(times(about, turned_back(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
+
+
+@in_place
+def newest_view(step: Step) -> int:
+    """Where the camera's pose of the present sample is."""
+    return (step.last[0].views - 1) % len(step.views)
+
+
+@in_place
+def keep_view(step: Step, t: float) -> None:
+    """Keep where the camera is, as far as motion is known; in a sample of the same time in place of the one before."""
+    last, target, views = step.last[0], step.target[0], step.views
+    newest = views[newest_view(step)].time
+    if last.views > 0 and t <= newest:
+        last.views = last.views - 1 if t == newest else 0
+    target_R, target_t = matrix(step.target_R), vector(step.target_t)
+    if target.moves and not target.known:  # what moves unknown to the control stands still for it
+        target_R, target_t = target_at(step, 0.0)
+    view = views[last.views % len(views)]
+    view.time = t
+    put_pose(from_target(step, target_R, target_t), view.R, view.t)
+    last.views += 1
+
+
+@in_place
+def look_back(step: Step) -> None:
+    """Write where the camera was when the image was taken, and move its measured pose on from there to now.
+
+    That is where it was in the sample that is nearest in time, moved by the present twist for the rest of the time.
+    """
+    eye, measurement, views, then = step.eye[0], step.measurement[0], step.views, step.then[0]
+    at = newest = newest_view(step)
+    taken = measurement.time
+    for i in range(1, min(step.last[0].views, len(views))):
+        before = (newest - i) % len(views)
+        if abs(views[before].time - taken) >= abs(views[at].time - taken):
+            break
+        at = before
+    rest, R = taken - views[at].time, matrix(views[at].R)
+    origin = plus(vector(views[at].t), turned(R, times(rest, vector(eye.velocity))))
+    R = product(R, turn_by(times(rest, vector(eye.angular_velocity))))
+    put_pose((R, origin), then.R, then.t)
+    if measurement.pose_given:
+        measured, now_R, now = matrix(step.camera_R), matrix(views[newest].R), vector(views[newest].t)
+        moved = plus(vector(step.camera_t), turned(measured, turned_back(R, minus(now, origin))))
+        put_pose((product(measured, transposed_product(R, now_R)), moved), step.camera_R, step.camera_t)
+
+
+@in_place
+def in_view(step: Step, view: Any, i: int) -> Vector:
+    """A marker in the frame of a camera that is there."""
+    return turned_back(matrix(view.R), minus(vector(step.markers[i]), vector(view.t)))
+
+
+@in_place
+def moved_since(step: Step, i: int) -> Vector:
+    """By how much the model has moved a marker in the image, in normalised coordinates, and its depth, since then."""
+    before, now = in_view(step, step.then[0], i), in_view(step, step.views[newest_view(step)], i)
+    if not (before[2] >= MINIMUM_DEPTH and now[2] >= MINIMUM_DEPTH):
+        return 0.0, 0.0, 0.0
+    x, y = now[0] / now[2] - before[0] / before[2], now[1] / now[2] - before[1] / before[2]
+    return x, y, now[2] - before[2]
+
+
+@in_place
+def in_camera(step: Step, i: int) -> Vector:
+    """A marker in the camera frame, where the model has it."""
+    there = turned(matrix(step.target_R), vector(step.markers[i]))
+    away = minus(vector(step.target_t), vector(step.eye[0].origin))
+    return turned_back(matrix(step.eye[0].R), plus(there, away))
