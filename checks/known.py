@@ -4,9 +4,9 @@ On held-out scenes of test set v1. First, disturbed scenes in which one of the d
 everything else is the same, the tolerances of goals too. Where all are known, nothing but the law is left: no law
 that must find them out can be expected to do better, so that this is the bound for disturbed scenes. Then scenes
 without disturbances in which images, or commands, are late by a dead time, of which a law is told or not (its options
-``dead_time`` and ``command_delay``), also where nothing is late; images may say when they were taken (dated). Success
-in per cent; differences are paired, with McNemar's test, and are those from the first condition, of the law that is
-not told.
+``dead_time`` and ``command_delay``), also where nothing is late; images may say when they were taken (dated). Last,
+predictive laws with plans of 10, 20 and 30 blocks. Success in per cent; differences are paired, with McNemar's test,
+and are those from the first condition, of the law that is not told.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Tables = dict[str, Any]
 
 DEAD_TIME = 0.035  #: [s]
 OBSERVER = {"observer": 0.1}
+PREDICTIVE = "predictive", "robust-predictive"
 LAWS: Mapping[str, Mapping[str, Any]] = {
     "hierarchical-qp": {"rows": "barrier"},
     "robust-hierarchical-qp": {},
     "robust-hierarchical-qp-observer": {"type": "robust-hierarchical-qp", **OBSERVER},
-    "predictive": {},
-    "robust-predictive": {},
+    **{name: {} for name in PREDICTIVE},
 }
 
 
@@ -118,6 +118,10 @@ STUDIES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Mapping[str, Any]]]]
         told(**OBSERVER, dead_time=DEAD_TIME),
     ),
     "commands": (NOMINAL | {"late": ("nominal", late("command_delay"))}, told(command_delay=DEAD_TIME)),
+    "horizons": (
+        NOMINAL | {"disturbed": KNOWN["disturbed"]},
+        {f"{law}-{blocks}": {"type": law, "horizon": blocks} for law in PREDICTIVE for blocks in (10, 20, 30)},
+    ),
 }
 
 
