@@ -133,7 +133,10 @@ def test_limits_of_a_plan() -> None:
     assert predictive.walk(plans) == 4
     np.testing.assert_allclose(plans.times, [0.0, 0.5, 1.0, 2.0])
     predictive.linearise(plans, 4, row_arrays(rows), TaskArrays(task.J, task.b, *(UNKNOWN,) * 3))
-    predictive.limit(plans, 4)
+    # rows that change by 0.02, 0.03 and 0.04 over 0.01 rad, of scales above and below
+    predictive.limit(plans, 4, np.array([0.01, 1.0]))
+    np.testing.assert_allclose(plans.share, [[1 / 2, 1.0], [1 / 3, 1.0], [1 / 4, 1.0]])
+    predictive.limit(plans, 4, rows.scale)
     limits, space, f = predictive.limits_of(plans, 4, rows.scale), plans.space, exp(-0.25)
     space.u[:] = 1.1
     plan_program.follow_block(1.0, space.u, space.x, 0, 1)
