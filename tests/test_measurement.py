@@ -97,6 +97,12 @@ def test_a_late_image_is_moved_on_as_the_model_has_moved(name, since):
     np.testing.assert_allclose(found.camera_t, moved.t, atol=1e-11)
     np.testing.assert_allclose(found.camera_R, moved.R, atol=1e-11)
     assert compiled.innovation[4] == t
+    # a copy knows the past, too; a step that has taken over what tasks remember does not
+    copied, other, fresh = pickle.loads(pickle.dumps(compiled)), *(both_forms(name)[1] for _ in range(2))
+    other.remember(compiled)
+    np.testing.assert_array_equal(copied.evaluate(t, q, qd, **late).pixels, found.pixels)
+    forgotten = (step.evaluate(t, q, qd, **late).pixels for step in (other, fresh))
+    np.testing.assert_array_equal(*forgotten)
     # half a sample before the last: nothing was evaluated there
     taken = t - 0.4 * Ts
     q_then, qd_then = setup.q0 + 0.02 * np.sin(3.0 * taken), np.full(6, 0.06 * np.cos(3.0 * taken))

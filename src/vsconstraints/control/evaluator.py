@@ -169,11 +169,12 @@ class Evaluator:
     def __getstate__(self) -> dict[str, Any]:
         parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task")}
         settings = {**self._settings, "plausible": self.plausible}
-        return {**parts, "settings": settings, "memory": self.packed.remembered()}
+        return {**parts, "settings": settings, "memory": self.packed.remembered(), "views": self.packed.step.views}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(state["scene"], state["constraints"], state["visual_task"], **state["settings"])  # type: ignore[misc]
         self.packed.recall(state["memory"])
+        self.packed.step.views[:] = state["views"]
 
     def reset(self) -> None:
         """Forget the last sample."""
@@ -181,8 +182,9 @@ class Evaluator:
         self.packed.reset()
 
     def remember(self, other: Evaluator) -> None:
-        """Take over the memory of another one of the same scene, constraints and features."""
+        """Take over the memory of another one of the same scene, constraints and features, but for past poses."""
         self.packed.recall(other.packed.memory)
+        self.packed.step.last["views"] = 0
 
     @property
     def present(self) -> CurrentState:

@@ -81,10 +81,10 @@ class Packed:
 
     @property
     def memory(self) -> tuple[Any, ...]:
-        """Arrays that are kept from one sample to the next."""
+        """Arrays that are kept from one sample to the next, but for the camera's poses."""
         step = self.step
         task = step.last_error, step.last_partial, step.last_J, step.last_reference
-        return step.last, *task, step.correction, step.last_command, step.views
+        return step.last, *task, step.correction, step.last_command
 
     def remembered(self) -> list[Any]:
         """A copy of the memory."""

@@ -45,9 +45,10 @@ class PredictiveControl(Controller):
     meanwhile; without bounds of all q̈ there is no such row.
 
     What the model says otherwise of now than rows and task do is taken to stay so. Where rows contradict each other, Σ
-    wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by, the status is ``relaxed`` and the reason names
-    the rows. States that the model cannot give, with a marker behind the camera, shorten the horizon, and
-    ``Command.remark`` says so. Plans are local: around what is not convex, a plan may come to lie beyond it.
+    wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by (where it is steep, divided by its slope), the
+    status is ``relaxed`` and the reason names the rows. States that the model cannot give, with a marker behind the
+    camera, shorten the horizon, and ``Command.remark`` says so. Plans are local: around what is not convex, a plan may
+    come to lie beyond it.
 
     Attributes ``period`` and ``model`` are those of the last :meth:`reset`.
     """

@@ -112,7 +112,7 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     return BodyArrays(
         np.array([place.rotation for place in placements]),
         np.array([place.translation for place in placements]),
-        robot.axes,
+        np.array(robot.axes),
         np.array(robot.prismatic, dtype=np.bool_),
         np.array([body.mass for body in bodies]),
         np.array([np.array(body.lever) for body in bodies]),
