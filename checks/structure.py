@@ -31,7 +31,7 @@ BUDGETS = {
     "formulas": Budget(1224, 1300),
     "robots": Budget(1209, 900),
     "vision": Budget(1971, 2000),
-    "compiled": Budget(7409, 3300),
+    "compiled": Budget(7410, 3300),
     "constraints": Budget(2366, 1900),
     "qp": Budget(479, 600),
     "controllers": Budget(3472, 2200),
@@ -48,7 +48,7 @@ BUDGETS = {
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44664, 31_000)
+ALL = Budget(44665, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 303, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 

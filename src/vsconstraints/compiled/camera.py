@@ -121,7 +121,8 @@ def move_camera(step: Step, t: float) -> None:
 @in_place
 def newest_view(step: Step) -> int:
     """Where the camera's pose of the present sample is."""
-    return (step.last[0].views - 1) % len(step.views)
+    newest: int = (step.last[0].views - 1) % len(step.views)
+    return newest
 
 
 @in_place
