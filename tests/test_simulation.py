@@ -320,6 +320,18 @@ def test_only_the_last_goal_counts() -> None:
     assert simulate(setup(task__goals=[here]), still).status == "converged"
     later = {"camera_at_q": START, "from_time": 5.0}
     assert simulate(setup(task__goals=[here, later]), still).status == "unfinished"
+    # a goal that begins and ends between two samples is not missed
+    away = {"camera_at_q": [START[0] + 0.5, *START[1:]]}
+    between = {**away, "from_time": 0.5012}, {**here, "from_time": 0.5014}
+    assert simulate(setup(task__goals=[here, *between]), still).status == "converged"
+
+
+def test_another_goal_is_no_approach() -> None:
+    """An arm that stands still comes no nearer where the goal that is in force does."""
+    far, near = ([START[0] + by, *START[1:]] for by in (0.5, 0.01))
+    goals = [{"camera_at_q": far}, {"camera_at_q": near, "from_time": 1.9}]
+    trajectory = simulate(setup(duration=2.0, task__goals=goals), Played(np.zeros((1, 6))))
+    assert trajectory.status == "trapped"
 
 
 def test_image_tasks_are_judged_in_the_image() -> None:
