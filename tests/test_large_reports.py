@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from documents import ROOT
 from test_reports import made, result, row, whole
 from vsconstraints.comparisons import StoredComparison
 from vsconstraints.reports import report, write_report
-from vsconstraints.reports.drawing import MAX_FIGURES, MAX_SCENARIOS, Drawn, ScenarioJob, shown_scenarios
+from vsconstraints.reports.drawing import MAX_FIGURES, MAX_SCENARIOS, Drawn, shown_scenarios
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.markdown import MAX_COLUMNS, Table
 from vsconstraints.reports.results import Results
@@ -130,12 +131,11 @@ def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
 ) -> None:
     drawn: list[str] = []
 
-    def draw_all(jobs: list[ScenarioJob], on_drawn: Any) -> dict[str, Drawn]:
-        drawn[:] = [job.scenario.name for job in jobs]
-        return {name: Drawn() for name in drawn}
+    def draw_all(results: Results, scenarios: Sequence[str], *given: Any) -> tuple[str, dict[str, Drawn]]:
+        drawn[:] = scenarios
+        return "![Trade-off](figures/trade-off.png)", {name: Drawn() for name in drawn}
 
     monkeypatch.setattr(report, "draw_all", draw_all)
-    monkeypatch.setattr(report, "draw_overview", lambda *given: "![Trade-off](figures/trade-off.png)")
     text = whole(write_report(large(tmp_path)))
     assert len(drawn) == MAX_SCENARIOS
     assert text.count("Its figures: `vsconstraints report FOLDER --all-figures`.") == len(SCENARIOS) - MAX_SCENARIOS

@@ -24,6 +24,7 @@ from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compar
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runs.files import SUMS
+from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import drawing, report, write_report
@@ -609,7 +610,7 @@ def test_a_report_without_figures_leaves_figures_alone(copy: Path) -> None:
     assert not told
     assert sorted(path.stat().st_mtime_ns for path in (copy / "figures").iterdir()) == drawn
     write_report(copy, on_drawn=lambda *count: told.append(count))
-    assert told == [(0, 1), (1, 1)]
+    assert told == [(0, 2), (1, 2), (2, 2)]  # the scenario's, and the comparison's
 
 
 def test_names_with_spaces_and_umlauts_have_links(tmp_path: Path) -> None:
@@ -710,6 +711,17 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
     assert "The figure of the errors could not be drawn: ValueError: on purpose" in text
     assert len(links(text)) == 4
     assert not (copy / "figures" / "example-2d-fov--errors.png").exists()
+
+
+def test_figures_whose_process_dies_cost_themselves_only(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def died(function: object, calls: dict[Any, object], **_: object) -> dict[Any, Failure]:
+        return dict.fromkeys(calls, Failure("the process that ran it died"))
+
+    monkeypatch.setattr(drawing, "run_all", died)
+    text = whole(write_report(copy))
+    assert "The figure of all scenarios could not be drawn: the process that ran it died." in text
+    assert "Its figures could not be drawn: the process that ran it died." in text
+    assert not links(text)
 
 
 def test_a_line_in_the_table_is_enough_for_a_figure(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

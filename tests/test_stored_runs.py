@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
-from vsconstraints.comparisons.runs.files import SUMS
+from vsconstraints.comparisons.runs.files import SUMS, read_arrays, write_arrays
 from vsconstraints.comparisons.runs.machine import package_versions
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
@@ -510,3 +511,17 @@ def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(tmp_
     right, wrong = (run_stored(job, out, False)[0].result for job in suite.runs())
     assert (right["status"], wrong["status"]) == ("unfinished", "failed")
     assert "Error" in wrong["reason"]
+
+
+def test_what_does_not_become_smaller_is_stored_as_it_is(tmp_path: Path) -> None:
+    file, numbers = tmp_path / "some.npz", np.random.default_rng(0).normal(size=(5000, 3))
+    given = {"numbers": numbers, "flags": numbers > 9.0, "none": np.empty((0, 3)), "one": np.array(3.5), "k": 4}
+    write_arrays(file, given)
+    with zipfile.ZipFile(file) as archive:
+        sizes = {member.filename: member.compress_size / member.file_size for member in archive.infolist()}
+    assert sizes["numbers.npy"] == 1.0
+    assert sizes["flags.npy"] < 0.05
+    again = read_arrays(file)
+    assert again.keys() == given.keys()
+    for name, value in given.items():
+        np.testing.assert_array_equal(again[name], value, strict=name != "k")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path, PurePath
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples
-from ..comparisons.runs.pool import run_all
+from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.suite import BASELINE
 from ..errors import described
 from ..scenarios import Scenario
@@ -131,20 +132,24 @@ def scenario_jobs(
     return jobs
 
 
-def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; one whose figures cannot be drawn is reported, not raised."""
-    calls = {job.scenario.name: (job,) for job in jobs}
-    if len(jobs) <= IN_PROCESS:
-        on_drawn(0, len(jobs))
-        drawn = {}
-        for name, one in calls.items():
-            drawn[name] = draw_scenario(*one)
-            on_drawn(len(drawn), len(jobs))
-        return drawn
-    return {
-        name: one if isinstance(one, Drawn) else Drawn(problems=[f"Its figures could not be drawn: {one.reason}."])
-        for name, one in run_all(draw_scenario, calls, on_progress=on_drawn).items()
-    }
+def draw_all(
+    results: Results, scenarios: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]
+) -> tuple[str, dict[str, Drawn]]:
+    """Draw the figures of the comparison, whose text is returned, and of these scenarios; failures are reported."""
+    jobs = scenario_jobs(results, scenarios, formats)
+    calls: dict[Any, tuple[Any, ...]] = {job.scenario.name: (draw_scenario, job) for job in jobs}
+    calls[None] = draw_overview, results, results.stored.folder / "figures", formats
+    here = calls if len(jobs) <= IN_PROCESS else ()
+    drawn: dict[Any, Any] = run_all(_call, calls, here=here, on_progress=on_drawn)
+    for name, one in drawn.items():
+        if isinstance(one, Failure):
+            why = f"could not be drawn: {one.reason}."
+            drawn[name] = Drawn(problems=[f"Its figures {why}"]) if name else f"The figure of all scenarios {why}"
+    return drawn.pop(None), drawn
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:

@@ -12,7 +12,7 @@ from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
 from . import scenario, summary
-from .drawing import Drawn, add_replays, draw_all, draw_overview, remove_stale, scenario_jobs, shown_scenarios
+from .drawing import Drawn, add_replays, draw_all, remove_stale, shown_scenarios
 from .figures import FIGURES
 from .groups import controller_cells
 from .numbers import of_length
@@ -38,7 +38,8 @@ def write_report(
     ``figures`` those that are there stay as they are; ``all_figures`` draws every scenario of a large suite, not only
     those on which controllers differ most; the report shows the first of the ``formats``; ``replays`` adds pages with
     runs in motion. Only with ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called are
-    ``on_drawn`` with how many scenarios have their figures and how many there are, ``on_remark`` with warnings. Raises
+    ``on_drawn`` with how many scenarios, and the comparison as one more, have their figures and how many there are,
+    ``on_remark`` with warnings. Raises
     ConfigurationError if there is no comparison in the folder, it is not what was stored, another process is storing
     one, or the extra ``replay`` is needed, and StorageError if the report cannot be written.
     """
@@ -51,12 +52,11 @@ def write_report(
     with locked(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else shown_scenarios(results)
-            drawn, overview = {name: Drawn() for name in results.scenarios}, ""
+            overview, drawn = "", {name: Drawn() for name in results.scenarios}
             if figures:
                 place = folder / "figures"
                 place.mkdir(exist_ok=True)
-                overview = draw_overview(results, place, formats)
-                drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
+                overview, drawn = draw_all(results, chosen, formats, on_drawn)
                 remove_stale(place, (file for one in drawn.values() for file in one.files), formats)
             if replays:
                 add_replays(results, chosen, drawn)

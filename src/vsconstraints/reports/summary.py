@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, TOLERANT, Metric
-from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
 from .markdown import Table, code
@@ -43,7 +42,11 @@ def law_table(results: Results) -> Table:
         return marked(cells, [True] * len(names), _better(results, "more"))
 
     def counted(count: int, of: int) -> str:
-        return rate_text(rate_of(count, of)) if results.trials > 1 else f"{count} of {of}"
+        if results.trials == 1:
+            return f"{count} of {of}"
+        from ..comparisons.statistics import rate_of, rate_text  # takes longer to load than all else of a report
+
+        return rate_text(rate_of(count, of))
 
     columns = {
         "converged inside": inside(results.clean, counted),

@@ -125,6 +125,8 @@ class Run:
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended: Ended = ""
         self.reason, self.compiled, self.law = "", False, 0
+        #: What a compiled law is asked with, which it leaves as it is; others may change their arrays.
+        self._given: tuple[Rows, Task] | None = None
         loop = None
         believe = self.sensor if self.setup.disturbances.sensing else None
         if believe is not None:
@@ -192,6 +194,8 @@ class Run:
             loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
         law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
+        if law is not None:
+            self._given = bound.now.rows, bound.now.task
         self._laws = alone, law  # what is behind their arrays lives as long as they do
         loop.parts[4] = alone.workspace.address
         if law is not None and not by_public_call:
@@ -223,6 +227,8 @@ class Run:
             rows, task = self._evaluate(k)
             # before the law, which may change the task's arrays
             self.loop.alone[:] = self.prepared.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
+        elif self._given is not None:
+            rows, task = self._given
         else:
             assert self.bound is not None
             step = Evaluation(self.bound.packed, self.control.constraints, self.bound.out.copy())
@@ -258,14 +264,16 @@ class Run:
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        phi, Lg, times = rows.phi.copy(), rows.Lg.copy(), self.loop.kept.step_time  # the law may change its arrays
+        times, given = self.loop.kept.step_time, rows
+        if self._given is None:
+            given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
         command = self.controller.command(rows, task)
         times[k % len(times)] = perf_counter() - called
         self.loop.answer.qdd[:] = command.qdd
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
-        lost = claimed and loses_rank(replace(rows, phi=phi, Lg=Lg))
+        lost = claimed and loses_rank(given)
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)

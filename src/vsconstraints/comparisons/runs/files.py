@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 import os
 import re
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +21,8 @@ from ...errors import ConfigurationError, StorageError
 
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
+SAMPLE, WORTH = 1 << 13, 0.7  # an array is compressed if its first bytes become smaller than this share
+LEVEL = 1  # level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
 
 #: Lines are added as files come, and written anew when the command that makes them ends.
 SUMS = "checksums.sha256"
@@ -61,17 +65,21 @@ def plain(data: object) -> Any:
     return json.loads(json.dumps(data, default=str))
 
 
-def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = True) -> None:
+def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
     """Write a .npz file of arrays by their names; everything else is in ``facts``, as JSON."""
     arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     facts = {name: value for name, value in values.items() if name not in arrays}
     text = json.dumps(facts, default=lambda number: number.item())
-    kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    # level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
-    with replaced(path) as part, zipfile.ZipFile(part, "w", kind, compresslevel=1) as archive:
+    with replaced(path) as part, zipfile.ZipFile(part, "w") as archive:
         for name, array in {"facts": np.array(text), **arrays}.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, array, allow_pickle=False)
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, array, allow_pickle=False)
+            member = buffer.getbuffer()
+            # measured numbers are hardly smaller compressed, and take longer than all else of a file
+            begin = member[:SAMPLE]
+            worth = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
+            kind = zipfile.ZIP_DEFLATED if worth else zipfile.ZIP_STORED
+            archive.writestr(f"{name}.npy", member, compress_type=kind, compresslevel=LEVEL)
 
 
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:

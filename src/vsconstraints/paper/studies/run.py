@@ -108,7 +108,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
                 performed.record.save(kept_file(kept, run))
         summary = summarise(performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
     with suppress(OSError):
-        write_arrays(file, vars(summary), compressed=False)
+        write_arrays(file, vars(summary))
     return summary
 
 
