@@ -48,8 +48,12 @@ def entry(function: Any) -> Any:
     return function.overloads[function.signatures[0]].entry_point if hasattr(function, "overloads") else function
 
 
-def prepare() -> None:
-    """Compile, or read from the cache, all that a simulation may need: once, before several processes do it."""
+def prepare(*others: str) -> None:
+    """Compile, or read from the cache, all that a simulation may need: once, before several processes do it.
+
+    Where that had to be compiled, another process compiles ``others``, and goes on when this one returns.
+    """
+    load("compiler").compile_ahead(others)
     for name in MODULES:
         load(name)
 

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, wraps
 from importlib import import_module
@@ -26,7 +26,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from ..formulas import FORMULAS
-from . import COMPLAINT, VARIABLE
+from . import COMPLAINT, MODULES, VARIABLE
 
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
@@ -311,12 +311,13 @@ def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
         os.environ[ANNOUNCED] = kept_in
         text = f"vsconstraints: compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
         print(text, file=sys.stderr, flush=True)
-        _share(function.__module__.rpartition(".")[2])
+        own = function.__module__.rpartition(".")[2]
+        _share(name for name in reversed(MODULES) if name != own)
     return folder
 
 
-def _share(module: str) -> None:
-    """Let another process compile the other modules in the meantime, so that they are there when they are needed.
+def _share(modules: Iterable[str]) -> None:
+    """Let another process compile these modules in the meantime, so that they are there when they are needed.
 
     Locks keep the two from compiling the same; nothing waits for that process, which ends with this one, and nothing
     is lost if it fails.
@@ -326,10 +327,15 @@ def _share(module: str) -> None:
     package = __name__.rpartition(".")[0]
     code = (
         f"from {package.rpartition('.')[0]}.plugins.processes import end_with\nend_with({os.getpid()})\n"
-        f"from {package} import MODULES, load\n"
-        f"for name in reversed(MODULES):\n    if name != {module!r}:\n        load(name)"
+        f"from {package} import load\nfor name in {[*modules]!r}:\n    load(name)"
     )
     environment = {**os.environ, VARIABLE: SINGLE_PROCESS, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command, nowhere = [sys.executable, "-c", code], subprocess.DEVNULL
     with suppress(OSError):
         _helpers.append(subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere, env=environment))
+
+
+def compile_ahead(modules: Sequence[str]) -> None:
+    """Let another process compile these modules too, if this one found nothing compiled."""
+    if modules and _helpers:
+        _share(modules)

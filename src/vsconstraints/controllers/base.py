@@ -80,6 +80,11 @@ class Controller(Part, ABC):
         """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as printed in reports."""
         return ()
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Modules of :mod:`vsconstraints.compiled` that take long to compile and only this law needs."""
+        return ()
+
     def unused(self) -> str:
         """Which options are given though this law :attr:`ignores` them, in a sentence; else empty."""
         observer = [key for key in ("observer", "dead_time") if positive(getattr(self, key, None))]
@@ -134,6 +139,11 @@ class Wrapper(Controller):
         """What the law uses, and what is used beside it."""
         used = dict.fromkeys((*self.law.uses, *self.own_uses))
         return tuple(sorted(used, key=lambda name: (name == "model", name == "memory")))
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`Controller`."""
+        return self.law.kernels
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """See :class:`Controller`."""

@@ -102,6 +102,11 @@ class PredictiveControl(Controller):
         """See :class:`.Controller`."""
         return ("σ", "T_s", "memory", "model")
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        return ("predictive",)
+
     def remark(self, labels: tuple[str, ...]) -> str:
         """See :class:`.Controller`."""
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""

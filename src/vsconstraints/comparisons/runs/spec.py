@@ -116,6 +116,11 @@ class ControllerSpec:
         """Files that an own one is defined in."""
         return tuple(module_files([self.law], self.folder))
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`.Controller`; none of an own one, whose code is not run for that."""
+        return () if ":" in self.law else self.make().kernels
+
     def make(self) -> Controller:
         """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
         return make_controller(self.law, self.options, self.folder)
