@@ -193,6 +193,16 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
     assert not [*(tmp_path / "alone").glob("task_priority-*")]
 
 
+@pytest.mark.parametrize("found", [True, False])
+def test_where_nothing_was_compiled_another_process_begins_with_what_only_some_need(found, monkeypatch):
+    compiler, shared = pytest.importorskip("vsconstraints.compiled.compiler"), []
+    monkeypatch.setattr(compiler, "_helpers", [] if found else [None])
+    monkeypatch.setattr(compiler, "_share", shared.append)
+    kernels.prepare("predictive", "hierarchical_qp", "goal_governor")
+    kernels.prepare("hierarchical_qp")
+    assert shared == ([] if found else [["predictive", "goal_governor"]])
+
+
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
     compiler, law = kernels.load("compiler"), kernels.load("task_priority").priority
     for i in range(12):

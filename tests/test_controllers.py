@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import faulthandler
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Any, cast, get_args
 
@@ -15,14 +16,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes import Straight
+from vsconstraints import compiled
 from vsconstraints.control import Model
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
     NAMED,
     RESOLVERS,
+    Barrier,
     Controller,
     HierarchicalQP,
+    Law,
     PotentialField,
     SlidingMode,
     Tracking,
@@ -32,6 +36,8 @@ from vsconstraints.controllers.base import restart
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.formulas.curves import superellipse
 from vsconstraints.rows import Array, Command, Rows, Status, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
 
 VARIANTS: dict[str, list[dict[str, Any]]] = {
     "sliding-mode": [{}],
@@ -488,6 +494,19 @@ def test_controllers_are_made_by_name() -> None:
     assert isinstance(field, PotentialField)
     assert (field.blend, field.region) == ("priority", 0.3)
     assert {law.name for law in CONTROLLERS.values()} == set(CONTROLLERS)
+
+
+SMALL = {"compiler", "parts", "observer", "delay", "from_state"}  #: Modules that compile in less than a second.
+
+
+@pytest.mark.parametrize(
+    "law", [*CONTROLLERS.values(), *(partial(Law, Barrier(), each()) for each in RESOLVERS)], ids=lambda law: str(law())
+)
+def test_laws_name_what_takes_long_to_compile(law: Callable[[], Controller], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "loaded", {})
+    made = law()
+    simulate(Scenario.load("example-2d-fov").with_override("duration", 0.05).setup(), made)
+    assert {*compiled.loaded} - {*compiled.MODULES} - SMALL == {*made.kernels} - {*compiled.MODULES}
 
 
 @pytest.mark.parametrize(

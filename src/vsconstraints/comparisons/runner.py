@@ -75,7 +75,7 @@ def compare(
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
-        prepare(*{name for spec in suite.controllers for name in spec.kernels})
+        prepare(*sorted({name for spec in suite.controllers for name in spec.kernels}))
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
         runs = {run.key: run for run in suite.runs()}
         if not fresh:

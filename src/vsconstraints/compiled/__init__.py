@@ -53,7 +53,7 @@ def prepare(*others: str) -> None:
 
     Where that had to be compiled, another process compiles ``others``, and goes on when this one returns.
     """
-    load("compiler").compile_ahead(others)
+    load("compiler").compile_ahead([name for name in others if name not in MODULES])
     for name in MODULES:
         load(name)
 

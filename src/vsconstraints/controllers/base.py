@@ -82,7 +82,7 @@ class Controller(Part, ABC):
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Modules of :mod:`vsconstraints.compiled` that take long to compile and only this law needs."""
+        """Modules of :mod:`vsconstraints.compiled` that take long to compile, as far as this law needs them."""
         return ()
 
     def unused(self) -> str:

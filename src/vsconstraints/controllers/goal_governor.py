@@ -110,6 +110,11 @@ class GoalGovernor(Controller):
         """A model, and what the law underneath uses."""
         return (*(known for known in self.law.uses if known != "memory"), "memory", "model")
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        return ("goal_governor", *self.law.kernels)
+
     def reset(self, period: float | None = None, model: Any = None) -> None:
         """Begin again at the first sample; see :class:`.Controller`.
 

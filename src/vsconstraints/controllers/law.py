@@ -97,6 +97,11 @@ class Law(Controller):
         known = [USES[name] for name in self.demand.used] + [OF_TASK[name] for name in self.resolver.uses]
         return (*known, "memory") if self.demand.remembers else tuple(known)
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """See :class:`.Controller`."""
+        return (self.resolver.kernel[0],)
+
     def remark(self, labels: tuple[str, ...]) -> str:
         """See :class:`.Controller`."""
         return self.resolver.remark(labels)

@@ -27,7 +27,7 @@ class PathIntegralControl(PredictiveControl):
     so that runs repeat bit by bit.
     """
 
-    name, ignores = "mppi", (*PredictiveControl.ignores, "observer")
+    name, ignores, kernels = "mppi", (*PredictiveControl.ignores, "observer"), ()
 
     samples: int = option(64, "S, from 1 to 100,000", Range(16, 512, integer=True))
     horizon: int = option(3, "H, from 1 to 100", Range(2, 20, integer=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,7 @@ class PredictiveControl(Controller):
     """
 
     name, ignores = "predictive", ("K", *GAINS)
+    kernels: ClassVar[tuple[str, ...]] = ("predictive",)
     fading = 0.0  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an observer's.
 
     horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
@@ -101,11 +102,6 @@ class PredictiveControl(Controller):
     def uses(self) -> tuple[str, ...]:
         """See :class:`.Controller`."""
         return ("σ", "T_s", "memory", "model")
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """See :class:`.Controller`."""
-        return ("predictive",)
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """See :class:`.Controller`."""

@@ -119,7 +119,7 @@ def collect(
         tasks = tasks_of(campaign, plan.shard, plan.limit, scenes_there)
         for family in {task.family.name: task.family for task in tasks}.values():
             family.demand_scenes(campaign.half, campaign.seed)
-        prepare(*{name for spec in campaign.controllers for name in spec.kernels})
+        prepare(*sorted({name for spec in campaign.controllers for name in spec.kernels}))
         configuration = campaign.resolved()
         manifest = {
             **provenance(command, used_versions(configuration)),
