@@ -13,6 +13,7 @@ is first needed, so that nobody waits for a compiler without using it.
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -43,6 +44,7 @@ def load(name: str) -> Any:
         return loaded.setdefault(name, import_module(f"{__name__}.{name}"))
 
 
+@cache
 def entry(function: Any) -> Any:
     """The compiled function without the search for the one that fits its arguments: for arrays that are known to."""
     return function.overloads[function.signatures[0]].entry_point if hasattr(function, "overloads") else function

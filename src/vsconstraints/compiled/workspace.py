@@ -6,6 +6,7 @@ Records are arrays whose fields compiled code takes as attributes.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -255,20 +256,23 @@ def fields(kind: Any) -> dict[str, Any]:
 
 def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
     """The shape of a declared array; letters without a length count 1."""
-    return tuple(length if isinstance(length, int) else lengths.get(length, 1) for length in declared.__metadata__[1:])
+    _, *shape = declared.__metadata__
+    return tuple([length if type(length) is int else lengths.get(length, 1) for length in shape])
 
 
 def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None) -> Any:
     """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields that are there."""
     values, lengths = dict(known or {}), lengths or {}
     for name, declared in fields(kind).items():
-        if name not in values and declared in (int, float):
-            values[name] = declared(0)
-        elif name not in values and declared is JointLimits:
-            values[name] = JointLimits(*(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0)
-        elif name not in values and hasattr(declared, "__metadata__"):
+        if name in values:
+            continue
+        if hasattr(declared, "__metadata__"):
             values[name] = np.zeros(shape_of(declared, lengths), declared.__metadata__[0])
-        elif name not in values:
+        elif declared in (int, float):
+            values[name] = declared(0)
+        elif declared is JointLimits:
+            values[name] = JointLimits(*(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0)
+        else:
             values[name] = zeros(declared, lengths, known)
     return kind(**{name: values[name] for name in kind._fields})
 
@@ -334,7 +338,9 @@ class Workspace:
     __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")
 
     def __init__(self, structure: Any) -> None:
-        self._words = np.array(_words(structure), dtype=np.int64)
+        words: list[int] = []
+        _add_words(structure, words)
+        self._words = np.array(words, dtype=np.int64)
         self.structure, self.address, self._in_python = structure, int(self._words.ctypes.data), None
         _workspaces[self.address] = self
 
@@ -364,10 +370,12 @@ def _with_records(part: Any) -> Any:
     return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part
 
 
-def _words(part: Any) -> list[int]:
+def _add_words(part: Any, words: list[int]) -> None:
     if isinstance(part, tuple):
-        return [word for field in part for word in _words(field)]
-    if isinstance(part, np.ndarray):
+        for field in part:
+            _add_words(field, words)
+    elif isinstance(part, np.ndarray):
         # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and strides
-        return [0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides]
-    return [int(np.float64(part).view(np.int64)) if isinstance(part, float) else int(part)]
+        words += (0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides)
+    else:
+        words += struct.unpack("q", struct.pack("d", part)) if isinstance(part, float) else (int(part),)

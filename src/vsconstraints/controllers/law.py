@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ from .least_norm import track
 from .ranges import positive
 from .resolver import COMPILED, Resolver
 from .resolver import USES as OF_TASK
+
+
+@cache
+def _options_of(part: Any) -> frozenset[str]:
+    return frozenset(field.name for field in fields(part))
 
 
 class Law(Controller):
@@ -70,7 +76,7 @@ class Law(Controller):
     def _part_of(self, option: str) -> str | None:
         """Which of the two parts has an option of that name, if any has."""
         parts = [part for part in ("demand", "resolver") if part in vars(self)]
-        return next((part for part in parts if option in {field.name for field in fields(vars(self)[part])}), None)
+        return next((part for part in parts if option in _options_of(vars(self)[part].__class__)), None)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_compiled": None}
