@@ -31,24 +31,24 @@ BUDGETS = {
     "formulas": Budget(1224, 1300),
     "robots": Budget(1209, 900),
     "vision": Budget(1971, 2000),
-    "compiled": Budget(7410, 3300),
+    "compiled": Budget(7430, 3300),
     "constraints": Budget(2366, 1900),
     "qp": Budget(479, 600),
-    "controllers": Budget(3472, 2200),
+    "controllers": Budget(3499, 2200),
     "control": Budget(825, 700),
-    "simulation": Budget(2565, 2000),
+    "simulation": Budget(2573, 2000),
     "scenarios": Budget(2386, 1800),
     "learning": Budget(259, 260),
-    "comparisons": Budget(6619, 4000),
-    "reports": Budget(6804, 4000),
+    "comparisons": Budget(6635, 4000),
+    "reports": Budget(6812, 4000),
     "paper": Budget(2927, 2400),
     "arms": Budget(1926, 1300),
-    "cli": Budget(1280, 700),
+    "cli": Budget(1283, 700),
 }
 """By room, in the order in which rooms stand on each other. A limit is what the room has: what makes it larger changes
 the number here too, and says why; what makes it smaller lowers it."""
 
-ALL = Budget(44665, 31_000)
+ALL = Budget(44747, 31_000)
 MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 303, 14, 8, 300
 """What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
