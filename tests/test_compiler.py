@@ -170,37 +170,39 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
 def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
     """Here one needs the search alone; the second process begins with the laws, and ends with the first.
 
-    Nor does a process that it starts, and that compiles something else, say again what it said.
+    Another one compiles what is asked of it, but where all was found compiled. Nor does a process that the first one
+    starts, and that compiles something else, say again what it said.
     """
     code = (
         "import subprocess, sys, time; from pathlib import Path; from vsconstraints.compiled import load\n"
         "load('polylines')\n"
+        "load('compiler').compile_ahead(['projection'])\n"
         "other = 'from vsconstraints.compiled import load; load(\"delay\")'\n"
         "subprocess.run([sys.executable, '-c', other], check=True)\n"
-        "while sys.argv[1:] and not any(Path(sys.argv[1]).glob('task_priority-*/**/*.nbi')): time.sleep(0.2)"
+        "for name in sys.argv[2:]:\n"
+        "    while not any(Path(sys.argv[1]).glob(name + '-*/**/*.nbi')): time.sleep(0.2)"
     )
     for name, variables in (("alone", {"VSCONSTRAINTS_COMPILE": "alone"}), ("together", {})):
         kept = tmp_path / name
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept), **variables}
-        awaited = [str(kept)] if name == "together" else []
+        awaited = ["task_priority", "projection"] if name == "together" else []
         done = subprocess.run(
-            [sys.executable, "-c", code, *awaited],
+            [sys.executable, "-c", code, str(kept), *awaited],
             env=environment, capture_output=True, text=True, timeout=240, check=True,
         )  # fmt: skip
         assert done.stderr.count("compiling the control step, once, for") == 1
         assert any(kept.glob("polylines-*/**/*.nbi"))
     assert {folder.name.partition("-")[0] for folder in (tmp_path / "alone").iterdir()} >= {"polylines", "delay"}
-    assert not [*(tmp_path / "alone").glob("task_priority-*")]
-
-
-@pytest.mark.parametrize("found", [True, False])
-def test_where_nothing_was_compiled_another_process_begins_with_what_only_some_need(found, monkeypatch):
-    compiler, shared = pytest.importorskip("vsconstraints.compiled.compiler"), []
-    monkeypatch.setattr(compiler, "_helpers", [] if found else [None])
-    monkeypatch.setattr(compiler, "_share", shared.append)
-    kernels.prepare("predictive", "hierarchical_qp", "goal_governor")
-    kernels.prepare("hierarchical_qp")
-    assert shared == ([] if found else [["predictive", "goal_governor"]])
+    assert not [*(tmp_path / "alone").glob("task_priority-*"), *(tmp_path / "alone").glob("projection-*")]
+    found = (
+        "import os; from vsconstraints.compiled import load\n"
+        "load('polylines')\n"
+        "load('compiler').compile_ahead(['saturation'])\n"
+        "try: os.waitpid(-1, os.WNOHANG)\n"
+        "except ChildProcessError: print('no other process')"
+    )
+    done = subprocess.run([sys.executable, "-c", found], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "no other process\n"
 
 
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
