@@ -43,7 +43,7 @@ Key = tuple[str, str, str]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Judge mutants and print what was found."""
     parser = argparse.ArgumentParser(prog="python -m checks.mutation", description="Do tests notice wrong code?")
-    parser.add_argument("--sample", type=int, metavar="N", help="only so many; all named ones too unless --named")
+    parser.add_argument("--sample", type=int, metavar="N", help="only so many, and no named ones unless --named")
     parser.add_argument("--seed", default="1", help="of the sample (default: 1)")
     parser.add_argument("--only", metavar="TEXT", default="", help="only files with this in their path")
     parser.add_argument("--changed", metavar="REV", help="only lines that were changed since this commit")
@@ -76,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lines = _changed(chosen.changed) if chosen.changed else None
         worth = [mutant for mutant in worth if lines is None or mutant.line in lines[mutant.file]]
         mutants = sampled(worth, chosen.sample or len(worth), chosen.seed)
+        named = [] if chosen.sample else named
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         watched = list(dict.fromkeys([*files, *(mutant.file for mutant in named)]))
         known_tests, most = tests if chosen.named else None, QUICKEST if chosen.renew else None
