@@ -112,6 +112,7 @@ def say(*words: str) -> Any:
     return CliRunner().invoke(app, ["evidence", *words])
 
 
+@pytest.mark.slow
 def test_a_command_with_a_file_of_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     campaign(tmp_path)
     monkeypatch.chdir(tmp_path)

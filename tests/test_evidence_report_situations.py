@@ -123,6 +123,7 @@ def test_points_over_levels_are_shares_with_their_intervals(tmp_path: Path) -> N
                 assert (low[1], high[1]) == pytest.approx((100.0 * one.low, 100.0 * one.high))
 
 
+@pytest.mark.slow
 def test_a_report_of_many_conditions_stays_short(tmp_path: Path) -> None:
     """Twenty conditions of three ladders, ten laws."""
     table = Family.load("ladder-planar").tables["conditions"]

@@ -204,6 +204,7 @@ def test_scenes_that_are_drawn_otherwise_are_found(copy: Path) -> None:
 # campaigns
 
 
+@pytest.mark.slow
 def test_laws_are_run_on_frozen_and_on_secret_scenes(
     three: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
