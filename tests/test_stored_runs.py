@@ -22,7 +22,7 @@ from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
 from vsconstraints.comparisons.runs.files import SUMS, read_arrays, write_arrays
 from vsconstraints.comparisons.runs.machine import package_versions
-from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.runs.spec import ControllerSpec, prepare_laws
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
 from vsconstraints.comparisons.tuning import Budget, Problem
 from vsconstraints.errors import ConfigurationError, StorageError
@@ -525,3 +525,10 @@ def test_what_does_not_become_smaller_is_stored_as_it_is(tmp_path: Path) -> None
     assert again.keys() == given.keys()
     for name, value in given.items():
         np.testing.assert_array_equal(again[name], value, strict=name != "k")
+
+
+def test_what_laws_need_is_compiled_before_runs_and_no_code_of_own_laws_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr("vsconstraints.comparisons.runs.spec.prepare", lambda *names: asked.append(names))
+    prepare_laws([*map(ControllerSpec, ("predictive", "goal-governor")), ControllerSpec("mine", "nowhere:Law")])
+    assert asked == [("goal_governor", "predictive", "task_priority")]

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..compiled import prepare
 from ..errors import described
 from ..plugins.processes import INTERRUPTS, signal_of
 from ..plugins.provenance import Files, digests, imported, noted
@@ -21,7 +20,7 @@ from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, stor
 from .runs.folder import MANIFEST, locked
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
-from .runs.spec import BASELINE, RunSpec
+from .runs.spec import BASELINE, RunSpec, prepare_laws
 from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
@@ -75,7 +74,7 @@ def compare(
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
-        prepare(*sorted({name for spec in suite.controllers for name in spec.kernels}))
+        prepare_laws(suite.controllers)
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
         runs = {run.key: run for run in suite.runs()}
         if not fresh:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...compiled import prepare
 from ...errors import ConfigurationError
 from ...plugins.processes import deadline
 from ...robots.geometry import demand_sign
@@ -17,7 +16,7 @@ from ...scenarios.reading import from_table
 from ...scenarios.toml import read_toml
 from ..runs.folder import MANIFEST, manifest_of
 from ..runs.pool import Failure, OpenWorkers
-from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming
+from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming, prepare_laws
 from .campaign import Campaign
 from .work import Batch, benches, tasks_of
 
@@ -99,7 +98,7 @@ def _stored(folder: Path) -> object:
 
 
 def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]) -> CallTimes:
-    prepare()
+    prepare_laws(campaign.controllers)
     tasks = dict(enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={}))))
     found = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:

@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ...compiled import prepare
 from ...plugins.processes import INTERRUPTS, signal_of
 from ..runs.files import seal, storing, write_json
 from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
 from ..runs.machine import loaded_versions, machine, provenance, used_versions
 from ..runs.pool import Failure, OpenWorkers, Workers, processes
-from ..runs.spec import BASELINE
+from ..runs.spec import BASELINE, prepare_laws
 from .campaign import Campaign
 from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts
 from .parquet import TABLES
@@ -119,7 +118,7 @@ def collect(
         tasks = tasks_of(campaign, plan.shard, plan.limit, scenes_there)
         for family in {task.family.name: task.family for task in tasks}.values():
             family.demand_scenes(campaign.half, campaign.seed)
-        prepare(*sorted({name for spec in campaign.controllers for name in spec.kernels}))
+        prepare_laws(campaign.controllers)
         configuration = campaign.resolved()
         manifest = {
             **provenance(command, used_versions(configuration)),

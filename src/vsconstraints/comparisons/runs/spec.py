@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ...compiled import prepare
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError, shown
@@ -116,14 +117,14 @@ class ControllerSpec:
         """Files that an own one is defined in."""
         return tuple(module_files([self.law], self.folder))
 
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """See :class:`.Controller`; none of an own one, whose code is not run for that."""
-        return () if ":" in self.law else self.make().kernels
-
     def make(self) -> Controller:
         """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
         return make_controller(self.law, self.options, self.folder)
+
+
+def prepare_laws(laws: Iterable[ControllerSpec]) -> None:
+    """Compile, or read, what simulations need, and what only these need beside it; no code of own laws is run."""
+    prepare(*sorted({name for law in laws if ":" not in law.law for name in law.make().kernels}))
 
 
 #: The controller that defines which rows a scenario challenges: every comparison and every study runs it.

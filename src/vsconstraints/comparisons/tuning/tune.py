@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...compiled import prepare
 from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
@@ -20,6 +19,7 @@ from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
+from ..runs.spec import prepare_laws
 from .problem import ALL, OBJECTIVES, ByFamily, Evaluate, Judged, Options, Problem, Searched, choose, evaluating, loss
 
 JOURNAL, TUNED, EVALUATIONS = "journal.jsonl", "tuned.toml", "evaluations.parquet"
@@ -240,7 +240,7 @@ def tune(
     """
     demand("tune")
     with locked(folder, "a tuning"):
-        prepare()
+        prepare_laws(problem.campaign.controllers)
         _claim(folder, problem, command)
         tasks = problem.tasks(workers, lambda done, total: on_progress("drawing training scenes", done, total))
         journal = Journal(folder / JOURNAL)
