@@ -21,7 +21,11 @@ class ArmError(VsconstraintsError):
 
 
 class Joints(NamedTuple):
-    """Joints at one instant: by the arm's clock ``t`` [s], ``q`` (n,) [rad or m] and ``qd`` (n,) [rad/s or m/s]."""
+    """Joints at one instant: by the arm's clock ``t`` [s], ``q`` (n,) [rad or m] and ``qd`` (n,) [rad/s or m/s].
+
+    The clock may begin anywhere. It has to go on with each new state: a state whose time is not later than that of the
+    one before counts as the same one, read again. A joint that turns without end may be given in any turn.
+    """
 
     t: float
     q: Array
@@ -90,7 +94,8 @@ class Driver(ABC):
         for option in address.options:
             if option not in self.known:
                 raise unknown_name(f"option of {address.scheme}", option, self.known)
-        self.address, self.n, self.period = address, setup.scene.robot.n, setup.Ts
+        self.address, self.robot, self.period = address, setup.scene.robot, setup.Ts
+        self.n = self.robot.n
 
     def connect(self) -> None:
         """Reach the arm; nothing moves. Raises ArmError."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import described
+from ..errors import InvalidInput, described, shown
 from ..robots.order_filter import OrderFilter
 from ..rows import Array
 from ..vision.measurement import INNOVATIONS
@@ -15,6 +15,7 @@ from .driver import ArmError, Driver, Joints
 from .envelope import Brake, Envelope, Setpoint
 from .realtime import Clock, RealClock, SimulatedClock
 from .record import Period
+from .supervision import Supervision
 
 MAX_STOP = 30.0  #: A stop that is streamed takes no longer [s].
 #: After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s].
@@ -24,12 +25,15 @@ SETTLING = 0.5  #: How long after the last setpoint of a stop an arm may still m
 HALTS = 3  #: How often the arm's own stop is tried, where the command fails.
 NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)  #: Of periods in which nothing is compared with the model.
 STILL = 0.01  #: Measured speed that is rest [rad/s or m/s].
+FEWEST_REPEATED = 5  #: Periods in which the same state may be read again, however long a period is.
 
 
 class Stream:
     """Integrates accelerations to setpoints, from ``q`` (n,) on, and sends them, checked once more, in each period."""
 
-    def __init__(self, driver: Driver, envelope: Envelope, q: Array, markers: int) -> None:
+    def __init__(
+        self, driver: Driver, envelope: Envelope, q: Array, markers: int, bounds: Supervision | None = None
+    ) -> None:
         self.driver, self.envelope, self.Ts = driver, envelope, envelope.period
         self.clock: Clock = SimulatedClock() if driver.simulated_time else RealClock()
         self.sent = Setpoint(q, np.zeros_like(q), np.zeros_like(q))
@@ -42,10 +46,37 @@ class Stream:
         self.turn = threading.Lock()  #: Held by the thread that speaks to the arm.
         self.stop = "", False  #: How the arm came to rest, in words, and whether setpoints brought it there.
         self.safe = False  #: Whether it is at rest, or has taken it that it is to stop.
+        stalled_s = (bounds or Supervision()).stalled_s
+        self._most_repeated = max(round(stalled_s / self.Ts), FEWEST_REPEATED)
+        self._state_at = -np.inf  #: The arm's time of the state that was read last [s].
+        self._repeated = 0  #: How often it was read again since.
 
     def begin(self) -> None:
         """The first period begins now."""
         self.begun = self._sent_at = self.clock.now()
+
+    def now(self) -> float:
+        """Time since the first period began [s]."""
+        return self.clock.now() - self.begun
+
+    def read(self) -> Joints:
+        """Where the joints are; those that turn without end in the turn nearest to where they were sent.
+
+        Raises ArmError, also if the arm's clock has stood still for too many periods, and InvalidInput if the state is
+        not of the arm's joints.
+        """
+        state = self.driver.read()
+        n = len(self.sent.q)
+        if np.shape(state.q) != (n,) or np.shape(state.qd) != (n,):
+            raise InvalidInput(f"the arm's state must be of {n} joints, not {shown(state)}")
+        # a time that is no number does not go on either
+        self._repeated = 0 if state.t > self._state_at else self._repeated + 1
+        self._state_at = state.t
+        if self._repeated >= self._most_repeated:
+            raise ArmError(
+                f"the arm's clock stands still at {state.t:.6g} s: the same state was read for {self._repeated} periods"
+            )
+        return state._replace(q=self.driver.robot.nearest_turn(state.q, self._filter.q))
 
     def wait(self, k: int) -> tuple[float, float]:
         """Wait for a period's beginning: when it was to be, since the first one, and how late it is [s]."""
@@ -120,7 +151,7 @@ class Stream:
                 brake, rested, silences = self._brake(), 0, silences + 1
                 if silences > MAX_SILENCES:
                     raise ArmError(f"setpoints came too late {silences} times")
-            due, state = self.clock.now() - self.begun, self.driver.read()
+            due, state = self.now(), self.read()
             if brake.at_rest(self._filter.qd):
                 if (np.abs(state.qd) <= STILL).all():
                     break
@@ -148,7 +179,7 @@ class Stream:
     def _brake(self) -> Brake:
         """From what was sent last or, after silence, from where the arm is measured; raises ArmError."""
         if self._silent():
-            here = self.driver.read()
+            here = self.read()
             if not (np.isfinite(here.q).all() and np.isfinite(here.qd).all()):
                 raise ArmError("the arm's state is not finite")
             self.sent = Setpoint(here.q, here.qd, np.zeros_like(here.q))

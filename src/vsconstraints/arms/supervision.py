@@ -26,6 +26,8 @@ class Supervision(Plausible):
     start_rad: float = 0.02  #: How far a joint may be from the scenario's start [rad or m].
     rest_rad_s: float = 0.01  #: How fast a joint may move before the start [rad/s or m/s].
     following_rad: float = 0.1  #: How far a joint may be from where it was sent [rad or m].
+    #: How long the arm's clock may stand still in the states that are read [s]; five periods if that is longer.
+    stalled_s: float = 0.02
     late_s: float = 0.02  #: How late a period may begin [s]; later than a whole period, it counts as missed.
     begin_s: float = 2.0  #: How long the arm may take to be ready for setpoints, while it stands [s].
     #: How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
@@ -53,7 +55,7 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
         raise ConfigurationError("disturbances.gradient_error is for simulations: on an arm rows are as they are known")
     if setup.qd0.any():
         raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")
-    fast, off = np.abs(state.qd), np.abs(state.q - setup.q0)
+    fast, off = np.abs(state.qd), np.abs(setup.scene.robot.difference(state.q, setup.q0))
     i, j = int(np.argmax(fast)), int(np.argmax(off))
     if fast[i] > supervision.rest_rad_s:
         raise ConfigurationError(f"the arm moves: joint {i + 1} at {state.qd[i]:.3g} rad/s; it must stand still")

@@ -12,7 +12,7 @@ from typing import Any
 from ..formulas.features import image_row, interaction, pose_error, pose_rates
 from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
 from ..formulas.motion import displacement
-from ..formulas.rotation import rotation_vector_rate
+from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.row import gradient_error
 from ..formulas.tracking import funnel, goal_at
 from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
@@ -75,8 +75,12 @@ def joint_rows() -> WriteRows:
         part = step.parts[i]
         for row in range(part.first, part.first + part.count):
             value, rate, g = step.offsets[row], 0.0, step.gradients[row]
+            middle = step.middles[row]
             for j in range(len(g)):
-                value += g[j] * step.q[j]
+                q = step.q[j]
+                if middle == middle:  # not NaN: the row is of one joint, which turns without end
+                    q -= whole_turns(q - middle)
+                value += g[j] * q
                 rate += g[j] * step.qd[j]
                 step.rows.Lg[row, j] = part.K * g[j]
             write_row(step, row, part.K, value, rate, 0.0)

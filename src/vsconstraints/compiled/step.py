@@ -10,6 +10,7 @@ from ..formulas.features import MINIMUM_DEPTH, image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle
+from ..formulas.rotation import whole_turns
 from ..formulas.vectors import matrix, plus, times, turned, vector
 from ..rows import Array, BoolArray
 from .camera import carry, from_target, in_camera, keep_view, look_back, move_camera, moved_since, place_camera
@@ -99,7 +100,10 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
             return False
         mean_speed = 0.5 * (qd[i] + step.qd[i])
-        step.slip[i] = slip(step.slip[i], q[i] - step.q[i], mean_speed, t - step.time[0])
+        moved = q[i] - step.q[i]
+        if step.joints[i].continuous != 0:
+            moved -= whole_turns(moved)
+        step.slip[i] = slip(step.slip[i], moved, mean_speed, t - step.time[0])
         step.q[i], step.qd[i] = q[i], qd[i]
     step.time[0] = t
     move(step, q, qd)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..formulas.features import image_row, pose_error, pose_rates
-from ..formulas.rotation import rotation_vector_rate
+from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.tracking import demanded, gains, minimum_jerk, resting
 from ..formulas.vectors import matrix, turned, vector
 from .compiler import in_place
@@ -130,5 +130,8 @@ def write_task(step: Step, t: float) -> None:
         for j in range(n):
             step.last_J[i, j] = task.J[i, j]
     for j in range(task.rest.size):
-        task.rest[j] = resting(step.q[j], step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness)
+        q = step.q[j]
+        if step.joints[j].continuous != 0:
+            q -= whole_turns(q - step.posture[j])
+        task.rest[j] = resting(q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness)
     last.time, last.goal = t, goal

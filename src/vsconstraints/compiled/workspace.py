@@ -48,7 +48,8 @@ POSE = ("R", M3), ("t", V3)
 #: d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is zero.
 MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
 #: Placement in the body before, axis there, and whether the joint moves along it.
-JOINT = record(*POSE, ("axis", V3), "#prismatic")
+#: ``continuous``: it turns without end, so that its angles count modulo 2π.
+JOINT = record(*POSE, ("axis", V3), "#prismatic", "#continuous")
 #: Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal lengths and what is added
 #: to pixels; the factor of believed depths.
 CAMERA = record(*POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed")
@@ -185,12 +186,13 @@ class Step(NamedTuple):
     goal_interaction: Annotated[Array, F8, "goals", "2M", 6]
     posture: Annotated[Array, F8, "n"]
     # constraints: parameters of their formulas; for each row its marker or robot point, of linear rows the gradient and
-    # the constant
+    # the constant, of those on a joint that turns without end the middle of its range, NaN elsewhere
     parts: Annotated[Records, PART, "parts"]
     parameters: Annotated[Array, F8, "parts", "parameters"]
     which: Annotated[IntArray, I8, "m"]
     gradients: Annotated[Array, F8, "m", "n"]
     offsets: Annotated[Array, F8, "m"]
+    middles: Annotated[Array, F8, "m"]
     # error of gradients, with c_e s of eq. (49)
     gradient_error: Annotated[Records, GRADIENT_ERROR, 1]
     gradient_share: Annotated[Array, F8, "m", "n"]

@@ -27,7 +27,8 @@ class Form(NamedTuple):
     """What the compiled step needs to know of a constraint: rows of :mod:`vsconstraints.compiled.constraint_rows`.
 
     ``which`` (r,) are the numbers of the markers or of the scene's robot points, counted from 0; ``gradients`` (r, n)
-    and ``offsets`` (r,) those of linear rows; the others see :class:`ByFormula`.
+    and ``offsets`` (r,) those of linear rows; ``middles`` (r,) are the middles of the ranges of joints that turn
+    without end, NaN for other rows; the others see :class:`ByFormula`.
     """
 
     rows: str
@@ -39,6 +40,7 @@ class Form(NamedTuple):
     motion: Motion | None = None
     gradients: Array | float = 0.0
     offsets: Array | float = 0.0
+    middles: Array | float = np.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError, shown
+from ..formulas.rotation import whole_turns
 from ..robots.geometry import Numbers
 from ..robots.robot import Robot
 from ..rows import Array
@@ -179,6 +180,9 @@ class JointRange(OfJoints, JointConstraint):
     ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side. The paper
     writes one row with |q̃_i|, which has a kink at the middle; two linear rows are the same where it matters.
 
+    Of a joint that turns without end (:attr:`.Robot.continuous`), q_i counts in the turn nearest to the middle of its
+    range, unless the range is a whole turn or more, as one that a cable sets.
+
     ``joints`` are the numbers of those concerned, counted from 1, all that have a range if None; ``lower`` and
     ``upper`` their ranges [rad or m] instead of the robot's, ``margin`` is a fraction of half the range. K is the
     approach time constant [s], ``switching_gain`` u⁺ [1/s].
@@ -203,10 +207,22 @@ class JointRange(OfJoints, JointConstraint):
         self._select(robot, joints, margin, (lower, robot.q_min), (upper, robot.q_max))
         half = 0.5 * (self.upper - self.lower)
         self._keep(robot.n, 0.5 * (self.lower + self.upper), half, -half)
+        #: (n,) middles of ranges on the circle; NaN for joints that have none.
+        self._middles = np.full(robot.n, np.nan)
+        self._middles[self._at] = np.where(robot.continuous[self._at] & (half < np.pi), self.mid, np.nan)
 
     def sigma(self, q: Array) -> Array:
         """Eq. (25), one row for each side."""
-        return self._value(q)
+        on_circle = np.isfinite(self._middles)
+        return self._value(q - whole_turns(np.where(on_circle, q - self._middles, 0.0)))
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Linear rows, of joints that turn without end from the middle of their range."""
+        form = super().compiled_form(scene, points)
+        if form is None:
+            return None
+        # σ at zero counts in another turn where that is nearer to the middle
+        return form._replace(offsets=self._value(np.zeros(scene.robot.n)), middles=np.tile(self._middles[self._at], 2))
 
 
 class JointSpeed(OfJoints, SpeedConstraint):

@@ -148,7 +148,7 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     robot, motion = scene.robot, scene.motion
     placements = list(robot.model.jointPlacements)[1:]
     _write(step.joints, R=[place.rotation for place in placements], t=[place.translation for place in placements])
-    _write(step.joints, axis=robot.axes, prismatic=robot.prismatic)
+    _write(step.joints, axis=robot.axes, prismatic=robot.prismatic, continuous=robot.continuous)
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
         raise ConfigurationError(f"control takes a tip that the last joint moves, not the frame {tip.name}")
@@ -216,6 +216,7 @@ def _write_constraint(
         _write_motion(record["motion"], motion)
     step.parameters[i, : len(form.parameters)] = form.parameters
     step.which[rows], step.gradients[rows], step.offsets[rows] = form.which, form.gradients, form.offsets
+    step.middles[rows] = form.middles
 
 
 def _write_motion(record: Any, motion: Motion) -> None:

@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from . import formula
 from .vectors import Matrix, Vector, dot, turned
 
 TURN = 2.0 * math.pi
+
+
+@formula
+def whole_turns(angle: Any) -> Any:
+    """Whole turns [rad] that bring an angle into [−π, π] when they are subtracted; 0 for one that lies there."""
+    return TURN * np.rint(angle / TURN)
 
 
 @formula

@@ -14,7 +14,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ..rows import Array
+from ..formulas.rotation import whole_turns
+from ..rows import Array, BoolArray
 from ..rows.readable import amount, counted, in_one_line, span
 from .geometry import Numbers, Pose, skew, vector
 from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
@@ -89,6 +90,24 @@ class Robot:
     def prismatic(self) -> tuple[bool, ...]:
         """Which of the n joints move along a line."""
         return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
+
+    @cached_property
+    def continuous(self) -> BoolArray:
+        """(n,) which joints turn without end: revolute ones without a range, whose angles count modulo 2π."""
+        unbounded = np.isinf(self.q_min) & np.isinf(self.q_max)
+        return unbounded & ~np.array(self.prismatic, dtype=np.bool_)
+
+    def difference(self, a: Array, b: Array) -> Array:
+        """Return a − b (..., n) [rad or m], on the circle, in [−π, π], for joints that turn without end."""
+        return self.nearest_turn(a, b) - b
+
+    def nearest_turn(self, q: Array, near: Array) -> Array:
+        """Return ``q`` (..., n) with joints that turn without end in the turn nearest to ``near`` (..., n)."""
+        away = q - near
+        # numbers that are not finite stay as they are
+        counted_by_turns = self.continuous & np.isfinite(away)
+        nearest: Array = q - whole_turns(np.where(counted_by_turns, away, 0.0))
+        return nearest
 
     @cached_property
     def axes(self) -> Array:
