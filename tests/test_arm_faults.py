@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -319,18 +320,51 @@ def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None
     assert guardian.end(True) == ""
 
 
-def test_a_loop_whose_guardian_is_gone_brakes(monkeypatch: pytest.MonkeyPatch) -> None:
+def heard_after(guardian: Guardian, seconds: float) -> str:
+    """Send heartbeats for so long, or until it is lost; returns why it is."""
+    until = time.monotonic() + seconds
+    while not guardian.lost and time.monotonic() < until:
+        guardian.alive()
+        time.sleep(0.005)
+    return guardian.lost
+
+
+def test_a_guardian_answers_until_it_is_suspended(tmp_path: Path) -> None:
+    guardian = Guardian(Told(tmp_path / "told"), 2.0)
+    assert heard_after(guardian, 3.0) == ""
+    os.kill(guardian.process.pid, signal.SIGSTOP)
+    assert heard_after(guardian, 30.0).startswith("has not answered for 2")
+    assert guardian.end(True) == ""
+    assert guardian.process.returncode == -signal.SIGKILL
+    assert not (tmp_path / "told").exists()
+
+
+def test_what_a_guardian_says_of_its_stop_is_not_taken_for_an_answer(tmp_path: Path) -> None:
+    guardian = Guardian(Told(tmp_path / "told"), 0.2)
+    guardian.alive()
+    guardian.process.wait(30.0)
+    assert heard_after(guardian, 30.0) == "has ended"
+    assert guardian.end(False).startswith("the loop has said nothing for 200 ms, and a process of its own told the arm")
+
+
+@pytest.mark.parametrize(("number", "told"), [(signal.SIGKILL, "has ended"), (signal.SIGSTOP, "has not answered for ")])
+def test_a_loop_whose_guardian_is_gone_or_suspended_brakes(
+    number: signal.Signals, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     alive = Guardian.alive
 
     def once(guardian: Guardian, more: float = 0.0) -> None:
-        guardian.process.kill()
-        guardian.process.wait()
+        guardian.process.send_signal(number)
+        if number == signal.SIGKILL:
+            guardian.process.wait()
         alive(guardian, more)
 
     monkeypatch.setattr(Guardian, "alive", once)
+    setup = replace(SETUP, duration=60.0)
     with served() as (arm, port):
-        driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), SETUP)
-        patient = Supervision(late_s=10.0, hang_s=10.0)
-        log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=patient))[1]
-        assert "the process that would stop the arm in place of this one has ended" in log.cause
+        driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), setup)
+        # nothing else ends it on a machine that is late
+        patient = Supervision(late_s=10.0, hang_s=0.5, following_rad=10.0, speed_rad_s=1e3, stalled_s=10.0)
+        log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=patient))[1]
+        assert f"the process that would stop the arm in place of this one {told}" in log.cause
         assert_at_rest(arm)

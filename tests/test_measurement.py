@@ -262,7 +262,16 @@ def test_lists_and_other_layouts_of_pixels_are_taken(monkeypatch):
     seen = compiled.evaluate(0.0, q, qd).pixels + 1.0
     compiled.reset()
     expected, _ = to_command(0.0, q, qd, pixels=seen)
-    for other in (seen.tolist(), np.asfortranarray(seen), seen.astype(np.float32)):
+    for other in (seen.tolist(), np.asfortranarray(seen), seen.astype(np.float32), np.ma.array(seen)):
         compiled.reset()
         found, _ = to_command(0.0, q, qd, pixels=other)
         np.testing.assert_allclose(found.task.b, expected.task.b, rtol=1e-5, atol=1e-6)
+    # a marker that is masked was not seen
+    blind = seen.copy()
+    blind[1] = np.nan
+    hidden = np.ma.array(seen + 100.0 * np.isnan(blind), mask=np.isnan(blind))
+    compiled.reset()
+    expected, _ = to_command(0.0, q, qd, pixels=blind)
+    compiled.reset()
+    found, _ = to_command(0.0, q, qd, pixels=hidden)
+    np.testing.assert_array_equal(found.task.b, expected.task.b)

@@ -96,12 +96,23 @@ def test_what_is_checked_becomes_arrays() -> None:
     assert (nothing.pixels, nothing.taken, nothing.camera) == (None, T, None)
     assert np.isnan(nothing.depth).all()
     assert np.shape(nothing.depth) == (2,)
-    some = Measurement([[1, 2], [np.nan, 3]], [np.nan, 1e-9], T + 0.9e-9).checked(2, T)  # type: ignore[arg-type]
+    some = Measurement([[1, 2], [np.nan, 3]], [np.nan, 1e-9], T + 0.019).checked(2, T)  # type: ignore[arg-type]
     np.testing.assert_array_equal(some.pixels, [[1.0, 2.0], [np.nan, 3.0]])
     np.testing.assert_array_equal(some.depth, [np.nan, 1e-9])
-    assert some.taken == T + 0.9e-9
-    # 1e-9 s itself is rounding
-    assert Measurement(taken=1e-9).checked(2, 0.0).taken == 1e-9
+    # one that came after the state was read, within 20 ms, counts as taken with it
+    assert some.taken == T
+    assert Measurement(taken=T - 0.01).checked(2, T).taken == T - 0.01
+
+
+def test_what_is_masked_was_not_measured() -> None:
+    pixels = np.ma.masked_equal([[1.0, 2.0], [7.0, 3.0]], 7.0)
+    depth = np.ma.array([0.5, -1.0], mask=[False, True])
+    some = Measurement(pixels, depth).checked(2, T)
+    np.testing.assert_array_equal(some.pixels, [[1.0, 2.0], [np.nan, 3.0]])
+    np.testing.assert_array_equal(some.depth, [0.5, np.nan])
+    assert type(some.pixels) is type(some.depth) is np.ndarray
+    whole = np.ma.array([[1, 2], [3, 4]], mask=np.ma.nomask)
+    np.testing.assert_array_equal(Measurement(whole).checked(2, T).pixels, [[1.0, 2.0], [3.0, 4.0]])
 
 
 BAD = {
@@ -111,7 +122,7 @@ BAD = {
     "depth alone": ({"depth": np.ones(2)}, "needs the pixels"),
     "a depth of zero": ({"pixels": np.zeros((2, 2)), "depth": np.array([1.0, 0.0])}, "must be positive"),
     "shape of depth": ({"pixels": np.zeros((2, 2)), "depth": np.ones(3)}, "depth must be"),
-    "not yet": ({"taken": T + 1.1e-9}, "before now"),
+    "not yet": ({"taken": T + 0.021}, "before now"),
     "at no time": ({"taken": np.nan}, "before now"),
     "a matrix": ({"camera": np.eye(4)}, "must be a Pose"),
 }

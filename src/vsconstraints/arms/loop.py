@@ -18,7 +18,7 @@ from ..errors import ConfigurationError, SceneError, described, shown
 from ..rows import Array, Command
 from ..simulation import Setup
 from ..simulation.loop import loses_rank
-from ..vision.measurement import Measurement
+from ..vision.measurement import Measurement, with_nan
 from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
 from .guardian import Guardian
@@ -28,6 +28,7 @@ from .stream import Stream
 from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, demand_start, requests_noted
 
 GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
+STAMP = 1e-3  #: An image may be so much ahead of now [s]: stamps are often whole milliseconds.
 REHEARSALS = 3  #: Calls of a law before the arm moves: the first ones take longer.
 
 
@@ -86,7 +87,7 @@ class _Run:
         setup = job.setup
         self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
         self.control, self.Ts = setup.control(job.controller.factors), setup.Ts
-        self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
+        self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers), job.supervision)
         self.control.plausible = job.supervision
         self.taken, self.silent = "", False  #: Why the watchdog has taken over; whether the arm has not answered.
         #: When the newest image with a marker was taken, and the first one that shows them where it does [s].
@@ -230,12 +231,13 @@ class _Run:
         if late > self.bounds.late_s:
             raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
         if self.guardian is not None and self.guardian.lost:
-            raise Halt("failed", "the process that would stop the arm in place of this one has ended")
+            raise Halt("failed", f"the process that would stop the arm in place of this one {self.guardian.lost}")
         started = time.perf_counter()
         with self._own_turn():
-            state = self.driver.read()
+            state = stream.read()
+        # when the state was read, which is not when the period was to begin
+        t = stream.now()
         self._check(state)
-        t = due + (late if late >= self.Ts else 0.0)
         measured = self._look(t, state.q)
         command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
         qdd, guarded = stream.within_limits(command.qdd)
@@ -265,10 +267,16 @@ class _Run:
         if seen is not None:
             if not isinstance(seen, Measurement):
                 raise Halt("failed", f"what sees the markers gave no Measurement, but {shown(seen)}")
-            taken = t if seen.taken is None else seen.taken
-            if not taken <= t + 1e-6:  # but for rounding; also what is no number
-                raise Halt("failed", f"an image was taken at {taken:.6g} s, which is not yet: by another clock?")
-            pixels = None if seen.pixels is None else np.array(seen.pixels, dtype=np.float64)
+            taken, now = t if seen.taken is None else seen.taken, self.stream.now()
+            if not taken <= now + STAMP:  # also what is no number
+                raise Halt(
+                    "failed",
+                    f"an image was taken at {taken:.6g} s, which is not yet: by another clock? It is {now:.6g} s by "
+                    "the clock of the time with which the source of images is called",
+                )
+            # one that came since the state was read counts as taken with it
+            taken = min(taken, t)
+            pixels = None if seen.pixels is None else with_nan(seen.pixels)
             if seen.camera is not None or (pixels is not None and not np.isnan(pixels).any(axis=1).all()):
                 self.image_at = max(self.image_at, taken)
                 last = self.stream.periods[-1].pixels if self.stream.periods else None

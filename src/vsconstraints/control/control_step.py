@@ -250,6 +250,8 @@ class ControlStep(Evaluator):
                 elif plain:
                     Z, at = unknown if depth is None else depth, t if taken is None else taken
                     plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
+                    # of a masked array the mask counts, too
+                    plain = plain and type(pixels) is np.ndarray and type(Z) is np.ndarray
                     seen = pixels if undistort is None or not plain else undistort(pixels)
                     plain = plain and seen is not None and not measure(seen, Z, at + 0.0, t + 0.0)
                 if plain:

@@ -41,6 +41,8 @@ class Plausible:
         return np.array([image, self.shape_share, self.pose_m, self.pose_rad, self.image_s, self.speed_rad_s])
 
 
+#: An image may be newer than the state of the joints by so much [s]: it has come since, and counts as taken with it.
+AHEAD = 0.02
 #: How far a measurement can be from the model, as a control step keeps it.
 INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]")
 
@@ -49,11 +51,12 @@ INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age 
 class Measurement:
     """What takes the place of the model's prediction in one step."""
 
-    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is taken
-    #: to be as far from where the model has it as when it was last seen.
+    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN, or masked in an array of ``numpy.ma``,
+    #: for one that was not seen, which is taken to be as far from where the model has it as when it was last seen.
     pixels: Array | None = None
     depth: Array | None = None  #: (M,) Z of the markers then [m], NaN or not given where the model's is to be taken.
-    #: When the image was taken [s]; now if None. What was seen before has moved on by as much as the model has since.
+    #: When the image was taken [s], by the clock of the step's time; now if None. What was seen before has moved on by
+    #: as much as the model has since.
     taken: float | None = None
     #: The camera's pose in the target's frame then, for position-based tasks; the model's if None.
     camera: Pose | None = None
@@ -67,8 +70,9 @@ class Measurement:
         if (depth <= 0.0).any():
             raise InvalidInput(f"measured depth must be positive, or NaN where it is not known, not {depth}")
         taken = t if self.taken is None else self.taken
-        if not math.isfinite(taken) or taken > t + 1e-9:
+        if not math.isfinite(taken) or taken > t + AHEAD:
             raise InvalidInput(f"an image was taken before now, t = {t:g} s, not at {shown(self.taken)}")
+        taken = min(taken, t)
         if self.camera is not None and not isinstance(self.camera, Pose):
             raise InvalidInput(f"the measured pose of the camera must be a Pose, not {shown(self.camera)}")
         return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
@@ -125,10 +129,17 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
     return "it fits a frozen image, a camera that was moved, or a target that is elsewhere"
 
 
+def with_nan(value: object) -> Array:
+    """``value`` as a new array of floats, NaN where a masked array of NumPy is masked."""
+    if isinstance(value, np.ma.MaskedArray):
+        value = np.ma.filled(value.astype(np.float64), np.nan)
+    return np.array(value, dtype=np.float64, order="C")
+
+
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
     """``value`` as an array of floats of that shape, NaN among them; raises InvalidInput that names ``what``."""
     try:
-        array = np.array(value, dtype=np.float64, order="C")
+        array = with_nan(value)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"measured {what} must be {shape} numbers, not {shown(value)}") from error
     if array.shape != shape or np.isinf(array).any():

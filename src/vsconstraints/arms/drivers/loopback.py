@@ -15,8 +15,9 @@ from ...simulation.plant import cubic
 from ..driver import Address, ArmError, Driver, Joints
 from ..envelope import Envelope
 
-#: What goes wrong: it never answers again, closes the connection, reports a wrong position, or stops by itself.
-Fault = Literal["none", "stall", "drop", "jump", "refuse"]
+#: What goes wrong: it never answers again, closes the connection, reports a wrong position, stops by itself, or goes on
+#: moving while what it reports stays the same.
+Fault = Literal["none", "stall", "drop", "jump", "refuse", "freeze"]
 
 JUMP = 0.5  #: Error of the position that the fault ``jump`` reports [rad or m].
 #: How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is longer.
@@ -108,6 +109,7 @@ class LoopbackArm(Driver):
         envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
         self.arm = FakeArm(setup.q0 + address.number("off", 0.0), envelope)
         self._asked: float | None = None  #: When it was asked last, by the system's clock; None until it moves.
+        self._reported: Joints | None = None  #: What was answered last.
         self._lock = threading.Lock()  #: A stop gets through while another call is not answered.
 
     def _advance(self) -> None:
@@ -136,7 +138,9 @@ class LoopbackArm(Driver):
             if self.arm.stopped:
                 raise ArmError(f"the arm stopped by itself: {self.arm.stopped}")
             q, qd = self.arm.state()
-            return Joints(self.arm.t, q + JUMP if fault == "jump" else q, qd)
+            if fault != "freeze" or self._reported is None:
+                self._reported = Joints(self.arm.t, q + JUMP if fault == "jump" else q, qd)
+            return self._reported
 
     def read(self) -> Joints:
         """Where the joints are."""
