@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import errno
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -16,7 +20,7 @@ from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
 from ..comparisons.stored import ARM_LOG
 from ..controllers import Controller
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, StorageError, described
 from ..plugins.provenance import digests
 from ..reports.plots import Figure, Sheet, decades, logarithmic
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -24,6 +28,10 @@ from ..simulation import Setup, Trajectory, simulate
 from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Plant
 
+LONG_STOP = 5.0  #: For so much of a stop there is room in the log [s].
+RESERVED = "arm-log.reserved"  #: File that keeps room for the log while the arm moves.
+BLOCK = 1 << 20  #: As much is written at once [bytes].
+NOT_LOST = "The record of the arm's motion is kept in {}"
 ARM = ARM_LOG.parent.name  #: Folder of what only a run on an arm has: the log of all periods, and how late they began.
 #: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there. ``failed``: anything else
 #: that ended it. ``stopped``: a signal asked for it.
@@ -211,19 +219,77 @@ def demand_own_folder(folder: Path) -> None:
         )
 
 
+@contextmanager
+def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
+    """Keep as much of the disk as the log of a run can take, until it is to be written.
+
+    Raises ConfigurationError, before anything moves, if there is no room in the folder.
+    """
+    n, markers = setup.scene.robot.n, len(setup.scene.markers)
+    numbers = 13 + 5 * n + 2 * markers  # of a Period
+    periods = setup.samples + round(LONG_STOP / setup.Ts)
+    size, path = 8 * numbers * periods, folder / RESERVED
+    try:
+        try:
+            with path.open("wb", buffering=0) as file:
+                for begin in range(0, size, BLOCK):
+                    block = bytes(min(BLOCK, size - begin))
+                    # less than all of it is written where the disk becomes full
+                    if file.write(block) < len(block):
+                        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise ConfigurationError(
+                f"nothing has moved: {folder} has no room for the record of the motion, {size / 1e6:.3g} MB ({error}). "
+                "Give a folder on another disk with --out"
+            ) from error
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def save_log(folder: Path, log: ArmLog, where: str) -> Path:
+    """Write the log into the folder of a run or, where that fails, into a new temporary one; returns its path.
+
+    The motion cannot be made again. Raises StorageError if neither takes it.
+    """
+    failures = []
+    for temporary in (False, True):
+        try:
+            parent = Path(tempfile.mkdtemp(prefix="vsconstraints-arm-")) if temporary else folder / ARM
+            parent.mkdir(parents=True, exist_ok=True)
+            path = parent / ARM_LOG.name
+            log.save(path, where=where, **punctuality(log).numbers())
+            return path
+        except Exception as error:  # whatever it is, another folder is tried
+            failures.append(described(error))
+    raise StorageError(f"the record of the arm's motion is lost: {'; '.join(failures)}")
+
+
 def store(
     folder: Path, suite: Suite, setup: Setup, log: ArmLog, where: str, command: Sequence[str] = ()
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run as a comparison's, with tracking alone simulated beside it.
 
     The suite is of one scenario and one controller. Returns the run's trajectory, None if there are less than two
-    periods, and the comparison.
+    periods, and the comparison. Raises StorageError, which says where the log is, if that or more cannot be stored.
     """
-    (folder / ARM).mkdir(parents=True, exist_ok=True)
+    log_file = save_log(folder, log, where)
+    if log_file != folder / ARM_LOG:
+        raise StorageError(f"the results cannot be stored in {folder}. {NOT_LOST.format(log_file)}")
+    try:
+        return _store_results(folder, suite, setup, log, where, command)
+    except (OSError, StorageError) as error:
+        why = error if isinstance(error, OSError) else error.__cause__ or error
+        raise StorageError(f"the results cannot be stored in {folder}: {why}. {NOT_LOST.format(log_file)}") from error
+
+
+def _store_results(
+    folder: Path, suite: Suite, setup: Setup, log: ArmLog, where: str, command: Sequence[str]
+) -> tuple[Trajectory | None, Finished]:
     (folder / "trajectories").mkdir(exist_ok=True)
-    punctual = punctuality(log)
-    log.save(folder / ARM_LOG, where=where, **punctual.numbers())
-    LATENESS.write(folder / ARM / LATENESS.file_in(), {where: punctual})
+    LATENESS.write(folder / ARM / LATENESS.file_in(), {where: punctuality(log)})
     spec: RunSpec = next(run for run in suite.runs())
     trajectory = None
     if len(log.periods) < 2:

@@ -33,7 +33,7 @@ def run(
     """Run a law on an arm, supervised; without --robot a dry run."""
     from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
-    from ..arms.record import demand_own_folder, punctuality
+    from ..arms.record import demand_own_folder, punctuality, room_for_log
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import locked
@@ -68,7 +68,7 @@ def run(
         console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
     elif not driver.real:
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
-    with real_time(priority and not driver.simulated_time) as permitted:
+    with room_for_log(out, setup), real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.sentences())}.")
             console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")

@@ -22,6 +22,9 @@ from ...errors import ConfigurationError, StorageError
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
 SAMPLE, WORTH = 1 << 13, 0.7  # an array is compressed if its first bytes become smaller than this share
+#: Time of all arrays in a file. That of the system is not stored: it may lie where ZIP has no dates, before 1980 or
+#: after 2107, as on a controller whose battery is empty.
+MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
 LEVEL = 1  # level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
 
 #: Lines are added as files come, and written anew when the command that makes them ends.
@@ -79,7 +82,8 @@ def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
             begin = member[:SAMPLE]
             worth = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
             kind = zipfile.ZIP_DEFLATED if worth else zipfile.ZIP_STORED
-            archive.writestr(f"{name}.npy", member, compress_type=kind, compresslevel=LEVEL)
+            info = zipfile.ZipInfo(f"{name}.npy", MEMBER_TIME)
+            archive.writestr(info, member, compress_type=kind, compresslevel=LEVEL)
 
 
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
