@@ -259,10 +259,10 @@ def test_files_are_bounded(tmp_path: Path) -> None:
         (sound + "more: [", r"line \d+, column \d+: it is no YAML"),
     ):
         file.write_text(text)
-        begun = time.perf_counter()
+        begun = time.process_time()
         with pytest.raises(ConfigurationError, match=words):
             read_calibration(file)
-        assert time.perf_counter() - begun < 2.0
+        assert time.process_time() - begun < 2.0
     for special in ("/dev/zero", str(tmp_path / "fifo"), str(tmp_path)):
         with pytest.raises(ConfigurationError, match="it is no file"):
             read_calibration(special)

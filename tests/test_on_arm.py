@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import json
 import os
 import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -47,11 +50,12 @@ from vsconstraints.arms.drivers import ur_rtde
 from vsconstraints.arms.drivers.loopback import PATIENCE, FakeArm, Fault, LoopbackArm
 from vsconstraints.arms.envelope import Brake, deceleration
 from vsconstraints.arms.images import SimulatedImages
-from vsconstraints.arms.realtime import RealClock
-from vsconstraints.cli import app
+from vsconstraints.arms.realtime import RealClock, SimulatedClock
+from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runs import folder
+from vsconstraints.comparisons.runs.files import storing
 from vsconstraints.comparisons.stored import demand_arm_kept, demand_nothing_lost
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.errors import ConfigurationError
@@ -90,6 +94,19 @@ def assert_stopped(log: ArmLog, envelope: Envelope | None = None) -> None:
     changes = np.diff(qd, axis=0, prepend=0.0 * qd[:1]) / Ts
     assert (np.abs(changes) <= own.acceleration * (1.0 + 1e-9)).all()
     np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * Ts * (qd[1:] + qd[:-1]), rtol=0.0, atol=1e-12)
+
+
+def assert_told(log: ArmLog, told: str) -> None:
+    """The run was ended for this reason, on a machine that was late by a period or more perhaps for another one.
+
+    Then the test is skipped, and says how late. That the arm stands in the end is asserted all the same.
+    """
+    assert log.ended == "failed"
+    assert not log.periods or (log.column("sent_qd")[-1] == 0.0).all() or log.stop.endswith("by its own means")
+    late = max((period.late + period.busy for period in log.periods), default=0.0)
+    if told not in log.cause and late >= Ts:
+        pytest.skip(f"this machine took {1e3 * late:.3g} ms for a period of {1e3 * Ts:g} ms: {log.cause}")
+    assert told in log.cause
 
 
 # --- the stop ---
@@ -341,6 +358,84 @@ def test_lost_images_end_in_a_braked_stop() -> None:
     assert odd.at_rest
 
 
+class Unpunctual(SimulatedClock):
+    """Each period begins late, by less than a period."""
+
+    def wait(self, until: float) -> None:
+        super().wait(until)
+        self.t += 0.75 * Ts
+
+
+@pytest.mark.parametrize(
+    ("ahead", "told"), [(0.0, ""), (5e-4, ""), (0.0011, "which is not yet"), (0.5, "which is not yet")]
+)
+def test_a_stamp_is_judged_against_now(ahead: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread stamps images as they arrive: later than the period was to begin, and than the state was read."""
+    clock = Unpunctual()
+    monkeypatch.setattr(stream, "SimulatedClock", lambda: clock)
+
+    def eye(t: float, q: Array) -> Measurement:
+        clock.t += 1e-5  # an image arrives
+        assert t < clock.t
+        return Measurement(SETUP.scene.glance(q)[0], None, clock.t + ahead)
+
+    log = on("simulated://", images=eye, setup=replace(SETUP, duration=0.1))
+    assert (log.ended == "done") == (not told), log.cause
+    assert told in log.cause
+    if not told:
+        # the law is told the time at which the state was read, to which the image counts
+        own = ~log.braking
+        np.testing.assert_allclose(log.column("taken")[own] - log.column("scheduled")[own], 0.75 * Ts, atol=1e-3)
+
+
+def test_a_camera_that_stamps_in_a_thread_is_by_no_other_clock() -> None:
+    """In real time, as README's reader would do it."""
+    newest: list[tuple[float, Array]] = []
+    over = threading.Event()
+    here: list[Array] = [SETUP.q0]
+
+    def camera() -> None:
+        while not over.wait(0.001):
+            newest.append((time.perf_counter(), SETUP.scene.glance(here[0])[0]))
+
+    def eye(t: float, q: Array) -> Measurement | None:
+        begun = time.perf_counter() - t
+        here[0] = q.copy()
+        return Measurement(newest[-1][1], None, newest[-1][0] - begun) if newest else None
+
+    thread = threading.Thread(target=camera, daemon=True)
+    thread.start()
+    address, end = fake_arm_server()
+    patient = Supervision(late_s=10.0, hang_s=10.0, image_s=10.0, speed_rad_s=100.0, following_rad=10.0)
+    log = on(f"{address}?patience=20", images=eye, supervision=patient)
+    over.set()
+    thread.join()
+    end()
+    # a machine that is late may end it for another reason
+    assert "by another clock" not in log.cause
+    assert len(log.periods) > 5
+
+
+def test_an_image_that_is_masked_shows_what_is_not_masked() -> None:
+    """As with NaN for the markers that were not found."""
+    hidden = np.zeros((4, 2), dtype=np.bool_)
+    hidden[2] = True
+
+    def masked(t: float, q: Array) -> Measurement:
+        seen = SETUP.scene.glance(q)[0] + 500.0 * hidden
+        return Measurement(np.ma.array(seen, mask=hidden), None, t)
+
+    log = on("simulated://", images=masked)
+    assert log.ended == "done", log.cause
+    assert np.isnan(log.column("pixels")[~log.braking][:, 2]).all()
+    all_hidden = on(
+        "simulated://",
+        images=lambda t, q: Measurement(np.ma.masked_all((4, 2)), None, t),
+        supervision=Supervision(image_s=0.04),
+    )
+    assert "no image shows a marker since t = 0 s" in all_hidden.cause
+
+
 def test_a_camera_can_tell_its_pose_alone() -> None:
     """A pose that is said to be elsewhere bends the way there, as pixels would."""
     straight, camera_pose = on("simulated://", images=None), SETUP.scene.camera_pose
@@ -461,6 +556,7 @@ def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
         ("drop", "the arm closed the connection", False),
         ("jump", "is 0.5 from where it was sent", True),
         ("refuse", "the arm stopped by itself: protective stop", False),
+        ("freeze", "the arm's clock stands still at 0.12 s: the same state was read for 10 periods", False),
     ],
 )
 def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool) -> None:
@@ -470,6 +566,8 @@ def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool) -
     assert log.ended == "failed"
     assert told in log.cause
     assert log.at_rest == streamed
+    # 0.12 s are 60 periods
+    assert len(log.periods) <= 60 + 10 or streamed
     assert ("braked to rest" if streamed else "told to stop by its own means") in log.stop
     arm = driver.arm
     before = arm.state()[1]
@@ -527,13 +625,11 @@ def test_a_loop_that_hangs_is_braked_by_the_watchdog(interrupt: Any, request: py
             time.sleep(0.005)
 
     address, end = fake_arm_server()
-    log = on(address, Own(hang, at=10), supervision=Supervision(late_s=10.0, hang_s=0.1))
+    patient = Supervision(late_s=10.0, hang_s=0.1, following_rad=10.0, speed_rad_s=100.0)
+    log = on(f"{address}?patience=20", Own(hang, at=10), supervision=patient)
     end()
-    assert log.ended == "failed"
-    assert "has not gone on for 100 ms" in log.cause
+    assert_told(log, "has not gone on for 100 ms")
     assert "braked to rest" in log.stop
-    # on a machine that is very slow before the first setpoint already
-    assert not log.periods or (log.column("sent_qd")[-1] == 0.0).all()
 
 
 def test_an_arm_brakes_by_itself_where_python_is_held() -> None:
@@ -558,14 +654,14 @@ def test_a_stop_after_silence_begins_where_the_arm_is() -> None:
 
     def send(q: Array, qd: Array) -> None:
         sent.append(q)
-        states.append(Joints(0.0, q, qd))
+        states.append(Joints(line.clock.now(), q, qd))
 
     driver.read, driver.send = lambda: states[-1], send  # type: ignore[method-assign]
     for late in (0.003, 0.05):
         line.send(Setpoint(n, np.full(6, 0.2), n))
-        states.append(Joints(0.0, n + 0.01, np.full(6, 0.1)))
         sent.clear()
         line.clock.t += Ts + late  # type: ignore[union-attr]
+        states.append(Joints(line.clock.now(), n + 0.01, np.full(6, 0.1)))
         line.bring_to_rest(False, lambda: None)
         # v²/2a beyond where it was sent, or beyond where it is
         far = 0.2**2 / 10.0 if late < 0.01 else 0.01 + 0.1**2 / 10.0
@@ -584,7 +680,7 @@ def test_a_stop_that_is_held_up_makes_up_for_nothing() -> None:
             sent.append((clock.t, q, qd))
 
         # it follows, and is held for as long as nothing is sent
-        driver.read = lambda sent=sent: Joints(0.0, sent[-1][1] + 0.003, sent[-1][2])  # type: ignore[misc,method-assign]
+        driver.read = lambda sent=sent, clock=clock: Joints(clock.t, sent[-1][1] + 0.003, sent[-1][2])  # type: ignore[misc,method-assign]
         driver.send = send  # type: ignore[method-assign]
         line.begin()
         line.send(moving)
@@ -600,7 +696,7 @@ def test_a_stop_that_is_held_up_again_and_again_is_the_arms_own() -> None:
     driver, told = driver_for("simulated://", SETUP), []
     line = stream.Stream(driver, limits(6, jerk=50.0), SETUP.q0, 4)
     line.clock = Late(*(0.02,) * 9)  # type: ignore[assignment]
-    driver.read = lambda: Joints(0.0, SETUP.q0, np.full(6, 0.5))  # type: ignore[method-assign]
+    driver.read = lambda: Joints(line.clock.now(), SETUP.q0, np.full(6, 0.5))  # type: ignore[method-assign]
     driver.send, driver.halt = lambda q, qd: None, told.append  # type: ignore[method-assign]
     line.begin()
     line.bring_to_rest(False, lambda: None)
@@ -625,7 +721,8 @@ def test_a_stop_does_not_begin_at_a_state_that_is_not_finite() -> None:
 def test_an_arm_that_goes_on_after_its_stop_is_told_to_stop_by_itself() -> None:
     driver = driver_for("simulated://", SETUP)
     told = []
-    driver.read = lambda: Joints(0.0, SETUP.q0, np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.0]))  # type: ignore[method-assign]
+    moving = np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.0])
+    driver.read = lambda: Joints(line.clock.now(), SETUP.q0, moving)  # type: ignore[method-assign]
     driver.halt = told.append  # type: ignore[method-assign]
     line = stream.Stream(driver, limits(6, 7.0), SETUP.q0, 4)
     line.begin()
@@ -671,8 +768,10 @@ def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeyp
     bounds = Supervision(late_s=10.0, begin_s=allowed, hang_s=0.1)
     log = on(f"{address}?patience=5", supervision=bounds, setup=replace(SETUP, duration=0.1))
     end()
-    assert (log.ended == "done") == (not told), log.cause
-    assert told in log.cause
+    if told:
+        assert_told(log, told)
+    elif log.ended != "done":
+        assert_told(log, "the arm may take its time")
 
 
 def fake_arm_server(stalls: bool = False) -> tuple[str, Any]:
@@ -710,10 +809,10 @@ def test_a_period_that_is_much_too_late_ends_in_a_braked_stop() -> None:
         return command
 
     address, end = fake_arm_server()
-    log = on(address, Own(slow, at=10), supervision=Supervision(late_s=0.03, hang_s=10.0))
+    bounds = Supervision(late_s=0.03, hang_s=10.0, following_rad=10.0, speed_rad_s=100.0)
+    log = on(f"{address}?patience=20", Own(slow, at=10), supervision=bounds)
     end()
-    assert "ms late" in log.cause
-    assert not log.periods or (log.column("sent_qd")[-1] == 0.0).all()
+    assert_told(log, "ms late")
 
 
 # --- before anything moves ---
@@ -916,7 +1015,7 @@ def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: 
         ({"getSafetyStatusBits": 0b10000000101}, "the arm stopped by itself: protective stop, stopped due to safety"),
         ({"getSafetyStatusBits": 0b10000010001}, "the arm stopped by itself: safeguard stop, stopped due to safety"),
         ({"getActualQd": RuntimeError("no state")}, "getActualQd: no state"),
-        ({"getTimestamp": None}, "the arm has said nothing new"),
+        ({"getTimestamp": None}, "the arm's clock stands still at 5 s"),
     ],
 )
 def test_an_arm_of_universal_robots_that_fails_is_stopped(
@@ -981,8 +1080,7 @@ def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
     address, ask = ur_controller
     # on a slow machine both wait for each other
     monkeypatch.setattr(ur_rtde, "WATCHDOG", 0.5)
-    monkeypatch.setattr(ur_rtde, "STALE", 10.0)
-    patient = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0)
+    patient = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0, stalled_s=10.0, speed_rad_s=100.0)
     ask("setattr(arm, 'slider', 0.5)")
     with pytest.raises(ArmError, match="the arm's speed slider is at 50 %"):
         on(address)
@@ -1010,6 +1108,21 @@ def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
     ask("setattr(arm, 'safety', 0b10000010001)")
     with pytest.raises(ArmError, match="the arm stopped by itself: safeguard stop"):
         on(address)
+
+
+@pytest.mark.parametrize("address", ["ur-rtde://", "ur-rtde://host?gain=5", "ur-rtde://host:30004"])
+def test_an_address_that_is_wrong_is_told_before_a_package_that_is_missing(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ConfigurationError(f"{name} is not installed")
+
+    monkeypatch.setattr(ur_rtde, "demand", missing)
+    with pytest.raises(ConfigurationError) as raised:
+        driver_for(address, SETUP)
+    assert "is not installed" not in str(raised.value)
+    with pytest.raises(ConfigurationError, match="ur-rtde is not installed"):
+        driver_for("ur-rtde://192.168.0.2", SETUP)
 
 
 def test_every_driver_says_what_it_is() -> None:
@@ -1143,3 +1256,95 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
         compare(suite, out, workers=0)
     with pytest.raises(ConfigurationError, match="each run needs its own --out"):
         record.demand_own_folder(out)
+
+
+FULL = OSError(errno.ENOSPC, "No space left on device")
+SHORT = ("ur5-fov", "--no-figures", "--set", "scenario.duration=0.05")
+
+
+def command_line(monkeypatch: pytest.MonkeyPatch, *words: str) -> object:
+    """The exit code of a whole command."""
+    monkeypatch.setattr(sys, "argv", ["vsconstraints", "run", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code
+
+
+def test_where_the_disk_is_full_afterwards_the_record_is_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, elsewhere, write = tmp_path / "out", tmp_path / "elsewhere", record.write_arrays
+    elsewhere.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
+
+    def full(path: Path, values: Any) -> None:
+        if out in path.parents:
+            raise FULL
+        write(path, values)
+
+    monkeypatch.setattr(record, "write_arrays", full)
+    assert command_line(monkeypatch, *SHORT, "--out", str(out)) == 1
+    (kept,) = elsewhere.rglob("log.npz")
+    told = " ".join(capsys.readouterr().err.split())
+    assert str(kept) in told.replace(" ", "") or f"kept in {kept}" in told
+    assert "goes on" not in told
+    with np.load(kept) as log:
+        assert log["sent_q"].shape[0] >= 25
+    # nowhere at all
+    monkeypatch.setattr(record, "write_arrays", lambda path, values: (_ for _ in ()).throw(FULL))
+    assert command_line(monkeypatch, *SHORT, "--out", str(tmp_path / "other")) == 1
+    assert "the record of the arm's motion is lost" in " ".join(capsys.readouterr().err.split())
+
+
+def test_where_the_disk_is_full_later_the_record_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*arguments: Any, **options: Any) -> None:
+        with storing("results", tmp_path):
+            raise FULL
+
+    monkeypatch.setattr(record, "compare_runs", full)
+    assert command_line(monkeypatch, *SHORT, "--out", str(tmp_path / "out")) == 1
+    assert (tmp_path / "out" / "arm" / "log.npz").is_file()
+    told = " ".join(capsys.readouterr().err.split())
+    assert "No space left on device. The record of the arm's motion is kept in" in told
+    assert "goes on" not in told
+
+
+def test_where_the_disk_is_full_before_nothing_moves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(number: int) -> None:
+        raise FULL
+
+    monkeypatch.setattr(record.os, "fsync", full)
+    monkeypatch.setattr("vsconstraints.arms.run_on_arm", lambda job: pytest.fail("it moves"))
+    out = tmp_path / "out"
+    assert command_line(monkeypatch, *SHORT, "--out", str(out)) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "nothing has moved" in told
+    # and the same folder is free for another try
+    record.demand_own_folder(out)
+    assert [path.name for path in out.iterdir()] == [".vsconstraints-lock"]
+
+
+def test_the_room_that_is_kept_is_enough(tmp_path: Path) -> None:
+    setup, log = run_on_arm(Job(SETUP, HierarchicalQP(), driver_for("simulated://", SETUP)))
+    with record.room_for_log(tmp_path, setup):
+        kept = (tmp_path / record.RESERVED).stat().st_size
+    assert not list(tmp_path.iterdir())
+    path = record.save_log(tmp_path, log, "simulated://")
+    assert path.stat().st_size < kept
+
+
+@pytest.mark.parametrize("now", [0.0, 4.5e9], ids=["1970", "2112"])
+def test_a_controller_without_the_right_time_stores_its_runs(
+    now: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time, "time", lambda: now)
+    monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * now))
+    result = say(*SHORT, "--out", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "out" / "arm" / "log.npz") as log:
+        assert log["sent_q"].shape[0] >= 25
+    assert StoredComparison.load(tmp_path / "out").run("ur5-fov", "hierarchical-qp") is not None
