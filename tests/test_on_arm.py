@@ -61,7 +61,7 @@ from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.vision.measurement import Measurement
+from vsconstraints.vision.measurement import INNOVATIONS, Measurement
 
 Ts = 0.002
 UR5 = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue")
@@ -426,6 +426,20 @@ def test_images_that_are_too_old_are_not_used() -> None:
     assert log.cause.startswith("t = 0.102 s: ")
     assert "the image is 0.102 s old (allowed are 0.09 s)" in log.cause
     assert_stopped(log)
+
+
+def test_depths_in_millimetres_move_nothing() -> None:
+    def eye(t: float, q: Array, unit: float = 1000.0) -> Measurement:
+        scene = SETUP.scene
+        return Measurement(scene.glance(q)[0], unit * scene.depth(scene.camera_pose(q)), t)
+
+    log = on("simulated://", images=eye)
+    assert log.ended == "failed"
+    assert "are depths in millimetres, not metres?" in log.cause
+    assert not log.column("sent_qd").any()
+    right = on("simulated://", setup=replace(SETUP, duration=0.1), images=lambda t, q: eye(t, q, 1.0))
+    assert right.ended == "done"
+    assert right.column("innovation").shape[1:] == (len(INNOVATIONS),)
 
 
 def test_a_pose_that_cannot_be_right_brakes() -> None:
