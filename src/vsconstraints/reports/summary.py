@@ -116,8 +116,19 @@ def unsolved(results: Results) -> dict[str, str]:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
         if runs and not _solvers(results, scenario):
             closed = all(UNSOLVABLE in run["reason"] for run in runs)
-            reasons[scenario] = "constraints close off a marker from its goal" if closed else ""
+            other = "it may be impossible" if obstacles(results, scenario) else ""
+            reasons[scenario] = "constraints close off a marker from its goal" if closed else other
     return reasons
+
+
+def obstacles(results: Results, scenario: str) -> list[str]:
+    """Warnings of a scenario for which it may be that no controller can solve it."""
+    return [text for text in results.stored.warnings.get(scenario, ()) if text.startswith("goal") or UNSOLVABLE in text]
+
+
+def warned(results: Results) -> dict[str, int]:
+    """How many warnings each scenario has; scenarios without any are left out."""
+    return {name: len(own) for name, own in results.stored.warnings.items() if own and name in results.scenarios}
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
