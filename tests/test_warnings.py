@@ -102,7 +102,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 def section(report: str, name: str) -> list[str]:
     """The lines of a scenario's section, without its heading and empty ones."""
-    part = re.split(r"^### ", report, flags=re.MULTILINE)
+    part = re.split(r"^##+ ", report, flags=re.MULTILINE)
     own = next(each for each in part if each.startswith(f'<a id="scenario-{name}"></a>'))
     return [line for line in own.splitlines()[1:] if line]
 
@@ -121,7 +121,8 @@ def test_what_was_warned_of_stands_in_manifest_and_report(compared: tuple[Path, 
         f"**Warnings** of scenarios, which stand in their sections: [afar](#scenario-afar) ({len(warnings['afar'])})."
         in report
     )
-    assert not any("Warnings" in line or "impossible" in line for line in section(report, "near"))
+    near = [line for line in section(report, "near") if "Warnings" in line or "impossible" in line]
+    assert near == []
 
 
 def test_an_impossible_scenario_says_so_in_its_first_line(compared: tuple[Path, str]) -> None:
@@ -143,6 +144,14 @@ def test_other_warnings_in_a_manifest_are_refused(compared: tuple[Path, str], tm
     (tmp_path / "manifest.json").write_text(json.dumps({**manifest, "warnings": wrong}))
     with pytest.raises(ConfigurationError, match="warnings"):
         StoredComparison.load(tmp_path)
+
+
+def test_what_is_proved_to_be_impossible_says_so(tmp_path: Path) -> None:
+    words = ["compare", "--scenario", "example-2d-bowl", "--controller", "sliding-mode", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, [*words, "--no-figures", "--jobs", "1", "--set", "scenario.duration=0.1"])
+    assert done.exit_code == 0, done.output
+    first = section((tmp_path / "report.md").read_text(), "example-2d-bowl")[0]
+    assert first.startswith("**Solved by no controller, and impossible**: marker 1 starts in a part of the image")
 
 
 # --- images that do not determine the camera's pose ---

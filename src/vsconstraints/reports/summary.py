@@ -29,6 +29,7 @@ from .results import (
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
+PERHAPS = "it may be impossible"  #: Why a scenario may not be solved, where that is not proved.
 MAX_NAMES = 9  #: A cell names no more scenarios than this.
 
 
@@ -115,9 +116,10 @@ def unsolved(results: Results) -> dict[str, str]:
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
         if runs and not _solvers(results, scenario):
-            closed = all(UNSOLVABLE in run["reason"] for run in runs)
-            other = "it may be impossible" if obstacles(results, scenario) else ""
-            reasons[scenario] = "constraints close off a marker from its goal" if closed else other
+            warnings = results.stored.warnings.get(scenario, ())
+            closed = all(UNSOLVABLE in run["reason"] for run in runs) or any(UNSOLVABLE in text for text in warnings)
+            perhaps = PERHAPS if obstacles(results, scenario) else ""
+            reasons[scenario] = "constraints close off a marker from its goal" if closed else perhaps
     return reasons
 
 

@@ -59,7 +59,7 @@ def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     unknown, half = np.full(robot.n, np.nan), 0.5 * (robot.q_max - robot.q_min)
     q = np.array([unknown if moment.q is None else moment.q for moment in moments])
     for side, limits in (("lower", q - robot.q_min), ("upper", robot.q_max - q)):
-        for j in np.flatnonzero(np.isfinite(half)):
+        for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):  # a joint that cannot move is a doubt
             if f"range[joint {j + 1}].{side}" not in constraints.labels:
                 label, unit = f"limit[joint {j + 1}].{side}", "m" if robot.prismatic[j] else "rad"
                 rows.append(Row(label, unit, np.full(len(q), np.nan), limits[:, j], 1.0 - limits[:, j] / half[j]))
