@@ -1121,6 +1121,14 @@ def test_a_real_arm_does_not_move_without_being_asked_for_twice(ur: FakeUr, tmp_
     assert not (tmp_path / "x").exists()
 
 
+def test_numbers_in_another_unit_are_asked_about_before_an_arm_moves(ur: FakeUr, tmp_path: Path) -> None:
+    words = ("--set", "scenario.constraints.2.upper=[180, 180, 180, 180, 180, 180]", "--out", str(tmp_path / "x"))
+    result = say("ur5-fov", "--robot", "ur-rtde://192.168.0.2", *words)
+    assert "give --yes" in str(result.exception)
+    assert "are these degrees per second, not rad/s?" in " ".join(result.output.split())
+    assert not ur.calls
+
+
 def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     out = tmp_path / "out"
     short = ("--set", "scenario.duration=0.1")
