@@ -171,8 +171,10 @@ class Setup:
         :func:`vsconstraints.simulation.start.undetermined_goals`.
         """
         estimated = self.images is not None or self.sensor().estimates
-        undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
-        numbers = implausible(self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts)
+        # numbers beyond the range of floating point are refused where they are computed with
+        with np.errstate(all="ignore"):
+            undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
+            numbers = implausible(self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts)
         return numbers + undetermined
 
     @property

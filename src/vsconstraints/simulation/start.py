@@ -82,6 +82,8 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
         size = float(Z.mean())
         L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * ([size] * 3 + [1.0] * 3)
         J = now.camera_J / np.array([[size]] * 3 + [[1.0]] * 3)
+        if not (np.isfinite(L).all() and np.isfinite(J).all() and np.isfinite(L @ J).all()):
+            continue
         determined, free = (int(np.linalg.matrix_rank(each, rtol=DETERMINED)) for each in (L @ J, J))
         seen = f"{count} markers" if count > 1 else "one marker"
         if determined < free:
