@@ -14,7 +14,7 @@ from vsconstraints.constraints import ConstraintSet, Manipulability, Performance
 from vsconstraints.constraints.manipulability import ROWS_OF
 from vsconstraints.control import ControlStep
 from vsconstraints.formulas.features import MINIMUM_DEPTH, image_motion, pose_error, pose_rates
-from vsconstraints.formulas.innovation import MEMORY, image_innovation, slip
+from vsconstraints.formulas.innovation import MEMORY, depth_innovation, image_innovation, slip
 from vsconstraints.formulas.limits import joint_box
 from vsconstraints.formulas.motion import angle
 from vsconstraints.formulas.rotation import rotation_vector_rate, turn_by
@@ -102,18 +102,19 @@ def measured_state(
 
 def innovation(
     measured: Measurement | None, model: State, found_pose: Pose, camera: Camera, correction: Array, slip: Array,
-    bounds: Array,
+    bounds: Array, depth_ratio: Array,
 ) -> Array:  # fmt: skip
-    """(7,) how far what is measured is from the model, and the greatest ratio of that to its bounds."""
-    found = np.zeros(7)
+    """(8,) how far what is measured is from the model, and the greatest ratio of that to its bounds."""
+    found = np.zeros(8)
     if measured is not None and measured.pixels is not None:
         seen = model.pixels.position + correction * camera.focal
         found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
+        found[6] = depth_innovation(depth_ratio)
     if measured is not None and measured.camera is not None:
         found[2] = np.linalg.norm(found_pose.t - model.camera.t)
         found[3] = angle(((found_pose.R - model.camera.R) ** 2).sum())
     found[5] = np.abs(slip).max(initial=0.0) / MEMORY
-    found[6] = (found[:6] / bounds).max()
+    found[7] = (found[:7] / bounds).max()
     return found
 
 
@@ -341,7 +342,11 @@ class NumpyStep(ControlStep):
         found = define(self, state)
         bounds = self.plausible.bounds(self.scene.camera)
         parts = model, state.camera, self.scene.camera, self._correction, self._slip
-        self.innovation[:] = innovation(measured, *parts, bounds)
+        ratio = np.full(len(model.depth), np.nan)
+        if measured is not None and measured.pixels is not None:
+            ratio = moved_on(measured, self.scene, model, self._views)[2] / model.depth
+            self.packed.step.measured[:, 2], self.packed.step.depth_ratio[:] = measured.depth, ratio
+        self.innovation[:] = innovation(measured, *parts, bounds, ratio)
         return found
 
     def bound(self) -> None:

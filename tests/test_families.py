@@ -251,6 +251,41 @@ def test_forbidden_ends_are_rejected(by_hand: Callable[..., Family], centre: str
     assert family.scene(0).rejected == {reason.value: 30}
 
 
+def test_an_arm_without_its_meshes_has_scenes_if_hidden_markers_are_no_matter(tmp_path: Path) -> None:
+    """Lines of sight need the links' meshes; a family that runs on with hidden markers does not ask for them."""
+    text = """
+extends = "ur5-fov"
+attempts = 1
+on_hidden_markers = "HIDDEN"
+robot = { urdf = "bare.urdf", tip = "tool" }
+q0 = [0.0, 0.3, 1.4, 0.0, 1.3, 0.0]
+limits = { acceleration = 40.0 }
+[camera]
+focal_px = [600.0, 600.0]
+size_px = [640.0, 480.0]
+[target.square]
+side = { uniform = [0.11, 0.12] }
+xyz = [0.62, 0.03, 0.0]
+[[task.goals]]
+camera_at_q = [0.12, 0.35, 1.5, 0.1, 1.15, 1.4]
+[[constraints]]
+type = "joint-speed"
+upper = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]
+switching_gain = 10.0
+"""
+    arm = (Path(__file__).parents[1] / "examples" / "six_axis.urdf").read_text()
+    mesh = '<collision><geometry><mesh filename="missing.stl"/></geometry></collision>'
+    (tmp_path / "bare.urdf").write_text(arm.replace('<link name="forearm"/>', f'<link name="forearm">{mesh}</link>'))
+    for hidden in ("continue", "refuse"):
+        (tmp_path / f"{hidden}.toml").write_text(text.replace("HIDDEN", hidden))
+    scene = Family.load(tmp_path / "continue.toml").scene(0)
+    assert scene.found, scene.refusal
+    refused = Family.load(tmp_path / "refuse.toml").scene(0)
+    assert not refused.found
+    assert "missing.stl" in refused.refusal
+    assert 'on_hidden_markers = "continue" draws scenes' in refused.refusal
+
+
 def test_markers_that_the_robot_hides_are_rejected(tmp_path: Path) -> None:
     # a camera behind the arm, as shipped scenarios are not
     text = """

@@ -232,12 +232,65 @@ def test_a_loop_of_ones_own_is_told(compiled, monkeypatch):
         Plausible(image_share=0.0)
 
 
+@pytest.mark.parametrize("unknown", [0.0, np.nan, np.inf])
+def test_unknown_depths_of_depth_cameras_are_the_models(unknown):
+    """Depth cameras give 0, NaN or infinity where they do not know: the model's depth is taken, and nothing doubted."""
+    setup, compiled, defined = both_forms("ur5-image")
+    q, qd = setup.q0, np.zeros(6)
+    seen, depth = setup.scene.glance(q)[0], setup.scene.depth(setup.scene.camera_pose(q))
+    for step in (compiled, defined):
+        expected = step.evaluate(0.0, q, qd, pixels=seen + 1.0).task.J
+        step.reset()
+        found = step.evaluate(0.0, q, qd, pixels=seen + 1.0, depth=np.full(4, unknown))
+        np.testing.assert_array_equal(found.task.J, expected)
+        assert step.doubts(found) == ""
+        step.reset()
+        some = np.array([unknown, *depth[1:]])
+        for call in (step.evaluate, lambda *state, of=step, **given: of.command(SlidingMode(), *state, **given)[0]):
+            found = call(0.0, q, qd, pixels=seen + 1.0, depth=some)
+            np.testing.assert_allclose(found.task.J, expected, rtol=1e-9)
+
+
+#: Depths as they come by mistake, of those in metres, and the guess that names their unit.
+DEPTHS = {
+    "millimetres": (lambda Z: 1000.0 * Z, "are depths in millimetres, not metres?"),
+    "rounded millimetres": (lambda Z: np.round(1000.0 * Z), "are depths in millimetres, not metres?"),
+    "centimetres": (lambda Z: 100.0 * Z, "are depths in centimetres, not metres?"),
+    "inches": (lambda Z: Z / 0.0254, "are depths in inches, not metres?"),
+    "feet": (lambda Z: Z / 0.3048, "are depths in feet, not metres?"),
+    "background": (lambda Z: np.add(Z, (2.0, 0.0, 0.0, 0.0)), "it fits another object, or a target that is elsewhere"),
+    "in front": (lambda Z: Z * (1.0, 1.0, 1.0, 0.1), "it fits another object, or a target that is elsewhere"),
+    "kilometres": (lambda Z: Z / 1000.0, "it fits another object, or a target that is elsewhere"),
+}
+
+
+@pytest.mark.parametrize(("wrong", "told"), DEPTHS.values(), ids=DEPTHS)
+def test_depths_in_another_unit_are_doubted(wrong, told):
+    setup, compiled, defined = both_forms("ur5-image")
+    q, qd = setup.q0, np.zeros(6)
+    seen, depth = setup.scene.glance(q)[0], setup.scene.depth(setup.scene.camera_pose(q))
+    for step in (compiled, defined):
+        for right in (depth, 1.5 * depth, depth / 1.5):
+            assert step.command(SlidingMode(), 0.0, q, qd, pixels=seen, depth=right)[1].remark == ""
+        assert step.innovation[6] == pytest.approx(0.5)
+        remark = step.command(SlidingMode(), 0.0, q, qd, pixels=seen, depth=wrong(depth))[1].remark
+        assert remark.startswith("the depth of marker ")
+        assert "(allowed is a factor of 2)" in remark
+        assert remark.endswith(told)
+        ratio = wrong(depth) / depth
+        assert step.innovation[6] == pytest.approx(np.maximum(ratio, 1.0 / ratio).max() - 1.0)
+        # depths are those of one image
+        assert step.command(SlidingMode(), 0.0, q, qd, pixels=seen)[1].remark == ""
+        step.plausible = Plausible(depth_share=1e4)
+        assert step.command(SlidingMode(), 0.0, q, qd, pixels=seen, depth=wrong(depth))[1].remark == ""
+
+
 BAD = {
     "shape": {"pixels": np.zeros((3, 2))},
     "text": {"pixels": "image"},
     "infinite": {"pixels": np.full((4, 2), np.inf)},
     "depth alone": {"depth": np.ones(4)},
-    "depth zero": {"pixels": np.zeros((4, 2)), "depth": np.zeros(4)},
+    "depth negative": {"pixels": np.zeros((4, 2)), "depth": np.full(4, -0.5)},
     "depth shape": {"pixels": np.zeros((4, 2)), "depth": np.ones(3)},
     "future": {"pixels": np.zeros((4, 2)), "taken": 3.0},
     "never": {"pixels": np.zeros((4, 2)), "taken": np.nan},

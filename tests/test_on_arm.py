@@ -65,7 +65,7 @@ from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.vision.measurement import Measurement
+from vsconstraints.vision.measurement import INNOVATIONS, Measurement
 
 Ts = 0.002
 UR5 = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue")
@@ -521,6 +521,20 @@ def test_images_that_are_too_old_are_not_used() -> None:
     assert log.cause.startswith("t = 0.102 s: ")
     assert "the image is 0.102 s old (allowed are 0.09 s)" in log.cause
     assert_stopped(log)
+
+
+def test_depths_in_millimetres_move_nothing() -> None:
+    def eye(t: float, q: Array, unit: float = 1000.0) -> Measurement:
+        scene = SETUP.scene
+        return Measurement(scene.glance(q)[0], unit * scene.depth(scene.camera_pose(q)), t)
+
+    log = on("simulated://", images=eye)
+    assert log.ended == "failed"
+    assert "are depths in millimetres, not metres?" in log.cause
+    assert not log.column("sent_qd").any()
+    right = on("simulated://", setup=replace(SETUP, duration=0.1), images=lambda t, q: eye(t, q, 1.0))
+    assert right.ended == "done"
+    assert right.column("innovation").shape[1:] == (len(INNOVATIONS),)
 
 
 def test_a_pose_that_cannot_be_right_brakes() -> None:
@@ -1218,6 +1232,14 @@ def test_a_real_arm_does_not_move_without_being_asked_for_twice(ur: FakeUr, tmp_
         assert told in str(result.exception)
     assert not ur.calls
     assert not (tmp_path / "x").exists()
+
+
+def test_numbers_in_another_unit_are_asked_about_before_an_arm_moves(ur: FakeUr, tmp_path: Path) -> None:
+    words = ("--set", "scenario.constraints.2.upper=[180, 180, 180, 180, 180, 180]", "--out", str(tmp_path / "x"))
+    result = say("ur5-fov", "--robot", "ur-rtde://192.168.0.2", *words)
+    assert "give --yes" in str(result.exception)
+    assert "are these degrees per second, not rad/s?" in " ".join(result.output.split())
+    assert not ur.calls
 
 
 def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:

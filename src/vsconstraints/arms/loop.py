@@ -248,7 +248,7 @@ class _Run:
         with self._own_turn():
             stream.send(setpoint)
         times = due, late, rows_time, step_time, time.perf_counter() - started
-        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:6].copy()
+        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:-1].copy()
         stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:

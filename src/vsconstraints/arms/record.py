@@ -53,7 +53,7 @@ class Period(NamedTuple):
     sent_qd: Array
     pixels: Array  #: (M, 2) the measured image, NaN without one.
     taken: float  #: Its time.
-    innovation: Array  #: (6,) its difference from the prediction: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
+    innovation: Array  #: (7,) its difference from the prediction: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
     guarded: bool  #: Whether the command was brought to the limits.
     braking: bool
 

@@ -47,6 +47,7 @@ def run(
     suite = suite.select(settings=settings)
     loaded, law = suite.scenarios[0], suite.controllers[0].make()
     setup = loaded.setup()
+    note(*(text for own in suite.warnings().values() for text in own))
     driver = driver_for(robot, setup)
     if driver.real and not yes:
         raise ConfigurationError(

@@ -98,7 +98,8 @@ def compare(
     kept = demand_keep(keep)
     wanted = ReportOptions(figures, all_figures, formats, latex, replays, trust=True)
     chosen = Suite.load(suite).select(scenarios or (), controllers or (), seed, settings or ())
-    note(*chosen.remarks())
+    warnings = chosen.warnings()
+    note(*(f"{name}: {text}" for name, own in warnings.items() for text in own))
     runs = chosen.with_baseline().runs()
     total = len(runs)
     note_processes(jobs)
@@ -121,7 +122,16 @@ def compare(
 
         show("comparing", 0, total)
         command = typed_command()
-        result = run(chosen, out, workers=jobs, limit=run_limit, fresh=fresh, command=command, on_finished=finished)
+        result = run(
+            chosen,
+            out,
+            workers=jobs,
+            limit=run_limit,
+            fresh=fresh,
+            command=command,
+            warnings=warnings,
+            on_finished=finished,
+        )
     for failure, times in failures.items():
         if times > 1:
             errors.print(f"{failure}: {times} of {chosen.trials} trials")

@@ -16,7 +16,7 @@ from ..plugins.provenance import Files, digests, imported, noted
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
-from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
+from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
@@ -59,6 +59,7 @@ def compare(
     limit: float | None = None,
     fresh: bool = False,
     command: Sequence[str] = (),
+    warnings: Mapping[str, Sequence[str]] | None = None,
     on_finished: Report = lambda run, score, stored: None,
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
@@ -68,13 +69,15 @@ def compare(
     by ending its process or by never ending, becomes a row with its reason.
 
     ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can; ``limit`` how
-    long a run may take [s], by its number of samples if None. ``on_finished`` is called with every finished run. Raises
+    long a run may take [s], by its number of samples if None. ``warnings`` of scenarios are kept for the report, those
+    of :meth:`.Suite.warnings` if None. ``on_finished`` is called with every finished run. Raises
     ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
     lost, and StorageError if the tables cannot be written; what could be stored stays.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
         prepare_laws(suite.controllers)
+        warned = plain(suite.warnings() if warnings is None else warnings)
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
@@ -82,6 +85,7 @@ def compare(
         demand_arm_kept(folder, runs.values(), fresh)
         resolved = suite.resolved()
         manifest = {**provenance(command, used_versions(resolved)), "seed": suite.seed, "configuration": resolved}
+        manifest["warnings"] = warned
         with storing("results", folder):
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
             if fresh:

@@ -138,6 +138,17 @@ class StoredComparison(StoredResults):
             for name, entry in stored.items()
         }
 
+    @property
+    def warnings(self) -> Mapping[str, Sequence[str]]:
+        """What was to be said of scenarios before their runs, by name: see :meth:`.Suite.warnings`."""
+        warnings: Mapping[str, Sequence[str]] = self.manifest.get("warnings", {})
+        return warnings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The same, one sentence each that names the scenario."""
+        return tuple(f"{name}: {text}" for name, own in self.warnings.items() for text in own)
+
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
         """A stored run; None if its trajectory is not there, or longer than its scenario allows."""
         file = run_file(self.folder, scenario, controller, trial)
@@ -168,7 +179,10 @@ class StoredComparison(StoredResults):
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
         others = {"machine": Table, "packages": Table, "command": Texts, "wall_time_s": Number, "stored_before": Number}
+        others["warnings"] = Table
         manifest = entries(manifest, where, {"configuration": Table}, others)
+        for name, texts in manifest.get("warnings", {}).items():
+            checked(texts, Sequence[str], f"{where}.warnings", name)
         where += ".configuration"
         tables = {"scenarios": Table, "controllers": Table}
         configuration = entries(

@@ -10,11 +10,13 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, VsconstraintsError, shown
+from ..errors import ConfigurationError, VsconstraintsError, described, shown
 from ..plugins.classes import beside
 from ..scenarios import Scenario
+from ..scenarios.moments import problems_at_goals
 from ..scenarios.reading import NOTHING, Table, from_table
 from ..scenarios.toml import read_toml
+from ..simulation import Setup
 from .experiment import Entries, Experiment, demand_names, entries_of
 from .runs.files import plain
 from .runs.spec import BASELINE, RunSpec
@@ -116,20 +118,31 @@ class Suite(Experiment):
 
     def remarks(self) -> list[str]:
         """What a reader should know of starts, and of own constraints that raise; raises why one cannot be started."""
-        remarks = []
+        return [
+            f"{scenario.name}: {remark}" for scenario in self.scenarios for remark in _remarks_at_start(scenario)[1]
+        ]
+
+    def warnings(self) -> dict[str, list[str]]:
+        """Everything that a reader of the results should know of each scenario before its runs, by its name.
+
+        Beside what :meth:`remarks` finds at the start, this is what is wrong at goals: out of reach, forbidden, not to
+        be seen. Scenarios without a warning are left out.
+        """
+        found = {}
         for scenario in self.scenarios:
-            with chdir("."):  # own parts may change the working directory
-                setup = scenario.setup()
             try:
-                with beside(scenario.folder):
-                    remarks += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
-            except VsconstraintsError as error:
-                cause = error.__cause__
-                ours = isinstance(error, ConfigurationError) and isinstance(cause, (type(None), VsconstraintsError))
-                if ours or not scenario.own_parts:
-                    raise ConfigurationError(f"{scenario.name}: {error}") from error
-                remarks.append(f"{scenario.name}: its runs will fail: {error}")
-        return remarks
+                setup, warnings = _remarks_at_start(scenario)
+                with chdir("."), beside(scenario.folder):  # own parts may change the working directory
+                    # what a goal forbids is said with the distance below
+                    warnings = [text for text in warnings if text not in setup.forbidden]
+                    at_goals = problems_at_goals(setup)
+            except Exception as error:  # own parts may raise anything; their runs say it again
+                warnings, at_goals = [f"no run would start: {described(error)}"], []
+            known = {text.partition(": ")[2] for text in at_goals} & set(warnings)
+            warnings += [text for text in at_goals if text.partition(": ")[2] not in known]
+            if warnings:
+                found[scenario.name] = list(dict.fromkeys(warnings))
+        return found
 
     def runs(self) -> list[RunSpec]:
         """All runs, in the order of the results."""
@@ -149,6 +162,21 @@ class Suite(Experiment):
                 for each in self.scenarios
             },
         }
+
+
+def _remarks_at_start(scenario: Scenario) -> tuple[Setup, list[str]]:
+    """The setup, and what a reader should know of its start; raises why it cannot be started."""
+    with chdir("."):  # own parts may change the working directory
+        setup = scenario.setup()
+    try:
+        with beside(scenario.folder):
+            return setup, setup.check_start()
+    except VsconstraintsError as error:
+        cause = error.__cause__
+        ours = isinstance(error, ConfigurationError) and isinstance(cause, (type(None), VsconstraintsError))
+        if ours or not scenario.own_parts:
+            raise ConfigurationError(f"{scenario.name}: {error}") from error
+        return setup, [f"its runs will fail: {error}"]
 
 
 def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:

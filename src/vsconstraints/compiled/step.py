@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..formulas.features import MINIMUM_DEPTH, image_motion
-from ..formulas.innovation import MEMORY, image_innovation, slip
+from ..formulas.innovation import MEMORY, depth_innovation, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import angle
 from ..formulas.rotation import whole_turns
@@ -38,6 +38,7 @@ def see(step: Step, i: int, t: float) -> bool:
         if step.measurement[0].time < t - JUST_NOW:
             dx, dy, dz = moved_since(step, i)
         Z = max(said[2] + dz, MINIMUM_DEPTH) if said[2] >= MINIMUM_DEPTH else P[2]
+        step.depth_ratio[i] = Z / P[2] if said[2] >= MINIMUM_DEPTH else said[2] / P[2]
         if said[0] == said[0] and said[1] == said[1]:
             u, w = (said[0] - camera.offset[0]) / camera.focal[0], (said[1] - camera.offset[1]) / camera.focal[1]
             step.correction[i, 0], step.correction[i, 1] = u + dx - x, w + dy - y
@@ -56,10 +57,11 @@ def see(step: Step, i: int, t: float) -> bool:
 def write_innovation(step: Step, t: float) -> None:
     """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
     innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
-    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = 0.0
+    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = innovation[7] = 0.0
     if measurement.given:
         innovation[0], innovation[1] = image_innovation(step.pixels, step.correction, camera.focal[0], camera.focal[1])
         innovation[4] = t - measurement.time
+        innovation[6] = depth_innovation(step.depth_ratio)
     innovation[2] = innovation[3] = 0.0
     if measurement.pose_given:
         R, origin = from_target(step, matrix(step.target_R), vector(step.target_t))
@@ -72,7 +74,7 @@ def write_innovation(step: Step, t: float) -> None:
     for j in range(len(step.slip)):
         innovation[5] = max(innovation[5], abs(step.slip[j]) / MEMORY)
     for i in range(len(step.bounds)):
-        innovation[6] = max(innovation[6], innovation[i] / step.bounds[i])
+        innovation[7] = max(innovation[7], innovation[i] / step.bounds[i])
 
 
 @in_place
@@ -166,7 +168,8 @@ def follow(address: int, t: float) -> None:
 def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
     """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an image of that time.
 
-    Returns 0, or 1 if the sizes are others, a number is infinite, a depth not positive or the time not before t [s].
+    A depth of 0 or infinity is none either: so depth cameras say that they do not know it. Returns 0, or 1 if the sizes
+    are others, a pixel is infinite, a depth negative or the time not before t [s].
     """
     step = load_step(address)
     M = len(step.seen)
@@ -176,9 +179,11 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
     if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
         return 1
     for i in range(M):
-        if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] <= 0.0 or depth[i] == np.inf:
+        if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] < 0.0:
             return 1
-        step.measured[i, 0], step.measured[i, 1], step.measured[i, 2] = pixels[i, 0], pixels[i, 1], depth[i]
+        known = 0.0 < depth[i] < np.inf
+        step.measured[i, 0], step.measured[i, 1] = pixels[i, 0], pixels[i, 1]
+        step.measured[i, 2] = depth[i] if known else np.nan
     step.measurement[0].given, step.measurement[0].time = 1, taken
     return 0
 

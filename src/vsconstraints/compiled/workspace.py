@@ -225,11 +225,13 @@ class Step(NamedTuple):
     measurement: Annotated[Records, MEASUREMENT, 1]
     measured: Annotated[Array, F8, "M", 3]
     correction: Annotated[Array, F8, "M", 2]
+    # measured Z of a marker by that of the model; NaN where none is measured
+    depth_ratio: Annotated[Array, F8, "M"]
     # distance of measurements from the model: formulas.innovation.slip; bounds of vision.measurement.INNOVATIONS; the
     # values, and their greatest ratio to the bounds
     slip: Annotated[Array, F8, "n"]
-    bounds: Annotated[Array, F8, 6]
-    innovation: Annotated[Array, F8, 7]
+    bounds: Annotated[Array, F8, 7]
+    innovation: Annotated[Array, F8, 8]
     # scratch: the Jacobian of a point; ∂s/∂t; s̈ when q̈ = 0
     J_point: Annotated[Array, F8, 3, "n"]
     partial: Annotated[Array, F8, "k"]

@@ -140,8 +140,16 @@ class OfJoints:
                 )
             limits.append(limit)
         self.lower, self.upper = limits
-        if (self.lower >= self.upper).any():
-            raise ConfigurationError(f"lower of {self.kind} must be below upper: {self.lower} and {self.upper}")
+        empty = [
+            f"joint {number} ({robot.joint_names[number - 1]}) has [{low:g}, {high:g}]"
+            for number, low, high in zip(numbers, self.lower, self.upper, strict=True)
+            if low >= high
+        ]
+        if empty:
+            raise ConfigurationError(
+                f"lower of {self.kind} must be below upper: {'; '.join(empty)}. Lock a joint that does not move, or "
+                "leave it out by joints = […]"
+            )
         if not 0.0 <= margin < 1.0:
             raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
         self.margin = float(margin)

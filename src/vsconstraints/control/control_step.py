@@ -226,7 +226,7 @@ class ControlStep(Evaluator):
         kernels, packed, measure = load("from_state"), step.packed, step.measure
         both = kernels.command_by.bind(packed.workspace, law.workspace, law.answer)
         refused, answer, copied, constraints = kernels.REFUSED, law.command, step.out.copy, self.constraints
-        doubt = self.innovation[6:].item
+        doubt = self.innovation[-1:].item
         undistort, unknown = undistortion(self.scene.camera, size.M), np.full(size.M, np.nan)
         in_two, with_doubts = partial(self._in_two_calls, controller), self._with_doubts
 

@@ -14,7 +14,7 @@ from ..errors import InvalidInput, SceneError
 from ..robots.geometry import Pose
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import UNKNOWN, Array, BoolArray, Rows, Task
-from ..vision.measurement import Measurement, Plausible, doubts_of
+from ..vision.measurement import Beside, Measurement, Plausible, doubts_of
 from ..vision.scene import PointMotion, Scene, State, interaction_matrix
 from ..vision.tracking import VisualTask
 from .packing import Packed
@@ -116,7 +116,7 @@ class Evaluator:
     With ``known``, motions that controllers do not know (section 5.4) count as known; if not, such an object is where
     it is, but its velocity is taken for zero, and ``believes`` says that there is one. With the actuators' ``limits``
     and the sampling ``period`` T_s [s] rows state the box of q̈ that is left at each sample; it depends on the command
-    before, ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (7,) is how far the last measurement is from
+    before, ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (8,) is how far the last measurement is from
     the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`, and the greatest ratio of that to what is
     ``plausible``: beyond 1 :meth:`doubts` and ``Command.remark`` say so. Raises ConfigurationError or InvalidInput if
     there are limits, but not one for each joint, or no period.
@@ -156,10 +156,11 @@ class Evaluator:
 
     def doubts(self, evaluation: Evaluation) -> str:
         """What of the last measurement cannot be right, as its evaluation shows it; empty if all of it can."""
-        if not self.innovation[6] > 1.0:
+        if not self.innovation[-1] > 1.0:
             return ""
-        camera, seen = self.scene.camera, evaluation.pixels
-        return doubts_of(self.innovation, self._bounds, camera, seen, self._correction, self._slip)
+        camera, seen, step = self.scene.camera, evaluation.pixels, self.packed.step
+        beside = Beside(self._correction, self._slip, step.measured[:, 2], step.depth_ratio)
+        return doubts_of(self.innovation, self._bounds, camera, seen, beside)
 
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:

@@ -34,6 +34,20 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
 
 
 @formula
+def depth_innovation(ratio: Any) -> float:
+    """Greatest difference of a marker's depth from the model's, by the smaller of both: max(r, 1/r) − 1.
+
+    ``ratio`` (M,) is r = Z / Z_model, NaN of markers whose depth is not measured. Twice and half of the model's depth
+    are both 1; millimetres in place of metres are 999.
+    """
+    greatest = 0.0
+    for i in range(len(ratio)):
+        if ratio[i] > 0.0:
+            greatest = max(greatest, ratio[i] - 1.0, 1.0 / ratio[i] - 1.0)
+    return greatest
+
+
+@formula
 def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     """By how much positions have changed otherwise than speeds say [rad or m], forgotten within :data:`MEMORY`.
 

@@ -29,6 +29,7 @@ from .results import (
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
+PERHAPS = "it may be impossible"  #: Why a scenario may not be solved, where that is not proved.
 MAX_NAMES = 9  #: A cell names no more scenarios than this.
 
 
@@ -115,9 +116,21 @@ def unsolved(results: Results) -> dict[str, str]:
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
         if runs and not _solvers(results, scenario):
-            closed = all(UNSOLVABLE in run["reason"] for run in runs)
-            reasons[scenario] = "constraints close off a marker from its goal" if closed else ""
+            warnings = results.stored.warnings.get(scenario, ())
+            closed = all(UNSOLVABLE in run["reason"] for run in runs) or any(UNSOLVABLE in text for text in warnings)
+            perhaps = PERHAPS if obstacles(results, scenario) else ""
+            reasons[scenario] = "constraints close off a marker from its goal" if closed else perhaps
     return reasons
+
+
+def obstacles(results: Results, scenario: str) -> list[str]:
+    """Warnings of a scenario for which it may be that no controller can solve it."""
+    return [text for text in results.stored.warnings.get(scenario, ()) if text.startswith("goal") or UNSOLVABLE in text]
+
+
+def warned(results: Results) -> dict[str, int]:
+    """How many warnings each scenario has; scenarios without any are left out."""
+    return {name: len(own) for name, own in results.stored.warnings.items() if own and name in results.scenarios}
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
+from ..simulation.units import implausible_at
 from ..vision.camera import Camera
 from ..vision.features import Goal, MinimumJerk
 from ..vision.scene import MINIMUM_DEPTH, Scene
@@ -138,5 +139,7 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
         try:
             pixels, depth = scene.project(camera), scene.depth(camera)
         except SceneError as error:
-            raise ConfigurationError(f"{where}: at the goal, {error}") from error
+            at = np.zeros(scene.robot.n) if q is None else q
+            doubts = "".join(f"; {doubt}" for doubt in implausible_at(scene, "camera_at_q", at))
+            raise ConfigurationError(f"{where}: at the goal, {error}{doubts}") from error
     return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q, factor)

@@ -28,7 +28,8 @@ from .dynamics import ArmDynamics, DynamicPlant
 from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant, pending_commands
 from .sensing import GradientError, Sensor
-from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
+from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
+from .units import implausible
 
 MAX_MEMORY = 2e9  #: Memory that a run may take, which is kept whole [bytes].
 #: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
@@ -92,7 +93,8 @@ class Setup:
                 f"{MAX_MEMORY / 1e9:g} GB"
             )
         if self.duration < self.Ts:
-            raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
+            rate = ": is the sampling time a rate in Hz, or in ms, not s?" if self.Ts >= 1.0 else ""
+            raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s{rate}")
         for part in (self.plant, self.sensor, self.gradient_error):
             part()
 
@@ -160,6 +162,20 @@ class Setup:
         """See :func:`vsconstraints.simulation.start.separated_markers`."""
         start = self.scene.glance(self.q0)[0]
         return separated_markers(self.scene, self.constraints, self.task, start)
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Numbers that suggest another unit, and goals that the image does not determine; one sentence each.
+
+        See :func:`vsconstraints.simulation.units.implausible` and
+        :func:`vsconstraints.simulation.start.undetermined_goals`.
+        """
+        estimated = self.images is not None or self.sensor().estimates
+        # numbers beyond the range of floating point are refused where they are computed with
+        with np.errstate(all="ignore"):
+            undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
+            numbers = implausible(self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts)
+        return numbers + undetermined
 
     @property
     def samples(self) -> int:
@@ -231,13 +247,15 @@ class Setup:
         """
         robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)
+        # what is wrong with numbers is often why there is no start
+        doubts = "".join(f"; {doubt}" for doubt in self.doubts)
         if outside:
-            raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
+            raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}{doubts}")
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return self._remarks_at_start(world or self.world())
         except SceneError as error:
-            raise ConfigurationError(f"at the start, {error}") from error
+            raise ConfigurationError(f"at the start, {error}{doubts}") from error
         except VsconstraintsError:
             raise
         except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
@@ -250,9 +268,9 @@ class Setup:
         if unseen:
             raise ConfigurationError(
                 f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
-                "from its centre"
+                f"from its centre{''.join(f'; {doubt}' for doubt in self.doubts)}"
             )
-        remarks = implausible(self.scene, self.task, self.Ts)
+        remarks = list(self.doubts)
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
         rows, sigma, first = start.rows, start.sigma, 0
         beyond = ~np.isfinite(np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))).all(axis=1)

@@ -1,4 +1,4 @@
-"""Checks of a start before a run begins: suspicious numbers, hidden markers, goals that no law can reach."""
+"""Checks of a start before a run begins: hidden markers, goals that no law can reach or that are no pose."""
 
 from __future__ import annotations
 
@@ -8,18 +8,12 @@ import numpy as np
 from scipy import ndimage
 
 from ..constraints import ConstraintSet, FieldOfView, ImageConstraint
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, SceneError
 from ..rows import Array, IntArray
-from ..vision.scene import Scene
+from ..vision.features import CameraPose, ImagePoints
+from ..vision.scene import Scene, interaction_matrix
 from ..vision.tracking import VisualTask
 from .occluders import LinesOfSight
-
-#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°.
-MAX_VIEW = 150.0
-#: Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie.
-CENTRED = 0.2
-#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m].
-MAX_LENGTH = 3.0
 
 COARSE, FINE = 4.0, 1.0
 """Sides of the squares by which the image is filled [px]: by small ones only where large ones show no connection.
@@ -31,38 +25,9 @@ AROUND = 2.0  #: Factor by which the filled area is larger than the image where 
 #: How the sentence about a marker that is closed off from a goal ends.
 UNSOLVABLE = "no law can bring it there without violating one"
 
-
-def implausible(scene: Scene, task: VisualTask, Ts: float) -> list[str]:
-    """Numbers that suggest another unit than the one documented, or swapped sides; one sentence each."""
-    camera, gains, doubts = scene.camera, task.gains, []
-    view = 2.0 * np.degrees(np.arctan(0.5 * np.asarray(camera.size) / np.asarray(camera.focal)))
-    if view.max() > MAX_VIEW:
-        focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
-        doubts.append(f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?")
-    width, height = camera.size
-    if camera.principal_point_px is not None and width != height:
-        u, v = camera.principal_point_px
-        as_given, swapped = (
-            np.hypot(2.0 * u / w - 1.0, 2.0 * v / h - 1.0) for w, h in ((width, height), (height, width))
-        )
-        if swapped < CENTRED < as_given:
-            doubts.append(
-                f"the principal point ({u:.0f}, {v:.0f}) px is the centre of {height:g} × {width:g} px, not of "
-                f"{width:g} × {height:g} px: are width and height swapped?"
-            )
-    damping = gains.damping * np.sqrt(gains.Kp0) * Ts
-    if damping > 2.0:
-        doubts.append(
-            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the sampling time {Ts:g} in ms, "
-            "not s?"
-        )
-    offset = 0.0 if camera.fixed is not None else float(np.linalg.norm(camera.mount.t))
-    extent = float(np.ptp(scene.markers, axis=0).max())
-    if offset > MAX_LENGTH:
-        doubts.append(f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates in mm, not m?")
-    if extent > MAX_LENGTH:
-        doubts.append(f"the target's markers are {extent:.3g} m apart: are its coordinates in mm, not m?")
-    return doubts
+#: Least singular value, relative to the greatest, of what counts as a direction that an image determines. Markers that
+#: are seen under an angle α determine the weakest one by about α²: this is a thousandth of a radian.
+DETERMINED = 1e-6
 
 
 def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
@@ -93,6 +58,45 @@ def forbidden_goals(scene: Scene, constraints: ConstraintSet, task: VisualTask) 
             forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
             labels = constraint.labels(scene)
             remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]
+    return remarks
+
+
+def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: bool) -> list[str]:
+    """One sentence for each goal at which the image of the markers does not determine the camera's pose.
+
+    There L J_c, the interaction matrix of the markers in the image times the Jacobian of the camera's twist, has a
+    lower rank than J_c: one marker, markers that coincide or lie on a line, a circle through the camera's centre. A
+    task of the camera's pose is concerned only if the pose is ``estimated`` from images.
+    """
+    by_image = isinstance(task.feature, ImagePoints)
+    if not by_image and not (estimated and isinstance(task.feature, CameraPose)):
+        return []
+    remarks, count, still = [], len(scene.markers), np.zeros(scene.robot.n)
+    for number, goal in enumerate(task.goals, start=1):
+        try:
+            now = scene.evaluate(0.0, q0 if goal.q is None else goal.q, still)
+        except SceneError:
+            continue
+        Z = now.depth if goal.depth is None else goal.depth
+        # lengths by the distance of the markers: angles and translations then count alike
+        size = float(Z.mean())
+        L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * ([size] * 3 + [1.0] * 3)
+        J = now.camera_J / np.array([[size]] * 3 + [[1.0]] * 3)
+        if not (np.isfinite(L).all() and np.isfinite(J).all() and np.isfinite(L @ J).all()):
+            continue
+        determined, free = (int(np.linalg.matrix_rank(each, rtol=DETERMINED)) for each in (L @ J, J))
+        seen = f"{count} markers" if count > 1 else "one marker"
+        if determined < free:
+            remarks.append(
+                f"at goal {number} the image of {seen} determines {determined} of the {free} directions in which the "
+                "camera moves, so that it may end elsewhere: at least four markers that are not on a line determine "
+                "its pose"
+            )
+        elif count == 3 and free == 6:
+            remarks.append(
+                f"at goal {number} up to four poses of the camera show three markers at the same pixels, so that it "
+                "may end elsewhere: four markers determine its pose"
+            )
     return remarks
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class Plausible:
     pose_rad: float = 0.4  #: Likewise [rad].
     image_s: float = 0.2  #: Age of an image [s]: six periods of a camera of 30 Hz.
     speed_rad_s: float = 1.0  #: Difference of joint speeds from the change of positions [rad/s or m/s].
+    depth_share: float = 1.0  #: Difference of a marker's depth from the model's, by the smaller: 1 is twice or half.
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -36,15 +37,19 @@ class Plausible:
                 raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
 
     def bounds(self, camera: Camera) -> Array:
-        """(6,) greatest :data:`INNOVATIONS`."""
+        """(7,) greatest :data:`INNOVATIONS`."""
         image = self.image_share * min(camera.size)
-        return np.array([image, self.shape_share, self.pose_m, self.pose_rad, self.image_s, self.speed_rad_s])
+        pose = self.pose_m, self.pose_rad
+        return np.array([image, self.shape_share, *pose, self.image_s, self.speed_rad_s, self.depth_share])
 
 
 #: An image may be newer than the state of the joints by so much [s]: it has come since, and counts as taken with it.
 AHEAD = 0.02
 #: How far a measurement can be from the model, as a control step keeps it.
-INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]")
+INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]", "depth")
+
+#: Units in which depths may be given by mistake, as factors on metres.
+DEPTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 1.0 / 0.0254, "feet": 1.0 / 0.3048}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +59,9 @@ class Measurement:
     #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN, or masked in an array of ``numpy.ma``,
     #: for one that was not seen, which is taken to be as far from where the model has it as when it was last seen.
     pixels: Array | None = None
-    depth: Array | None = None  #: (M,) Z of the markers then [m], NaN or not given where the model's is to be taken.
+    #: (M,) Z of the markers then [m]. The model's is taken where it is not given, or is NaN, 0 or
+    #: infinite, as depth cameras say that they do not know it.
+    depth: Array | None = None
     #: When the image was taken [s], by the clock of the step's time; now if None. What was seen before has moved on by
     #: as much as the model has since.
     taken: float | None = None
@@ -64,10 +71,10 @@ class Measurement:
     def checked(self, M: int, t: float) -> Self:
         """The same in plain arrays, with depths and time, for M markers at t [s]; raises InvalidInput."""
         pixels = np.full((M, 2), np.nan) if self.pixels is None else numbers(self.pixels, (M, 2), "pixels")
-        depth = np.full(M, np.nan) if self.depth is None else numbers(self.depth, (M,), "depth")
+        depth = np.full(M, np.nan) if self.depth is None else _depths(self.depth, M)
         if self.depth is not None and self.pixels is None:
             raise InvalidInput("measured depth needs the pixels that it belongs to")
-        if (depth <= 0.0).any():
+        if (depth < 0.0).any():
             raise InvalidInput(f"measured depth must be positive, or NaN where it is not known, not {depth}")
         taken = t if self.taken is None else self.taken
         if not math.isfinite(taken) or taken > t + AHEAD:
@@ -82,12 +89,21 @@ class Measurement:
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
 
 
-def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, correction: Array, slip: Array) -> str:
+class Beside(NamedTuple):
+    """How far each part of a measurement is beside the model."""
+
+    correction: Array  #: (M, 2) of markers in normalised coordinates.
+    slip: Array  #: (n,) of joints: see :func:`vsconstraints.formulas.innovation.slip`.
+    depth: Array  #: (M,) measured Z [m], NaN where there is none.
+    depth_ratio: Array  #: (M,) Z divided by that of the model, NaN where none is measured.
+
+
+def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, beside: Beside) -> str:
     """What of a measurement cannot be right, and what it may be; by ``formulas.innovation``; ``seen`` (M, 2) [px]."""
     image, shape, position, orientation, age, speed = innovation[:6]
-    beyond, said = innovation[:6] > bounds, []
+    beyond, said = innovation[: len(INNOVATIONS)] > bounds, []
     if beyond[0] or beyond[1]:
-        off = correction * camera.focal
+        off = beside.correction * camera.focal
         i = int(np.argmax((off * off).sum(axis=1)))
         bent = f", and the pattern differs in shape by {100.0 * shape:.0f} % of its size" if beyond[1] else ""
         said.append(
@@ -102,12 +118,31 @@ def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, cor
     if beyond[4]:
         said.append(f"the image is {age:.3g} s old (allowed are {bounds[4]:.3g} s)")
     if beyond[5]:
-        j = int(np.argmax(np.abs(slip)))
+        j = int(np.argmax(np.abs(beside.slip)))
         said.append(
             f"the speed of joint {j + 1} is {speed:.3g} rad/s from the change of its measured positions (allowed are "
             f"{bounds[5]:.3g})"
         )
+    if beyond[6]:
+        said.append(_wrong_depth(beside, bounds[6]))
     return "; ".join(said)
+
+
+def _wrong_depth(beside: Beside, allowed: float) -> str:
+    """What is wrong with the depth that is farthest from the model's, and which unit it fits."""
+    off = np.abs(np.log(np.where(np.isnan(beside.depth_ratio), 1.0, beside.depth_ratio)))
+    i = int(np.argmax(off))
+    ratio = float(beside.depth_ratio[i])
+    predicted = beside.depth[i] / ratio
+    # half of all markers may look past their target: the unit is that of most
+    usual = float(np.nanmedian(beside.depth_ratio))
+    fitting = [unit for unit, factor in DEPTH_UNITS.items() if factor / 2.0 < usual < factor * 2.0]
+    unit = min(fitting, key=lambda name: abs(math.log(usual / DEPTH_UNITS[name])), default="")
+    guess = f"are depths in {unit}, not metres?" if unit else "it fits another object, or a target that is elsewhere"
+    return (
+        f"the depth of marker {i + 1} is measured {beside.depth[i]:.3g} m, and is {predicted:.3g} m by the model "
+        f"(allowed is a factor of {1.0 + allowed:.3g}): {guess}"
+    )
 
 
 def _explained(seen: Array, model: Array, camera: Camera) -> str:
@@ -134,6 +169,17 @@ def with_nan(value: object) -> Array:
     if isinstance(value, np.ma.MaskedArray):
         value = np.ma.filled(value.astype(np.float64), np.nan)
     return np.array(value, dtype=np.float64, order="C")
+
+
+def _depths(value: object, M: int) -> Array:
+    """(M,) depths, NaN where none is measured; raises InvalidInput."""
+    try:
+        given = with_nan(value)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.shape != (M,):
+        return numbers(value, (M,), "depth")
+    return np.where((given == 0.0) | (given == np.inf), np.nan, given)
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:

@@ -79,7 +79,7 @@ def compare(
             raise KeyboardInterrupt
         stored = StoredComparison.load(folder, trust=True)
         stored.scenarios.update(own)  # a setup cannot be read back
-        comparison = Comparison(stored, (*notes, *suite.remarks()))
+        comparison = Comparison(stored, (*notes, *stored.notes))
     except BaseException:
         if out is None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -107,7 +107,7 @@ class Comparison:
         cannot be drawn.
         """
         stored = StoredComparison.load(Path(folder), trust)
-        return cls(stored, stored.remarks)
+        return cls(stored, (*stored.remarks, *stored.notes))
 
     @cached_property
     def _lines(self) -> Results:

@@ -154,10 +154,17 @@ def check_ends(setup: Setup, ends: Ends) -> None:
             tip = tip_of(scene, goal)
             end = _reached(ends, tip if scene.motion is None else scene.motion.pose(duration) @ tip, near)
         _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
-    lines = LinesOfSight(setup.scene)
+    if setup.on_hidden_markers != "refuse":
+        return
+    try:
+        lines = LinesOfSight(setup.scene)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f'{error}; on_hidden_markers = "continue" draws scenes without a look at what the robot hides'
+        ) from error
     for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
         hidden = [] if q is None else lines.hidden(q[None], [t])[0]
-        if hidden and setup.on_hidden_markers == "refuse":
+        if hidden:
             raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
 
 

@@ -1,0 +1,257 @@
+"""Numbers of a setup that suggest another unit, or another camera, than those that are documented.
+
+Each check yields sentences that end in the question a person would ask: "degrees?", "mm?", "Hz?". Bounds are
+far beyond what the shipped scenarios and the arms of example-robot-data have, so that nothing that is right is asked
+about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..constraints import ConstraintSet, JointRange, JointSpeed
+from ..robots.limits import ActuatorLimits
+from ..robots.robot import Robot
+from ..rows import Array, BoolArray
+from ..vision.camera import Camera
+from ..vision.scene import Scene
+from ..vision.tracking import TrackingGains, VisualTask
+
+#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°.
+MAX_VIEW = 150.0
+#: Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie;
+#: and beyond which it is that of another image.
+CENTRED, ELSEWHERE = 0.2, 0.5
+#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m].
+MAX_LENGTH = 3.0
+#: Size of an arm, and distance of camera and target from it, beyond which millimetres are suspected [m].
+FAR = 20.0
+#: Two turns: a coordinate beyond which degrees are suspected [rad]. Those of joints that turn more often, and
+#: placeholders, are beyond ``MANY_TURNS``.
+TWO_TURNS, MANY_TURNS = 4.0 * np.pi, 1000.0
+#: Speed and acceleration of a revolute joint beyond which degrees are suspected [rad/s, rad/s²].
+FAST, FASTEST_CHANGE = 60.0, 600.0
+#: How many times as fast as the robot's own limit a row may let a joint move.
+BEYOND_ROBOT = 2.0
+#: Sampling time beyond which other units are suspected [s], and from which a rate in Hz is.
+SLOW, RATE = 0.1, 20.0
+#: Share of a row's allowed range by which one sampling period of u⁺ may move φ.
+WHOLE_RANGE = 1.0
+
+
+def implausible(
+    scene: Scene, constraints: ConstraintSet, task: VisualTask, limits: ActuatorLimits, q0: Array, Ts: float
+) -> list[str]:
+    """Numbers that suggest another unit than the one documented, or another camera; one sentence each."""
+    robot, camera = scene.robot, scene.camera
+    return [
+        *_of_camera(camera),
+        *_of_sampling(task.gains, constraints, Ts),
+        *_of_lengths(scene, q0),
+        *_of_depths(task),
+        *_of_robot(robot, limits),
+        *_of_joint_rows(constraints, robot),
+        *_of_configurations(robot, task, q0),
+    ]
+
+
+def implausible_at(scene: Scene, what: str, q: Array) -> list[str]:
+    """Likewise of a scene alone, seen from coordinates (n,) that are called ``what``."""
+    question = asked_about(what, scene.robot, q)
+    return [*_of_camera(scene.camera), *_of_lengths(scene, q), *([question] if question else [])]
+
+
+def in_degrees(robot: Robot, q: Array) -> BoolArray:
+    """(n,) which coordinates of ``q`` (n,) look like degrees.
+
+    Those are of revolute joints: beyond a turn and outside the joint's range, or beyond two where it has none.
+    """
+    outside = (q < robot.q_min) | (q > robot.q_max)
+    unbounded = ~(np.isfinite(robot.q_min) & np.isfinite(robot.q_max))
+    turned = np.abs(q)
+    suspect = (outside & (turned > 2.0 * np.pi)) | (unbounded & (turned > TWO_TURNS))
+    return np.asarray(suspect & ~_prismatic(robot))
+
+
+def asked_about(what: str, robot: Robot, q: Array) -> str:
+    """The question whether coordinates (n,) are in degrees, or empty if they do not look like it."""
+    numbers = np.flatnonzero(in_degrees(robot, q))
+    if not len(numbers):
+        return ""
+    named = ", ".join(f"{q[j]:.4g} of joint {j + 1}" for j in numbers)
+    return f"{what} has {named}: are these degrees, not rad?"
+
+
+def _prismatic(robot: Robot) -> BoolArray:
+    return np.array(robot.prismatic, dtype=np.bool_)
+
+
+def _beyond(limits: Array, most: float) -> BoolArray:
+    """(n,) which positive limits are beyond a bound, but for powers of ten: these stand where nothing is limited."""
+    tens = np.log10(np.where(np.isfinite(limits), limits, 1.0))
+    placeholder = np.abs(tens - np.rint(tens)) < 1e-9
+    return np.asarray(np.isfinite(limits) & (limits > most) & ~placeholder)
+
+
+def _joints(robot: Robot, chosen: BoolArray) -> str:
+    numbers = np.flatnonzero(chosen)
+    named = ", ".join(f"{j + 1} ({robot.joint_names[j]})" for j in numbers)
+    return f"joint {named}" if len(numbers) == 1 else f"joints {named}"
+
+
+# --- one kind of number after the other ---
+
+
+def _of_camera(camera: Camera) -> Iterator[str]:
+    view = 2.0 * np.degrees(np.arctan(0.5 * np.asarray(camera.size) / np.asarray(camera.focal)))
+    if view.max() > MAX_VIEW:
+        focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
+        yield f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?"
+    width, height = camera.size
+    if camera.principal_point_px is None:
+        return
+    u, v = camera.principal_point_px
+    as_given, swapped = (
+        float(np.hypot(2.0 * u / w - 1.0, 2.0 * v / h - 1.0)) for w, h in ((width, height), (height, width))
+    )
+    at = f"the principal point ({u:.0f}, {v:.0f}) px"
+    if width != height and swapped < CENTRED < as_given:
+        yield (
+            f"{at} is the centre of {height:g} × {width:g} px, not of {width:g} × {height:g} px: are width and height "
+            "swapped?"
+        )
+    elif as_given > ELSEWHERE and np.hypot(2.0 * u / width, 2.0 * v / height) < CENTRED:
+        yield f"{at} is at the image's corner: is it counted from the image's centre, not from the top left corner?"
+    elif as_given > ELSEWHERE:
+        centre_of = f" and near that of one of {2.0 * u:.0f} × {2.0 * v:.0f} px" if min(u, v) > 0.0 else ""
+        yield (
+            f"{at} is far from the centre of an image of {width:g} × {height:g} px{centre_of}: are the intrinsics "
+            "those of another resolution?"
+        )
+
+
+def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) -> Iterator[str]:
+    damping = gains.damping * np.sqrt(gains.Kp0) * Ts
+    unit = "a rate in Hz, or in ms, not s" if Ts >= RATE else "in ms, not s"
+    if damping > 2.0:
+        yield (
+            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the sampling time {Ts:g} {unit}?"
+        )
+        return
+    if Ts > SLOW:
+        yield f"the sampling time {Ts:g} s means {1.0 / Ts:.3g} commands a second: is it {unit}?"
+        return
+    band = Ts * constraints.switching_gain / constraints.scale
+    beyond = band > WHOLE_RANGE
+    if beyond.any():
+        i = int(np.argmax(band))
+        more = f", as in {beyond.sum() - 1} other rows" if beyond.sum() > 1 else ""
+        yield (
+            f"u⁺ = {constraints.switching_gain[i]:g} of {constraints.labels[i]} moves φ by {band[i]:.3g} times the "
+            f"whole allowed range in one sampling period of {Ts:g} s{more}: is the switching gain too large, or meant "
+            "for another unit?"
+        )
+
+
+def _of_lengths(scene: Scene, q0: Array) -> Iterator[str]:
+    camera = scene.camera
+    if camera.fixed is None:
+        offset = float(np.linalg.norm(camera.mount.t))
+        if offset > MAX_LENGTH:
+            yield f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates in mm, not m?"
+    else:
+        offset = float(np.linalg.norm(camera.fixed.t))
+        if offset > FAR:
+            yield f"the camera is fixed {offset:.3g} m from the robot's base: are its coordinates in mm, not m?"
+    extent = float(np.ptp(scene.markers, axis=0).max())
+    if extent > MAX_LENGTH:
+        yield f"the target's markers are {extent:.3g} m apart: are its coordinates in mm, not m?"
+    away = float(np.linalg.norm(scene.markers.mean(axis=0)))
+    if away > FAR:
+        place = "the robot's base" if camera.fixed is None else "the arm's tip"
+        yield f"the target's markers are {away:.3g} m from {place}: are their coordinates in mm, not m?"
+    slides = _prismatic(scene.robot)
+    reach = float(np.linalg.norm(scene.robot.pose(np.where(slides, 0.0, q0)).t))
+    if reach > FAR:
+        yield f"the arm's tip is {reach:.3g} m from its base: are the arm's dimensions in mm, not m?"
+    if (np.abs(q0[slides]) > FAR).any():
+        yield f"a prismatic joint is at {np.abs(q0[slides]).max():.4g} m: is it in mm, not m?"
+
+
+def _of_depths(task: VisualTask) -> Iterator[str]:
+    for number, goal in enumerate(task.goals, start=1):
+        # where a goal is given by joint coordinates, what is far is the target or the arm
+        if goal.q is None and goal.depth is not None and goal.depth.max() > FAR:
+            yield f"goal {number} has the markers {goal.depth.max():.3g} m from the camera: is that in mm, not m?"
+
+
+def _of_robot(robot: Robot, limits: ActuatorLimits) -> Iterator[str]:
+    turning = ~_prismatic(robot)
+    ends = np.maximum(*(np.abs(np.where(np.isfinite(end), end, 0.0)) for end in (robot.q_min, robot.q_max)))
+    wide = turning & (ends > TWO_TURNS) & (ends <= MANY_TURNS)
+    if wide.any():
+        yield (
+            f"the range of {_joints(robot, wide)} of {robot.name} is up to {ends[wide].max():.4g} rad, "
+            f"{ends[wide].max() / (2.0 * np.pi):.3g} turns: are these degrees, not rad?"
+        )
+    far = ~turning & (ends > FAR) & (ends <= MANY_TURNS * FAR)
+    if far.any():
+        yield (
+            f"the range of {_joints(robot, far)} of {robot.name} is up to {ends[far].max():.4g} m: is it in mm, not m?"
+        )
+    fast = turning & _beyond(robot.qd_max, FAST)
+    if fast.any():
+        speed = robot.qd_max[fast].max()
+        yield (
+            f"the speed of {_joints(robot, fast)} of {robot.name} is up to {speed:.4g} rad/s: are these "
+            "degrees per second, not rad/s?"
+        )
+    fixed = robot.q_min == robot.q_max
+    if fixed.any():
+        yield (
+            f"{_joints(robot, fixed)} of {robot.name} cannot move: its range is a single point, "
+            f"[{robot.q_min[fixed][0]:g}, {robot.q_max[fixed][0]:g}]: is a range missing in the file, or is it to be "
+            "locked?"
+        )
+    acceleration = limits.of_joint("acceleration", robot.n)
+    steep = turning & _beyond(acceleration, FASTEST_CHANGE)
+    if steep.any():
+        yield (
+            f"the limit of acceleration of {_joints(robot, steep)} is {acceleration[steep].max():.4g} rad/s²: are "
+            "these degrees, not rad?"
+        )
+
+
+def _of_joint_rows(constraints: ConstraintSet, robot: Robot) -> Iterator[str]:
+    """Ranges and speeds that a scenario gives in place of the robot's."""
+    for rows in constraints.constraints:
+        if not isinstance(rows, JointRange | JointSpeed):
+            continue
+        at = np.array(rows.joints) - 1
+        turning, greatest = ~_prismatic(robot)[at], np.maximum(np.abs(rows.lower), np.abs(rows.upper))
+        if isinstance(rows, JointRange):
+            own = np.maximum(np.abs(robot.q_min[at]), np.abs(robot.q_max[at]))
+            wide = turning & (greatest > TWO_TURNS) & (greatest > np.where(np.isfinite(own), own, 0.0))
+            unit, suspected = "rad", "degrees"
+        else:
+            own = robot.qd_max[at]
+            wide = turning & (greatest > np.where(np.isfinite(own), BEYOND_ROBOT * own, FAST))
+            unit, suspected = "rad/s", "degrees per second"
+        if wide.any():
+            i = int(np.argmax(np.where(wide, greatest, 0.0)))
+            robots = f", and that of {robot.name} is {own[i]:.4g}" if np.isfinite(own[i]) else ""
+            yield (
+                f"the {rows.kind} that a row allows joint {rows.joints[i]} is {greatest[i]:.4g} {unit}{robots}: are "
+                f"these {suspected}, not {unit}?"
+            )
+
+
+def _of_configurations(robot: Robot, task: VisualTask, q0: Array) -> Iterator[str]:
+    named = [("q0", q0)]
+    named += [(f"goal {number}", goal.q) for number, goal in enumerate(task.goals, 1) if goal.q is not None]
+    for what, q in named:
+        question = asked_about(what, robot, q)
+        if question:
+            yield question
