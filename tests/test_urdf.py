@@ -10,7 +10,9 @@ import pytest
 
 from vsconstraints import Robot, RobotPoint
 from vsconstraints.constraints import link_bodies
+from vsconstraints.constraints.bodies import mesh
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.robots.urdf import link_geometry
 from vsconstraints.scenarios import Scenario
 
 LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="1"/>'
@@ -216,6 +218,27 @@ def tetrahedron(path: Path) -> None:
     path.write_text(TETRAHEDRON.format(text))
 
 
+COLLADA = """<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>{asset}</asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="12">{numbers}</float_array><technique_common>
+<accessor source="#pa" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+
+
+def collada(path: Path, asset: str) -> Path:
+    numbers = " ".join(str(number) for corner in CORNERS for number in corner)
+    path.write_text(COLLADA.format(asset=asset, numbers=numbers))
+    return path
+
+
 def mesh_arm(path: Path, name: str) -> Path:
     solid = f'<link name="a"><collision><geometry><mesh filename="{name}"/></geometry></collision></link>'
     return written(path, "base", solid, joint("j1", "base", "a"))
@@ -280,6 +303,64 @@ def test_a_scenario_says_where_packages_are_and_keeps_their_meshes_among_its_fil
     assert elsewhere.tables["robot"]["package_dirs"] == [str(tmp_path / "robots" / "elsewhere")]
     with pytest.raises(ConfigurationError, match=r"robot: package_dirs must be a list of strings"):
         scenario.with_override("robot.package_dirs", [1]).setup()
+
+
+@pytest.mark.parametrize("up_axis", ["", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"])
+@pytest.mark.parametrize(
+    ("asset", "metres"),
+    [
+        ("", 1.0),
+        ('<unit name="meter" meter="1"/>', 1.0),
+        ("<unit/>", 1.0),
+        ('<unit name="inch" meter="0.0254"/>', 0.0254),
+        ('<unit name="millimeter" meter="1.0e-3"/>', 0.001),
+    ],
+)
+def test_the_unit_of_a_collada_file_is_applied_once_wherever_its_mesh_is_used(
+    tmp_path: Path, asset: str, up_axis: str, metres: float
+) -> None:
+    """As RViz does, which ignores the axis: the expected corners are those of the file in metres."""
+    file = collada(tmp_path / "a.dae", asset + up_axis)
+    part = '<{0}><geometry><mesh filename="a.dae" scale="{1}"/></geometry></{0}>'
+    link = f'<link name="a">{part.format("collision", "1 1 1")}{part.format("visual", "2 2 2")}</link>'
+    arm = Robot.from_urdf(written(tmp_path / "arm.urdf", "base", link, joint("j1", "base", "a")))
+    expected = np.array(CORNERS) * metres
+    found = {
+        "collision constraints": np.array(sorted(corners(arm))),
+        "pictures": np.array(sorted({tuple(p) for p in _drawn(arm)})) / 2.0,
+        "an obstacle": np.array(sorted({tuple(p) for p in np.asarray(mesh(file, (3.0, 3.0, 3.0)).points())})) / 3.0,
+    }
+    for use, points in found.items():
+        np.testing.assert_allclose(points, sorted(expected.tolist()), rtol=1e-6, atol=1e-9, err_msg=use)
+
+
+def _drawn(arm: Robot) -> list[list[float]]:
+    assert arm.source is not None
+    (drawn,) = link_geometry(arm.source, "visual").geometryObjects
+    listed: list[list[float]] = np.asarray(drawn.geometry.vertices()).tolist()
+    return listed
+
+
+@pytest.mark.parametrize("unit", ["0", "-1", "inch", "inf", "nan"])
+def test_a_unit_that_is_no_length_is_refused(tmp_path: Path, unit: str) -> None:
+    file = collada(tmp_path / "a.dae", f'<unit meter="{unit}"/>')
+    with pytest.raises(ConfigurationError, match=rf"a\.dae: <unit meter=.*positive number of metres.*'{unit}'"):
+        link_bodies(Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", "a.dae")))
+    with pytest.raises(ConfigurationError, match="positive number of metres"):
+        mesh(file)
+
+
+def test_a_scale_of_a_mesh_in_inches_that_is_not_three_numbers_is_refused(tmp_path: Path) -> None:
+    collada(tmp_path / "a.dae", '<unit meter="0.0254"/>')
+    arm = Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", 'a.dae" scale="2 x'))
+    with pytest.raises(ConfigurationError, match=r"link 'a' scales the mesh .*by '2 x': scale must be three numbers"):
+        link_bodies(arm)
+
+
+def test_a_collada_file_that_is_no_xml_is_named_where_it_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text("<COLLADA><asset>")
+    with pytest.raises(ConfigurationError, match=r"arm\.urdf cannot be read"):
+        link_bodies(Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", "a.dae")))
 
 
 def test_a_mesh_that_is_not_there_is_named_with_what_can_be_done(tmp_path: Path) -> None:
