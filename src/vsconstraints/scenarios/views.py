@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, make_dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, SceneError, shown
+from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
 from ..vision.camera import Camera
@@ -79,7 +80,8 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
         twice = [key for key in CALIBRATED if key in values]
         if twice:
             raise ConfigurationError(f"{where}: the calibration says {' and '.join(twice)}: give one of the two")
-        camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
+        with warnings.catch_warnings(action="ignore", category=CalibrationWarning):  # said at the start of every run
+            camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
         camera = from_table(Camera, values, where)
     for key, pose in mounts.items():

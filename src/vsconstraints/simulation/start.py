@@ -39,6 +39,7 @@ def implausible(scene: Scene, task: VisualTask, Ts: float) -> list[str]:
     if view.max() > MAX_VIEW:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
         doubts.append(f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?")
+    doubts += camera.doubts
     width, height = camera.size
     if camera.principal_point_px is not None and width != height:
         u, v = camera.principal_point_px

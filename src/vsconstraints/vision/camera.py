@@ -6,13 +6,14 @@ count from the top left corner are converted by :meth:`Camera.from_corner` and :
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, unknown_name
+from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, unknown_name
 from ..robots.geometry import Pose, Vector2, vector
 from ..rows import Array, BoolArray
 from ..rows.readable import amounts, in_one_line
@@ -20,6 +21,9 @@ from .calibration import read_calibration
 from .distortion import Distortion
 
 LARGEST_IMAGE = 1e4  #: Sides of an image beyond which boundaries in it are not looked for [px].
+#: Distance of a principal point from the image's centre, relative to its side, beyond which it is doubted.
+OFF_CENTRE = 0.2
+TANGENTIAL = 0.02  #: Coefficient of tangential distortion beyond which it is doubted.
 Count = Literal["edges", "centres"]  #: What pixels are counted by.
 
 
@@ -69,11 +73,12 @@ class Camera:
         size_px: Vector2 | None = None,
         distortion_model: Literal["brown-conrady", "fisheye"] | None = None,
     ) -> Camera:
-        """From a calibration file, in YAML, of OpenCV (``cv::FileStorage``) or ROS (camera_info).
+        """From a calibration file of OpenCV (``cv::FileStorage``, YAML or XML), ROS (camera_info) or Kalibr.
 
         ``size_px`` is the size of the images that are used, to be checked, or if the file does not say it;
-        ``distortion_model`` which lens coefficients are of if the file does not say, ``brown-conrady`` if None. Raises
-        ConfigurationError if the file cannot be used, or is one for another image size.
+        ``distortion_model`` which lens coefficients are of, whatever the file says; ``brown-conrady`` if neither says
+        it. Raises ConfigurationError if the file cannot be used, or is one for another image size. A CalibrationWarning
+        says what of it seems wrong: see :attr:`doubts`.
         """
         camera = cls(**read_calibration(calibration, distortion_model, size_px))
         if size_px is not None and tuple(size_px) != camera.size_px:
@@ -81,6 +86,8 @@ class Camera:
                 f"{calibration} is a calibration of images of {camera.size[0]:g} × {camera.size[1]:g} px, not of "
                 f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
             )
+        for doubt in camera.doubts:
+            warnings.warn(f"{calibration}: {doubt}", CalibrationWarning, stacklevel=2)
         return camera
 
     def mounted(
@@ -114,6 +121,28 @@ class Camera:
         mount = camera_in_tip.inverse if camera_in_tip is not None else tip_in_camera or Pose.identity()
         fixed = base_in_camera.inverse if base_in_camera is not None else camera_in_base
         return replace(self, mount=mount, fixed=fixed)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Numbers that few real cameras have: one sentence each, with what may be wrong."""
+        doubts = []
+        if self.principal_point_px is not None:
+            u, v = self.principal_point_px
+            share = np.array((u, v)) / np.asarray(self.size_px)
+            if (np.abs(share - 0.5) > OFF_CENTRE).any():
+                doubts.append(
+                    f"the principal point ({u:.4g}, {v:.4g}) px is at {share[0]:.0%} of the image's width and "
+                    f"{share[1]:.0%} of its height: are these intrinsics of another resolution?"
+                )
+        if self.distortion is not None and self.distortion.model == "brown-conrady":
+            tangential = self.distortion.coefficients[2:4]
+            if max(map(abs, tangential)) > TANGENTIAL:
+                p1, p2 = (f"{value:.3g}" for value in tangential)
+                doubts.append(
+                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than real lenses have them: "
+                    'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+                )
+        return doubts
 
     @property
     def focal(self) -> tuple[float, float]:
