@@ -203,6 +203,98 @@ def test_a_file_that_xacro_has_not_been_through_is_told_the_command(
     assert f"xacro {path} -o {tmp_path / made}" in str(error.value)
 
 
+# --- what is wrong with a file is named ---
+
+TWO_JOINTS = joint("j2", "base", "b", "fixed", "") + joint("j3", "b", "a", "fixed", "")
+
+
+@pytest.mark.parametrize(
+    ("links", "joints", "head", "words"),
+    [
+        ("base a", joint("j1", "base", "a", axis="0 0 0"), None, "joint 'j1' .* axis '0 0 0' has no direction"),
+        ("base a", joint("j1", "base", "a", "prismatic", axis="0 0 -0"), None, "joint 'j1' .* has no direction"),
+        (
+            "base a",
+            joint("j1", "base", "a", axis="0 1"),
+            None,
+            r'joint \'j1\' .*<axis xyz="0 1"> must be 3 finite numb',
+        ),
+        ("base a", joint("j1", "base", "a", axis="0, 0, 1"), None, "3 finite numbers; decimals are written with a poi"),
+        ("base a", joint("j1", "base", "a", axis="0 0 nan"), None, r'<axis xyz="0 0 nan"> must be 3 finite numbers$'),
+        ("base a b", joint("j1", "base", "a") + TWO_JOINTS, None, "link 'a' .* child of two joints, 'j1' and 'j3'"),
+        ("base a b", joint("j1", "a", "b") + joint("j2", "b", "a"), None, "circle: a → b → a"),
+        ("base a", joint("j1", "a", "a"), None, "joint 'j1' .* connects the link 'a' to itself"),
+        ("base a b", joint("j1", "base", "a"), None, "2 links without a parent: base, b"),
+        ("base a", joint("j1", "base", "a"), "", r'the robot has no name; .*<robot name="…">'),
+        ("base a", joint("j1", "base", "a", "revolut"), None, "type of the joint 'j1' .*Did you mean 'revolute'"),
+        (
+            "base a",
+            joint("j1", "base", "a").replace(' type="revolute"', ""),
+            None,
+            "joint 'j1' .*has no type; it is one",
+        ),
+        ("base a", joint("j1", "base", "a").replace('name="j1" ', ""), None, "joint number 1 has no name"),
+        (
+            "base a",
+            joint("j1", "base", "a").replace(' lower="-1"', ' lower="-1,5"'),
+            None,
+            'lower="-1,5"> must be a fini',
+        ),
+        (
+            "base a",
+            joint("j1", "base", "a").replace('xyz="0 0 1"', 'xyz="0,5 0 1"'),
+            None,
+            'origin xyz="0,5 0 1"> must',
+        ),
+        (
+            "base a",
+            joint("j1", "base", "a").replace('velocity="3', 'velocity="-3'),
+            None,
+            'velocity="-3", which is neg',
+        ),
+        ("base a", joint("j1", "base", "elbow"), None, "unknown child link of the joint 'j1' .*'elbow'.*base"),
+        ("base a", '<joint name="j1" type="fixed"><child link="a"/></joint>', None, "joint 'j1' .* has no parent"),
+        ("base a a", joint("j1", "base", "a"), None, "two links of the name 'a'"),
+        ("base a b", joint("j1", "base", "a") + joint("j1", "base", "b"), None, "two joints of the name 'j1'"),
+    ],
+)
+def test_what_is_wrong_with_a_urdf_is_named(
+    tmp_path: Path, links: str, joints: str, head: str | None, words: str
+) -> None:
+    path = written(tmp_path / "arm.urdf", links, joints, head='name="own"' if head is None else head)
+    with pytest.raises(ConfigurationError, match=words) as error:
+        Robot.from_urdf(path, "a")
+    assert "arm.urdf" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (
+            '<inertial><mass value="1,5"/></inertial>',
+            r'link \'c\' .*<mass value="1,5"> must be a finite number; decimals',
+        ),
+        (
+            '<collision><geometry><box size="1 1"/></geometry></collision>',
+            r'<box size="1 1"> must be 3 finite numbers$',
+        ),
+    ],
+)
+def test_masses_and_solids_that_the_parser_would_leave_out_are_named(tmp_path: Path, part: str, words: str) -> None:
+    link = f'<link name="c">{part}</link>'
+    path = written(tmp_path / "arm.urdf", "base a", link, joint("j1", "base", "a"), joint("j2", "a", "c"))
+    with pytest.raises(ConfigurationError, match=words):
+        Robot.from_urdf(path)
+
+
+def test_a_fixed_joint_needs_no_axis_and_an_axis_no_length(tmp_path: Path) -> None:
+    """Exporters write zeros for the axis of fixed joints."""
+    fixed = joint("j2", "a", "tool", "fixed", "", axis="0 0 0")
+    path = written(tmp_path / "arm.urdf", "base a tool", joint("j1", "base", "a", axis="0 0 1e-3"), fixed)
+    R = Robot.from_urdf(path).pose([0.3]).R
+    np.testing.assert_allclose(R, Robot.from_dh([[0.0, 0.0, 0.0, 0.0]]).pose([0.3]).R, atol=1e-12)
+
+
 # --- meshes ---
 
 
@@ -348,13 +440,6 @@ def test_a_unit_that_is_no_length_is_refused(tmp_path: Path, unit: str) -> None:
         link_bodies(Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", "a.dae")))
     with pytest.raises(ConfigurationError, match="positive number of metres"):
         mesh(file)
-
-
-def test_a_scale_of_a_mesh_in_inches_that_is_not_three_numbers_is_refused(tmp_path: Path) -> None:
-    collada(tmp_path / "a.dae", '<unit meter="0.0254"/>')
-    arm = Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", 'a.dae" scale="2 x'))
-    with pytest.raises(ConfigurationError, match=r"link 'a' scales the mesh .*by '2 x': scale must be three numbers"):
-        link_bodies(arm)
 
 
 def test_a_collada_file_that_is_no_xml_is_named_where_it_is_read(tmp_path: Path) -> None:

@@ -84,8 +84,8 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpo
             mesh.set("filename", str(file.resolve()))
             unit = unit_of_mesh(file)
             if unit != 1.0:
-                scale = _scale_of(mesh, urdf, link.get("name", ""))
-                mesh.set("scale", " ".join(repr(factor * unit) for factor in scale))
+                scale = [unit * float(factor) for factor in mesh.get("scale", "1 1 1").split()]
+                mesh.set("scale", " ".join(map(repr, scale)))
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -127,21 +127,6 @@ def _stated_unit(file: Path) -> str:
     except (OSError, ElementTree.ParseError):
         pass
     return "1"
-
-
-def _scale_of(mesh: ElementTree.Element, urdf: Path, link: str) -> list[float]:
-    """The three factors by which a URDF scales a mesh."""
-    text = mesh.get("scale", "1 1 1")
-    try:
-        scale = [float(factor) for factor in text.split()]
-    except ValueError:
-        scale = []
-    if len(scale) != 3:
-        raise ConfigurationError(
-            f"{urdf}: the link {link!r} scales the mesh {mesh.get('filename')!r} by {shown(text)}: "
-            "scale must be three numbers"
-        )
-    return scale
 
 
 def _meshes(root: ElementTree.Element, purpose: Purpose = "collision") -> Iterator[ElementTree.Element]:
