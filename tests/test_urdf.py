@@ -201,6 +201,8 @@ def test_a_file_that_xacro_has_not_been_through_is_told_the_command(
         Robot.from_urdf(path)
     made = "expanded-arm.urdf" if name == "arm.urdf" else "arm.urdf"
     assert f"xacro {path} -o {tmp_path / made}" in str(error.value)
+    # xacro as pip installs it fails at $(find …), xacrodoc does not
+    assert f"pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {tmp_path / made}" in str(error.value)
 
 
 # --- what is wrong with a file is named ---

@@ -236,9 +236,11 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     if path.suffix == ".xacro" or _unexpanded(root):
         name = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         name = name if name != path.name else f"expanded-{name}"
+        made = path.with_name(name)
         raise ConfigurationError(
-            f"{str(path)!r} is a xacro file, of which xacro makes a URDF: xacro {path} -o {path.with_name(name)} "
-            "(part of ROS; or pip install xacro), with the arguments that it takes as NAME:=VALUE"
+            f"{str(path)!r} is a xacro file, of which xacro makes a URDF. With ROS set up: xacro {path} -o {made}. "
+            f"Without ROS: pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {made}, where FOLDER holds the "
+            "packages that $(find …) names. Arguments that the file takes follow as NAME:=VALUE"
         )
     for element in root.iter():
         element.tag = _plain(element.tag)

@@ -36,21 +36,33 @@ BYTE_ORDER_MARKS = (
 )
 
 
-def read_table(path: str | Path, what: str = "calibration") -> Calibrated:
-    """Return the table that a file is.
+def read_table(path: str | Path) -> Calibrated:
+    """Return the table that the file of a calibration is.
 
     Raises ConfigurationError, which names the file, if it cannot be read, is too large, nested too deep, in another
     encoding than UTF-8 or UTF-16, or no table.
     """
     where = os.fspath(path)
-    try:
-        text = _text(Path(path))
-        table = _of_xml(text) if text.lstrip().startswith("<") else _of_yaml(text)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"cannot read the {what} {where}: {error}") from None
+    table = table_of(read_text(path, "calibration"), where, "calibration")
     if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{where} is no {what}: it must be a table")
+        raise ConfigurationError(f"{where} is no calibration: it must be a table")
     return table
+
+
+def read_text(path: str | Path, what: str) -> str:
+    """Return the text of a file of bounded size; raises ConfigurationError, which names it, if it cannot be read."""
+    try:
+        return _text(Path(path))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"cannot read the {what} {os.fspath(path)}: {error}") from None
+
+
+def table_of(text: str, where: str, what: str) -> object:
+    """Return the table, list or text that a file holds in YAML, JSON or OpenCV's XML; raises ConfigurationError."""
+    try:
+        return _of_xml(text) if text.lstrip().startswith("<") else _of_yaml(text)
+    except ValueError as error:
+        raise ConfigurationError(f"cannot read the {what} {where}: {error}") from None
 
 
 def _text(path: Path) -> str:

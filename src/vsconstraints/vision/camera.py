@@ -19,11 +19,14 @@ from ..rows import Array, BoolArray
 from ..rows.readable import amounts, in_one_line
 from .calibration import read_calibration
 from .distortion import Distortion
+from .hand_eye import read_hand_eye
 
 LARGEST_IMAGE = 1e4  #: Sides of an image beyond which boundaries in it are not looked for [px].
 #: Distance of a principal point from the image's centre, relative to its side, beyond which it is doubted.
 OFF_CENTRE = 0.2
 TANGENTIAL = 0.02  #: Coefficient of tangential distortion beyond which it is doubted.
+#: Arguments of :meth:`.mounted` for a camera that the arm carries.
+CARRIED = ("camera_in_tip", "tip_in_camera")
 Count = Literal["edges", "centres"]  #: What pixels are counted by.
 
 
@@ -93,12 +96,14 @@ class Camera:
     def mounted(
         self,
         *,
-        camera_in_tip: Pose | None = None,
-        tip_in_camera: Pose | None = None,
-        camera_in_base: Pose | None = None,
-        base_in_camera: Pose | None = None,
+        camera_in_tip: Pose | str | Path | None = None,
+        tip_in_camera: Pose | str | Path | None = None,
+        camera_in_base: Pose | str | Path | None = None,
+        base_in_camera: Pose | str | Path | None = None,
     ) -> Camera:
         """The same camera where a hand–eye calibration has it: one of four poses, each named for what it says.
+
+        In the place of a pose may stand the file that a tool has written: see :func:`.read_hand_eye`.
 
         Parameters
         ----------
@@ -114,13 +119,25 @@ class Camera:
         ------
         InvalidInput
             unless exactly one is given.
+        ConfigurationError
+            if a file cannot be read, or says that the camera is in the hand where one beside the arm is asked for, or
+            the other way round.
         """
-        poses = camera_in_tip, tip_in_camera, camera_in_base, base_in_camera
-        if sum(pose is not None for pose in poses) != 1:
+        given = {
+            "camera_in_tip": camera_in_tip,
+            "tip_in_camera": tip_in_camera,
+            "camera_in_base": camera_in_base,
+            "base_in_camera": base_in_camera,
+        }
+        poses = {key: _pose_of(value, key) for key, value in given.items() if value is not None}
+        if len(poses) != 1:
             raise InvalidInput("a camera has one of camera_in_tip, tip_in_camera, camera_in_base and base_in_camera")
-        mount = camera_in_tip.inverse if camera_in_tip is not None else tip_in_camera or Pose.identity()
-        fixed = base_in_camera.inverse if base_in_camera is not None else camera_in_base
-        return replace(self, mount=mount, fixed=fixed)
+        ((key, pose),) = poses.items()
+        if key in ("camera_in_tip", "base_in_camera"):
+            pose = pose.inverse
+        if key in CARRIED:
+            return replace(self, mount=pose, fixed=None)
+        return replace(self, mount=Pose.identity(), fixed=pose)
 
     @property
     def doubts(self) -> list[str]:
@@ -234,3 +251,15 @@ class Camera:
         if self.distortion is not None:
             inside &= np.hypot(*np.moveaxis(self.normalised(pixels), -1, 0)) <= self.distortion.reach
         return np.asarray(inside)
+
+
+def _pose_of(value: Pose | str | Path, key: str) -> Pose:
+    """A pose, or that of a file of a hand–eye calibration, which must fit an argument of :meth:`.Camera.mounted`."""
+    if isinstance(value, Pose):
+        return value
+    pose, carried = read_hand_eye(value)
+    if carried is not None and carried != (key in CARRIED):
+        right = "camera_in_tip" if carried else "camera_in_base"
+        place = "in the hand (in the tip's frame)" if carried else "beside the arm (in the base frame)"
+        raise ConfigurationError(f"{value} is of a camera {place}: give it as {right}, not as {key}")
+    return pose
