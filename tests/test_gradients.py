@@ -200,17 +200,7 @@ class Kinked(ImageConstraint):
 @pytest.mark.parametrize(
     ("away", "side"),
     # beside the kink, only the slope there is right
-    [
-        (0.0, 1.0),
-        (0.0, 0.0),
-        (0.0, -1.0),
-        (1e-9, 1.0),
-        (-1e-9, 1.0),
-        (1e-4, 1.0),
-        (-1e-4, 1.0),
-        (-3e-2, 1.0),
-        (3e-2, 1.0),
-    ],
+    [(0.0, 1.0), (0.0, 0.0), (0.0, -1.0), *((away, 1.0) for away in (1e-9, -1e-9, 1e-4, -1e-4, 3e-2, -3e-2))],
 )
 def test_kinks_are_no_wrong_gradients(away: float, side: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """σ has a kink at, or near, the first marker: any slope between those of its sides is right there."""

@@ -108,8 +108,10 @@ def _of_joints(
 
         def value(away: float, along: Array = direction) -> Array:
             if by_speed:
-                return evaluator.evaluate(t, q, qd + away * along).rows.phi[rows]
-            return evaluator.evaluate(t, q + away * along, qd).sigma[rows]
+                phi: Array = evaluator.evaluate(t, q, qd + away * along).rows.phi[rows]
+                return phi
+            sigma: Array = evaluator.evaluate(t, q + away * along, qd).sigma[rows]
+            return sigma
 
         quotients = _quotients(value)
         for row in _differing(gradient, joint, quotients):
