@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,8 @@ import pytest
 import yaml
 
 from vsconstraints import Camera
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.errors import CalibrationWarning, ConfigurationError
+from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.calibration import read_calibration
 from vsconstraints.vision.distortion import Distortion
@@ -24,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from checks import calibrations
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
+CAMERAS = Path(__file__).parent / "data" / "cameras"
 
 K = np.array([[603.2, 0.0, 322.4], [0.0, 601.8, 236.1], [0.0, 0.0, 1.0]])
 D = [-0.2831, 0.1042, 0.0007, -0.0004, -1.68e-7]
@@ -107,8 +111,8 @@ def test_a_printed_message_of_ros_is_read(tmp_path: Path) -> None:
         ("plumb_bob", D[:4], Distortion("brown-conrady", D[:4])),
         ("plumb_bob", [0.0] * 5, None),
         (None, D, Distortion("brown-conrady", D)),
-        ("rational_polynomial", [0.1] * 8, Distortion("brown-conrady", [0.1] * 8)),
-        ("rational_polynomial", [0.1] * 8 + [0.0] * 6, Distortion("brown-conrady", [0.1] * 8)),
+        ("rational_polynomial", [0.01] * 8, Distortion("brown-conrady", [0.01] * 8)),
+        ("rational_polynomial", [0.01] * 8 + [0.0] * 6, Distortion("brown-conrady", [0.01] * 8)),
         ("equidistant", [0.01, 0.0, 0.0, 0.0], Distortion("fisheye", [0.01, 0.0, 0.0, 0.0])),
         # θ_d = θ is not what a pinhole does
         ("equidistant", [0.0] * 4, Distortion("fisheye", [0.0] * 4)),
@@ -123,11 +127,14 @@ def test_which_lens_it_is_can_be_said_where_a_file_does_not(tmp_path: Path) -> N
     four = np.array([[0.01, 0.02, 0.03, 0.04]])
     silent = by_opencv(tmp_path / "silent.yaml", distortion_coefficients=four)
     fisheye = by_opencv(tmp_path / "fisheye.yaml", distortion_coefficients=four, fisheye_model=1)
-    assert_read(Camera.from_calibration(silent), Distortion("brown-conrady", four[0].tolist()))
+    with pytest.warns(CalibrationWarning, match="tangential"):
+        assert_read(Camera.from_calibration(silent), Distortion("brown-conrady", four[0].tolist()))
     assert_read(Camera.from_calibration(silent, distortion_model="fisheye"), Distortion("fisheye", four[0].tolist()))
     assert_read(Camera.from_calibration(fisheye), Distortion("fisheye", four[0].tolist()))
-    with pytest.raises(ConfigurationError, match="of the distortion model fisheye, not brown-conrady"):
-        Camera.from_calibration(fisheye, distortion_model="brown-conrady")
+    # what the caller says overrides the file's label, which may be wrong
+    with pytest.warns(CalibrationWarning, match="tangential coefficients p₁ = 0.03, p₂ = 0.04 are larger"):
+        read = Camera.from_calibration(fisheye, distortion_model="brown-conrady")
+    assert_read(read, Distortion("brown-conrady", four[0].tolist()))
 
 
 def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: Path) -> None:
@@ -147,7 +154,7 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"camera_matrix": None}, "the key 'camera_matrix' is missing; K or k would be taken"),
+        ({"camera_matrix": None}, "the key 'camera_matrix' is missing; K or k or M would be taken"),
         ({"image_width": None}, "the key 'image_width' is missing"),
         ({"image_width": "wide"}, "image_width must be a positive number of pixels, not 'wide'"),
         ({"image_height": True}, "image_height must be a positive number"),
@@ -155,7 +162,18 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
         ({"camera_matrix": matrix([1.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
         ({"camera_matrix": matrix([0.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
         ({"camera_matrix": {"rows": 3, "cols": 3, "data": [1.0] * 8}}, "3 × 3 finite numbers as data; it has 8"),
-        ({"camera_matrix": {"data": [1.0] * 9}}, "camera_matrix must have rows, cols and data"),
+        ({"camera_matrix": {"rows": 3, "data": [1.0] * 9}}, "camera_matrix must have rows, cols and data"),
+        ({"camera_matrix": {"rows": 3, "cols": 3}}, "camera_matrix must have rows, cols and data"),
+        ({"camera_matrix": {"data": [1.0] * 8}}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v, .* not 8 numbers"),
+        ({"calibration_model": "double_sphere"}, "unknown calibration_model .*'double_sphere'.*distortion_model says"),
+        ({"distortion_model": None, "model": "omni"}, "unknown model .*'omni'"),
+        ({"distortion_model": None, "lens": "omni"}, "unknown lens .*'omni'"),
+        ({"Distortion-Type": "fov"}, "unknown Distortion-Type .*'fov'"),
+        (
+            {"camera_model": "fisheye"},
+            "two things of the lens: camera_model = 'fisheye' and distortion_model = 'plumb_bob'",
+        ),
+        ({"distortion_model": "none"}, "says that the lens has no distortion, but distortion_coefficients is not zero"),
         ({"camera_matrix": {"rows": 3, "cols": 3, "data": ["a"] * 9}}, "3 × 3 finite numbers as data; it has 0"),
         ({"distortion_model": "thin_prism"}, "unknown distortion_model in .* 'thin_prism'.*plumb_bob"),
         ({"distortion_coefficients": matrix([0.1] * 3)}, "has 4 or 5 or 8 finite coefficients, not 3"),
@@ -311,7 +329,213 @@ def test_what_ros_says_of_whole_images_changes_nothing(tmp_path: Path) -> None:
     assert said == read_calibration(written(tmp_path / "b.yaml", ros()))
 
 
+# --- files as cameras' drivers and tools write them ---
+
+
+def by_opencv_projected(points: Array, case: dict[str, Any]) -> Array:
+    """(N, 2) pixels of points (N, 3) by OpenCV, from the numbers that a case expects."""
+    fx, fy, cx, cy = case["K"]
+    matrix, coefficients = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), np.array(case["D"], dtype=float)
+    still = np.zeros(3)
+    if case["model"] == "fisheye":
+        pixels = cv2.fisheye.projectPoints(points[:, None], still, still, matrix, coefficients)[0]
+    else:
+        pixels = cv2.projectPoints(points, still, still, matrix, coefficients if len(coefficients) else None)[0]
+    projected: Array = pixels.reshape(-1, 2)
+    return projected
+
+
+def assert_as_opencv(eye: Camera, case: dict[str, Any]) -> None:
+    """Each pixel is where OpenCV has it, to 1e-9 px."""
+    assert eye.size_px == tuple(case["size"])
+    points = np.random.default_rng(0).uniform((-0.4, -0.3, 1.0), (0.4, 0.3, 1.0), (200, 3))
+    found = eye.to_corner(eye.distort(eye.pixels(points[:, :2])), "centres")
+    np.testing.assert_allclose(found, by_opencv_projected(points, case), rtol=0.0, atol=1e-9)
+
+
+CASES = json.loads((CAMERAS / "expected.json").read_text(encoding="utf-8"))["files"]
+#: What is expected of files that the list of cases leaves open, or says in words.
+EXPECTED = {
+    "c10_oakd_rational14.yaml": {
+        "K": [402.0, 402.0, 322.0, 198.0],
+        "model": "brown-conrady",
+        "D": [5.2, -12.1, 0.0004, -0.0002, 6.5, 5.1, -11.9, 6.3],
+        "size": [640, 400],
+    },
+    "c13_list_D.yaml": {
+        "K": [1158.6, 1156.0, 765.5, 588.7],
+        "model": "brown-conrady",
+        "D": [-0.17, 0.107, 0.0042, -0.0027, 0.0],
+        "size": [1600, 1200],
+    },
+    "c16_opencv_json.json": CASES["c14_opencv_xml.xml"],
+    "c19_windows_exponents_crlf.yaml": {
+        "K": [537.65, 537.9, 340.0, 236.9],
+        "model": "brown-conrady",
+        "D": [-0.2776, 0.054, 0.0021, -0.00039, 0.0487],
+        "size": [640, 480],
+    },
+    "c27_narrow_no_rows.yaml": {**CASES["c27_narrow_no_rows.yaml"], "size": [640, 480]},
+    "c29_cxcy_at_edge_1080_to_720.yaml": {
+        "K": [1380.0, 1380.0, 960.0, 540.0],
+        "model": "none",
+        "D": [],
+        "size": [1280, 720],
+        "warning": r"principal point \(960.5, 540.5\) px is at 75% of .* and 75% .* of another resolution\?",
+    },
+    "c30_plumb_bob_fisheye_T265.yaml": {
+        "K": [285.6, 286.7, 424.6, 408.2],
+        "model": "brown-conrady",
+        "D": [-0.0022, 0.0376, -0.0364, 0.0059, 0.0],
+        "size": [848, 800],
+        "warning": r"tangential coefficients p₁ = -0.0364, .* fisheye \(distortion_model = \"fisheye\"\)\?",
+    },
+}
+REFUSED = {
+    "c08_typo_key.yaml": "'distortion_coefficients' is missing.*Is 'distortion_coefficents' misspelt",
+    "c11_thinprism12.yaml": "has 4 or 5 or 8 finite coefficients, not 12",
+    "c18_gbk_comment.yaml": "line 1 is in another encoding than UTF-8",
+    "c20_skew.yaml": r"skew of 1.7 px as its second number, which moves pixels by up to 0.68 px",
+    "c22_fxfy_autoware.yaml": r"this is a file with a key for each number \(fx, fy, .*write the numbers of one",
+    "c23_orbslam.yaml": "this is a settings file of ORB-SLAM",
+    "c25_stereo_opencv.yml": "this is OpenCV's file of a stereo pair",
+    "c26_binning2.yaml": "binning_x = '2', binning_y = '2'",
+    "c32_fisheye_skew.yaml": r"skew of 0.0586 px.*up to 0.072 px.*CALIB_FIX_SKEW.*or write 0",
+}
+
+
+def test_every_case_says_what_is_expected() -> None:
+    files = {path.name for path in CAMERAS.iterdir()} - {"expected.json"}
+    assert files == set(CASES)
+    read = {name for name, case in CASES.items() if "K" in case} | set(EXPECTED)
+    assert read.isdisjoint(REFUSED)
+    assert read | set(REFUSED) == files
+    assert all(name in REFUSED for name, case in CASES.items() if case["read"] is False)
+    assert all(name in read for name, case in CASES.items() if case["read"] is True)
+
+
+@pytest.mark.parametrize("name", sorted({name for name, case in CASES.items() if "K" in case} | set(EXPECTED)))
+def test_files_are_read_as_opencv_has_their_numbers(name: str) -> None:
+    case = EXPECTED.get(name, CASES[name])
+    expects = pytest.warns(CalibrationWarning, match=case["warning"]) if "warning" in case else nullcontext()
+    with expects:
+        eye = Camera.from_calibration(CAMERAS / name)
+    assert_as_opencv(eye, case)
+
+
+@pytest.mark.parametrize("name", sorted(REFUSED))
+def test_files_that_cannot_be_used_are_refused_by_name(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=REFUSED[name]) as refused:
+        Camera.from_calibration(CAMERAS / name, size_px=(640, 480) if name.startswith("c25") else None)
+    assert name in str(refused.value)
+    assert all(word in str(refused.value) for word in CASES[name].get("names", ()))
+
+
+def test_a_wrong_label_is_overridden_by_the_caller() -> None:
+    name = "c30_plumb_bob_fisheye_T265.yaml"
+    eye = Camera.from_calibration(CAMERAS / name, distortion_model="fisheye")
+    case = {**EXPECTED[name], "model": "fisheye", "D": EXPECTED[name]["D"][:4]}  # type: ignore[index]
+    assert_as_opencv(eye, case)
+
+
+@pytest.mark.parametrize(
+    "key", ["distortion_model", "camera_model", "calibration_model", "lens_model", "model", "lens"]
+)
+@pytest.mark.parametrize("name", ["fisheye", "opencv_fisheye", "equidistant", "Kannala Brandt4", "FISHEYE"])
+def test_whatever_key_says_that_it_is_a_fisheye_is_heard(tmp_path: Path, key: str, name: str) -> None:
+    table = ros(distortion_model=None, distortion_coefficients=matrix([0.02, 0.01, 0.0, 0.0]))
+    table[key] = name
+    assert_read(
+        Camera.from_calibration(written(tmp_path / "camera.yaml", table)), Distortion("fisheye", (0.02, 0.01, 0, 0))
+    )
+
+
+@pytest.mark.parametrize("name", ["", None, "~", "none", "None"])
+def test_a_lens_without_distortion_may_be_called_so(tmp_path: Path, name: str | None) -> None:
+    table = {**ros(distortion_coefficients=[]), "distortion_model": name}
+    assert_read(Camera.from_calibration(written(tmp_path / "camera.yaml", table)), None)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
+def test_byte_order_marks_are_understood(tmp_path: Path, encoding: str) -> None:
+    file = by_opencv(tmp_path / "camera.yaml")
+    file.write_text(file.read_text(), encoding=encoding)
+    assert_read(Camera.from_calibration(file))
+
+
+def camchain(**changes: Any) -> dict[str, Any]:
+    camera = {"camera_model": "pinhole", "intrinsics": [603.2, 601.8, 322.4, 236.1], "resolution": [640, 480]}
+    return {**camera, "distortion_model": "equidistant", "distortion_coeffs": [0.02, 0.01, 0.0, 0.0], **changes}
+
+
+def test_camchains_of_kalibr_are_read_or_named(tmp_path: Path) -> None:
+    lens = Distortion("fisheye", (0.02, 0.01, 0.0, 0.0))
+    file = tmp_path / "camchain.yaml"
+    assert_read(Camera.from_calibration(written(file, {"cam0": camchain()})), lens)
+    # EuRoC's sensor.yaml
+    euroc = camchain(distortion_model="radial-tangential", distortion_coefficients=D[:4], distortion_coeffs=None)
+    euroc.pop("distortion_coeffs")
+    assert_read(Camera.from_calibration(written(file, euroc)), Distortion("brown-conrady", D[:4]))
+    for table, words in (
+        ({"cam0": camchain(), "cam1": camchain()}, r"this is a Kalibr camchain of 2 cameras \(cam0, cam1\): copy"),
+        ({"cam0": camchain(camera_model="omni")}, r"this is a Kalibr camchain of a camera that is no pinhole .*'omni'"),
+        ({"cam0": camchain(distortion_model="fov")}, "unknown distortion_model .*'fov'"),
+        ({"cam0": camchain(intrinsics=[1.0, 2.0])}, "must be the four numbers f_u, f_v, c_u, c_v"),
+        ({"cam0": camchain(resolution=None)}, "'image_width' is missing"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            Camera.from_calibration(written(file, table))
+
+
+def test_xml_of_opencv_is_read_as_it_is_in_yaml(tmp_path: Path) -> None:
+    assert read_calibration(by_opencv(tmp_path / "a.xml")) == read_calibration(by_opencv(tmp_path / "a.yaml"))
+    file = by_opencv(
+        tmp_path / "fisheye.xml", distortion_coefficients=np.array([[0.01, 0.02, 0.0, 0.0]]), fisheye_model=1
+    )
+    assert_read(Camera.from_calibration(file), Distortion("fisheye", (0.01, 0.02, 0.0, 0.0)))
+
+
+def test_xml_defines_no_entities_and_is_bounded(tmp_path: Path) -> None:
+    secret, file = tmp_path / "secret", by_opencv(tmp_path / "camera.xml")
+    secret.write_text("640")
+    sound = file.read_text()
+    entity = f'<!DOCTYPE opencv_storage [<!ENTITY width SYSTEM "file://{secret}">]>'
+    for text, words in (
+        (
+            sound.replace("<opencv_storage>", f"{entity}<opencv_storage>").replace(">640<", ">&width;<"),
+            "a document type",
+        ),
+        (sound.replace(">640<", ">&width;<"), "it is no XML"),
+        (
+            sound.replace("<opencv_storage>", "<opencv_storage>" + "<a>" * 20 + "</a>" * 20),
+            "nested deeper than 10 levels",
+        ),
+        (
+            sound.replace("</opencv_storage>", "<image_width>1</image_width></opencv_storage>"),
+            "a key that is there already",
+        ),
+        (
+            sound.replace("</opencv_storage>", "<a>" + "1 " * 150_000 + "</a></opencv_storage>"),
+            "larger than 250000 bytes",
+        ),
+        (sound.replace("opencv_storage", "root"), "its root is not OpenCV's <opencv_storage>"),
+        ("<opencv_storage/>", "is no calibration: it must be a table"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ConfigurationError, match=words):
+            read_calibration(file)
+
+
 # --- in scenarios ---
+
+
+def test_a_scenario_says_at_the_start_what_of_a_calibration_seems_wrong(tmp_path: Path) -> None:
+    three_quarters = np.array([[603.2, 0.0, 480.0], [0.0, 601.8, 236.1], [0.0, 0.0, 1.0]])
+    by_opencv(tmp_path / "camera.yaml", camera_matrix=three_quarters)
+    setup = scenario(tmp_path, 'calibration = "camera.yaml"').setup()
+    (doubt,) = [doubt for doubt in setup.doubts if "principal point" in doubt]
+    assert "75% of the image's width and 49% of its height" in doubt
+    assert "are these intrinsics of another resolution?" in doubt
 
 
 def scenario(folder: Path, camera: str) -> Scenario:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -94,6 +95,7 @@ FORMS: dict[str, dict[str, Any]] = {
     "xyzw": {"xyz": XYZ, "quaternion_xyzw": R.as_quat().tolist()},
     "wxyz": {"xyz": XYZ, "quaternion_wxyz": np.roll(R.as_quat(), 1).tolist()},
     "rpy": {"xyz": XYZ, "rpy": R.as_euler("xyz").tolist()},
+    "rotation vector": {"xyz": XYZ, "rotation_vector": R.as_rotvec().tolist()},
 }
 
 
@@ -135,10 +137,13 @@ MIRRORED = TURNED * (1.0, 1.0, -1.0, 1.0)
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 4}, "length 1, not 0"),
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 3}, "quaternion_xyzw must be 4 numbers"),
         ({"xyz": XYZ, "quaternion": [0.0] * 4}, "key in ur5-fov.camera.camera_in_tip 'quaternion'.*quaternion_wxyz"),
+        ({"xyz": XYZ, "rotation_vector": [0, 0, 90]}, r"no longer than a turn .* not \[0.*90.*\]: are these degrees"),
+        ({"xyz": XYZ, "file": "eMc.yaml"}, "xyz or file"),
+        ({"rpy": [0, 0, 0], "file": "eMc.yaml"}, "one of rpy, .*, matrix and file"),
         ({"xyz": XYZ, "rpy": [0, 0, 90]}, r"are radians, up to a turn \(6\.283\), not \[.*90.*\]: are these degrees"),
         (
             {"rpy": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1]},
-            "one of rpy, quaternion_wxyz, quaternion_xyzw and matrix",
+            "one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix and file",
         ),
     ],
 )
@@ -169,3 +174,118 @@ def test_quaternions_are_given_in_one_of_two_orders() -> None:
     for told in ({}, {"wxyz": [1.0, 0, 0, 0], "xyzw": [0, 0, 0, 1.0]}):
         with pytest.raises(InvalidInput, match="as wxyz or as xyzw"):
             Pose.from_quaternion((0.0, 0.0, 0.0), **told)
+
+
+# --- files that tools write ---
+
+QX, QY, QZ, QW = R.as_quat().tolist()
+TX, TY, TZ = XYZ
+QUATERNION = f"qw: {QW}\n  qx: {QX}\n  qy: {QY}\n  qz: {QZ}\n  x: {TX}\n  y: {TY}\n  z: {TZ}\n"
+TRANSFORM = (
+    f"  translation:\n    x: {TX}\n    y: {TY}\n    z: {TZ}\n  rotation:\n    x: {QX}\n    y: {QY}\n    z: {QZ}\n"
+)
+TRANSFORM += f"    w: {QW}\n"
+FRAMES = "  robot_base_frame: base_link\n  robot_effector_frame: tool0\n  tracking_base_frame: camera_optical_frame\n"
+THETA_U = "\n".join(f"  - [{number}]" for number in (*XYZ, *R.as_rotvec()))
+ROWS = homogeneous(CAMERA_IN_TIP).tolist()
+OPTIONS = {"x": TX, "y": TY, "z": TZ, "qx": QX, "qy": QY, "qz": QZ, "qw": QW}
+LAUNCH_PY = (
+    '""" EYE-IN-HAND: tool0 -> camera_optical_frame """\n'
+    'Node(package="tf2_ros", executable="static_transform_publisher",\n'
+    'arguments=["--frame-id", "tool0", "--child-frame-id", "camera_optical_frame",\n'
+    + "\n".join(f'"--{name}",\n"{value}",' for name, value in OPTIONS.items())
+    + '\n# "--roll",\n# "0.1",\n])\n'
+)
+LAUNCH = (
+    '<launch>\n  <!-- EYE-IN-HAND: tool0 -> camera_optical_frame -->\n  <!-- xyz="0 0 0" rpy="0 0 0" -->\n'
+    '  <node pkg="tf2_ros" type="static_transform_publisher" name="camera_link_broadcaster"\n'
+    f'      args="{TX} {TY} {TZ}   {QX} {QY} {QZ} {QW} tool0 camera_optical_frame" />\n</launch>\n'
+)
+IN_HAND = {
+    "easy_handeye": f"parameters:\n  eye_on_hand: true\n{FRAMES}transformation:\n  {QUATERNION}",
+    "easy_handeye of 2016": f"eye_on_hand: true\ntracking_base_frame: camera\ntransformation:\n  {QUATERNION}",
+    "easy_handeye2": f"parameters:\n  name: own\n  calibration_type: eye_in_hand\n{FRAMES}transform:\n{TRANSFORM}",
+    "MoveIt, ROS 1": LAUNCH,
+    "MoveIt, ROS 2": LAUNCH_PY,
+}
+SILENT = {
+    "qw … qz": QUATERNION.replace("\n  ", "\n"),
+    "geometry_msgs/Transform": TRANSFORM,
+    "visp_hand2eye_calibration": f"effector_camera:\n{TRANSFORM}",
+    "geometry_msgs/Pose": TRANSFORM.replace("translation", "position").replace("rotation", "orientation"),
+    "ViSP, vpPoseVector": f"rows: 6\ncols: 1\ndata: \n{THETA_U}\n",
+    "ViSP, vpHomogeneousMatrix": "rows: 4\ncols: 4\ndata: \n" + "".join(f"  - {row}\n" for row in ROWS),
+    "ViSP, text": "\n".join("  ".join(map(str, row)) for row in ROWS) + "\n",
+    "rvec and tvec": f"rvec: {R.as_rotvec().tolist()}\ntvec: {XYZ}\n",
+}
+
+
+def opencv_file(folder: Path) -> Path:
+    storage = cv2.FileStorage(str(folder / "opencv.yaml"), cv2.FILE_STORAGE_WRITE)
+    storage.write("R_cam2gripper", CAMERA_IN_TIP.R)
+    storage.write("t_cam2gripper", CAMERA_IN_TIP.t.reshape(3, 1))
+    storage.release()
+    return folder / "opencv.yaml"
+
+
+@pytest.mark.parametrize("form", {**IN_HAND, **SILENT}.values(), ids=[*IN_HAND, *SILENT])
+def test_files_of_tools_are_read_by_one_key_in_scenarios_and_python(tmp_path: Path, form: str) -> None:
+    file = tmp_path / "hand_eye.yaml"
+    file.write_text(form)
+    for eye in (EYE.mounted(camera_in_tip=file), camera_of(camera_in_tip={"file": str(file)})):
+        assert eye.fixed is None
+        assert max(distance(eye.mount.inverse, CAMERA_IN_TIP)) < 1e-12
+    assert max(distance(EYE.mounted(camera_in_tip=opencv_file(tmp_path)).mount.inverse, CAMERA_IN_TIP)) < 1e-12
+
+
+@pytest.mark.parametrize("name", IN_HAND)
+def test_a_file_that_says_where_the_camera_is_must_fit_its_key(tmp_path: Path, name: str) -> None:
+    file, in_hand = tmp_path / "hand_eye.yaml", IN_HAND[name]
+    beside = (
+        in_hand.replace("eye_on_hand: true", "eye_on_hand: false")
+        .replace("eye_in_hand", "eye_on_base")
+        .replace("EYE-IN-HAND", "EYE-TO-HAND")
+    )
+    assert beside != in_hand
+    file.write_text(beside)
+    eye = EYE.mounted(camera_in_base=file)
+    assert eye.fixed is not None
+    assert max(distance(eye.fixed, CAMERA_IN_TIP)) < 1e-12
+    with pytest.raises(ConfigurationError, match=r"beside the arm .*: give it as camera_in_base, not as camera_in_tip"):
+        EYE.mounted(camera_in_tip=file)
+    file.write_text(in_hand)
+    with pytest.raises(ConfigurationError, match=r"in the hand .*: give it as camera_in_tip, not as base_in_camera"):
+        EYE.mounted(base_in_camera=file)
+
+
+def test_a_scenario_keeps_the_file_of_its_hand_eye_calibration_among_its_files(tmp_path: Path) -> None:
+    (tmp_path / "hand_eye.yaml").write_text(IN_HAND["easy_handeye2"])
+    (tmp_path / "own.toml").write_text('extends = "ur5-fov"\n[camera.camera_in_tip]\nfile = "hand_eye.yaml"\n')
+    scenario = Scenario.load(tmp_path / "own.toml")
+    assert [file.name for file in scenario.files] == ["hand_eye.yaml"]
+    assert max(distance(scenario.setup().scene.camera.mount.inverse, CAMERA_IN_TIP)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: 1\n", r"no pose in a form that is known: .*easy_handeye2.*MoveIt.*ViSP.*OpenCV"),
+        ("just words\n", "no pose in a form that is known"),
+        ("rows: 5\ncols: 1\ndata: [1, 2, 3, 4, 5]\n", r"6 numbers \(a translation, then θu\) or 4 × 4, not 5"),
+        ("rvec: [0, 0, 90]\ntvec: [0, 0, 1]\n", "are these degrees"),
+        ("rvec: [0, 0]\ntvec: [0, 0, 1]\n", r"tvec must have 3 numbers and rvec 3 .* not 3 and 2"),
+        (IN_HAND["easy_handeye"].replace(f"qw: {QW}", "qw: 0.9"), "quaternion that is a rotation has length 1"),
+        (IN_HAND["easy_handeye"].replace(f"x: {TX}", "x: left"), "xyz must be finite"),
+        (IN_HAND["easy_handeye2"].replace("eye_in_hand", "sideways"), "calibration_type must be eye_in_hand or"),
+        (LAUNCH.replace(f"{QX} {QY} {QZ} {QW}", "0.1 0.2 0.3"), r"has 6 numbers; 7 are read: .* are ambiguous"),
+        ("a: [1", r"cannot read the hand–eye calibration .*it is no YAML"),
+    ],
+)
+def test_a_file_without_a_pose_says_what_is_read(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "hand_eye.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=words) as error:
+        EYE.mounted(camera_in_tip=file)
+    assert "hand_eye.yaml" in str(error.value)
+    with pytest.raises(ConfigurationError, match="cannot read the hand–eye calibration"):
+        EYE.mounted(camera_in_tip=tmp_path / "none.yaml")

@@ -395,8 +395,8 @@ def test_a_joint_may_have_the_name_of_its_link(tmp_path: Path) -> None:
         ("base a", [joint("j1", "fixed", "base", "a", "")], ["no joint", "'a'"]),
         ("base", [], ["no joint", "'base'"]),
         ("", [], ["cannot be read as a URDF"]),
-        ("base a", [joint("j1", "revolute", "elsewhere", "a")], ["cannot be read as a URDF"]),
-        ("base a", [joint("j1", "revolving", "base", "a")], ["cannot be read as a URDF"]),
+        ("base a", [joint("j1", "revolute", "elsewhere", "a")], ["parent", "'j1'", "'elsewhere'", "a, base"]),
+        ("base a", [joint("j1", "revolving", "base", "a")], ["type", "'j1'", "'revolving'", "revolute"]),
     ],
 )
 def test_a_urdf_that_is_no_arm_is_refused(tmp_path: Path, links: str, joints: list[str], words: list[str]) -> None:
@@ -495,10 +495,23 @@ def test_a_joint_outside_its_range_is_named_with_its_range() -> None:
     assert arm.outside_ranges(arm.q_min) == []
     assert arm.outside_ranges(arm.q_max) == []
     outside = inside.copy()
-    outside[1], outside[4] = arm.q_max[1] + 1e-6, arm.q_min[4] - 1.0
+    half = 0.5 * (arm.q_max - arm.q_min)
+    outside[1], outside[4] = arm.q_max[1] + 0.9e-5 * half[1], arm.q_min[4] - 0.9e-5 * half[4]
+    assert arm.outside_ranges(outside) == []
+    outside[1], outside[4] = arm.q_max[1] + 1.1e-5 * half[1], arm.q_min[4] - 1.0
     sentences = arm.outside_ranges(outside)
     assert [s.split(" is at ")[0] for s in sentences] == ["joint 2 (joint 2)", "joint 5 (joint 5)"]
-    assert f"{arm.q_max[1]:.4g}" in sentences[0]
+    assert f"{arm.q_max[1]:.7g}" in sentences[0]
+    assert f", {1.1e-5 * half[1]:.3g} " in sentences[0]
+    assert ", 1 " in sentences[1]
+
+
+def test_a_start_that_is_rounded_is_in_its_range_and_one_that_is_not_says_by_how_much() -> None:
+    """A URDF has 3.14159 where a program has π, and 1.5708 where it has π/2."""
+    arm = Robot.from_dh([[0.0, 0.0, 1.0, 0.0]] * 2, q_min=[-3.14159, -np.pi / 2], q_max=[3.14159, np.pi / 2])
+    assert arm.outside_ranges(np.array([np.pi, 1.5708])) == []
+    (sentence,) = arm.outside_ranges(np.array([3.142, 0.0]))
+    assert sentence == "joint 1 (joint 1) is at 3.142, 0.00041 rad outside [-3.14159, 3.14159]"
 
 
 def test_points_of_one_link_do_not_depend_on_their_order() -> None:

@@ -726,7 +726,9 @@ class Late(ImageConstraint):
         return y[..., 0] - 1e4
 
     def gradient(self, y):
-        return np.ones((*y.shape[:-1], self.shape))
+        gradient = np.zeros((*y.shape[:-1], self.shape))
+        gradient[..., 0] = 1.0
+        return gradient
 """
 
 
@@ -753,7 +755,7 @@ def test_a_constraint_that_goes_on_raising_leaves_the_trajectory(
     """Clearances are looked at when a run is over, and raise there again: of that row they are not known."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "failing_for_test.py").write_text(FAILING)
-    tables = [{"type": "failing_for_test:Late", "calls": 50}, TABLES["constraints"][2]]
+    tables = [{"type": "failing_for_test:Late", "calls": 150}, TABLES["constraints"][2]]
     trajectory = simulate(scenario(folder=tmp_path).with_override("constraints", tables).setup(), SlidingMode())
     assert trajectory.status == "failed"
     assert "KeyError: 'no more' (failing_for_test.py, line 17)" in trajectory.reason

@@ -103,6 +103,12 @@ def calibration(folder: Path) -> Seen:
         file.write_text(f"image_width: {value}\n")
         with watched(seen), suppress(VsconstraintsError):
             Camera.from_calibration(file)
+        with watched(seen), suppress(VsconstraintsError):
+            Camera((600.0, 600.0), (640.0, 480.0)).mounted(camera_in_tip=file)
+    entity = '<!DOCTYPE opencv_storage [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+    file.write_text(f"{entity}<opencv_storage><image_width>&x;</image_width></opencv_storage>")
+    with watched(seen), suppress(VsconstraintsError):
+        Camera.from_calibration(file)
     assert {path for path in seen.read if "site-packages" not in path} <= {str(folder / "eye.yaml")}
     return seen
 
@@ -157,7 +163,7 @@ def dask(folder: Path) -> Seen:
 
 ROWS: dict[str, Callable[[Path], Seen]] = {
     "scenario, suite, family or campaign (TOML)": toml,
-    "calibration of a camera (YAML)": calibration,
+    "calibration of a camera, hand–eye calibration (YAML, XML)": calibration,
     "URDF, SRDF or mesh": urdf,
     "journal of a tuning": journal,
     "port of a Dask scheduler or worker": dask,

@@ -64,12 +64,12 @@ UNITS: dict[str, tuple[str, dict[str, Any], str]] = {
     "intrinsics of a larger image": (
         ARM,
         {"camera.principal_point_px": [640.0, 480.0]},
-        "near that of one of 1280 × 960 px: are the intrinsics those of another resolution?",
+        "near the centre of an image of 1280 × 960 px: are these intrinsics of another resolution?",
     ),
     "intrinsics of a smaller image": (
         ARM,
         {"camera.principal_point_px": [160.0, 120.0], "camera.size_px": [1280, 960]},
-        "near that of one of 320 × 240 px: are the intrinsics those of another resolution?",
+        "near the centre of an image of 320 × 240 px: are these intrinsics of another resolution?",
     ),
     "image on its side": (
         ARM,

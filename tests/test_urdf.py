@@ -10,7 +10,9 @@ import pytest
 
 from vsconstraints import Robot, RobotPoint
 from vsconstraints.constraints import link_bodies
+from vsconstraints.constraints.bodies import mesh
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.robots.urdf import link_geometry
 from vsconstraints.scenarios import Scenario
 
 LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="1"/>'
@@ -199,6 +201,100 @@ def test_a_file_that_xacro_has_not_been_through_is_told_the_command(
         Robot.from_urdf(path)
     made = "expanded-arm.urdf" if name == "arm.urdf" else "arm.urdf"
     assert f"xacro {path} -o {tmp_path / made}" in str(error.value)
+    # xacro as pip installs it fails at $(find …), xacrodoc does not
+    assert f"pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {tmp_path / made}" in str(error.value)
+
+
+# --- what is wrong with a file is named ---
+
+TWO_JOINTS = joint("j2", "base", "b", "fixed", "") + joint("j3", "b", "a", "fixed", "")
+
+
+@pytest.mark.parametrize(
+    ("links", "joints", "head", "words"),
+    [
+        ("base a", joint("j1", "base", "a", axis="0 0 0"), None, "joint 'j1' .* axis '0 0 0' has no direction"),
+        ("base a", joint("j1", "base", "a", "prismatic", axis="0 0 -0"), None, "joint 'j1' .* has no direction"),
+        (
+            "base a",
+            joint("j1", "base", "a", axis="0 1"),
+            None,
+            r'joint \'j1\' .*<axis xyz="0 1"> must be 3 finite numb',
+        ),
+        ("base a", joint("j1", "base", "a", axis="0, 0, 1"), None, "3 finite numbers; decimals are written with a poi"),
+        ("base a", joint("j1", "base", "a", axis="0 0 nan"), None, r'<axis xyz="0 0 nan"> must be 3 finite numbers$'),
+        ("base a b", joint("j1", "base", "a") + TWO_JOINTS, None, "link 'a' .* child of two joints, 'j1' and 'j3'"),
+        ("base a b", joint("j1", "a", "b") + joint("j2", "b", "a"), None, "circle: a → b → a"),
+        ("base a", joint("j1", "a", "a"), None, "joint 'j1' .* connects the link 'a' to itself"),
+        ("base a b", joint("j1", "base", "a"), None, "2 links without a parent: base, b"),
+        ("base a", joint("j1", "base", "a"), "", r'the robot has no name; .*<robot name="…">'),
+        ("base a", joint("j1", "base", "a", "revolut"), None, "type of the joint 'j1' .*Did you mean 'revolute'"),
+        (
+            "base a",
+            joint("j1", "base", "a").replace(' type="revolute"', ""),
+            None,
+            "joint 'j1' .*has no type; it is one",
+        ),
+        ("base a", joint("j1", "base", "a").replace('name="j1" ', ""), None, "joint number 1 has no name"),
+        (
+            "base a",
+            joint("j1", "base", "a").replace(' lower="-1"', ' lower="-1,5"'),
+            None,
+            'lower="-1,5"> must be a fini',
+        ),
+        (
+            "base a",
+            joint("j1", "base", "a").replace('xyz="0 0 1"', 'xyz="0,5 0 1"'),
+            None,
+            'origin xyz="0,5 0 1"> must',
+        ),
+        (
+            "base a",
+            joint("j1", "base", "a").replace('velocity="3', 'velocity="-3'),
+            None,
+            'velocity="-3", which is neg',
+        ),
+        ("base a", joint("j1", "base", "elbow"), None, "unknown child link of the joint 'j1' .*'elbow'.*base"),
+        ("base a", '<joint name="j1" type="fixed"><child link="a"/></joint>', None, "joint 'j1' .* has no parent"),
+        ("base a a", joint("j1", "base", "a"), None, "two links of the name 'a'"),
+        ("base a b", joint("j1", "base", "a") + joint("j1", "base", "b"), None, "two joints of the name 'j1'"),
+    ],
+)
+def test_what_is_wrong_with_a_urdf_is_named(
+    tmp_path: Path, links: str, joints: str, head: str | None, words: str
+) -> None:
+    path = written(tmp_path / "arm.urdf", links, joints, head='name="own"' if head is None else head)
+    with pytest.raises(ConfigurationError, match=words) as error:
+        Robot.from_urdf(path, "a")
+    assert "arm.urdf" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (
+            '<inertial><mass value="1,5"/></inertial>',
+            r'link \'c\' .*<mass value="1,5"> must be a finite number; decimals',
+        ),
+        (
+            '<collision><geometry><box size="1 1"/></geometry></collision>',
+            r'<box size="1 1"> must be 3 finite numbers$',
+        ),
+    ],
+)
+def test_masses_and_solids_that_the_parser_would_leave_out_are_named(tmp_path: Path, part: str, words: str) -> None:
+    link = f'<link name="c">{part}</link>'
+    path = written(tmp_path / "arm.urdf", "base a", link, joint("j1", "base", "a"), joint("j2", "a", "c"))
+    with pytest.raises(ConfigurationError, match=words):
+        Robot.from_urdf(path)
+
+
+def test_a_fixed_joint_needs_no_axis_and_an_axis_no_length(tmp_path: Path) -> None:
+    """Exporters write zeros for the axis of fixed joints."""
+    fixed = joint("j2", "a", "tool", "fixed", "", axis="0 0 0")
+    path = written(tmp_path / "arm.urdf", "base a tool", joint("j1", "base", "a", axis="0 0 1e-3"), fixed)
+    R = Robot.from_urdf(path).pose([0.3]).R
+    np.testing.assert_allclose(R, Robot.from_dh([[0.0, 0.0, 0.0, 0.0]]).pose([0.3]).R, atol=1e-12)
 
 
 # --- meshes ---
@@ -214,6 +310,27 @@ def tetrahedron(path: Path) -> None:
         for face in faces
     )
     path.write_text(TETRAHEDRON.format(text))
+
+
+COLLADA = """<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>{asset}</asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="12">{numbers}</float_array><technique_common>
+<accessor source="#pa" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+
+
+def collada(path: Path, asset: str) -> Path:
+    numbers = " ".join(str(number) for corner in CORNERS for number in corner)
+    path.write_text(COLLADA.format(asset=asset, numbers=numbers))
+    return path
 
 
 def mesh_arm(path: Path, name: str) -> Path:
@@ -280,6 +397,57 @@ def test_a_scenario_says_where_packages_are_and_keeps_their_meshes_among_its_fil
     assert elsewhere.tables["robot"]["package_dirs"] == [str(tmp_path / "robots" / "elsewhere")]
     with pytest.raises(ConfigurationError, match=r"robot: package_dirs must be a list of strings"):
         scenario.with_override("robot.package_dirs", [1]).setup()
+
+
+@pytest.mark.parametrize("up_axis", ["", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"])
+@pytest.mark.parametrize(
+    ("asset", "metres"),
+    [
+        ("", 1.0),
+        ('<unit name="meter" meter="1"/>', 1.0),
+        ("<unit/>", 1.0),
+        ('<unit name="inch" meter="0.0254"/>', 0.0254),
+        ('<unit name="millimeter" meter="1.0e-3"/>', 0.001),
+    ],
+)
+def test_the_unit_of_a_collada_file_is_applied_once_wherever_its_mesh_is_used(
+    tmp_path: Path, asset: str, up_axis: str, metres: float
+) -> None:
+    """As RViz does, which ignores the axis: the expected corners are those of the file in metres."""
+    file = collada(tmp_path / "a.dae", asset + up_axis)
+    part = '<{0}><geometry><mesh filename="a.dae" scale="{1}"/></geometry></{0}>'
+    link = f'<link name="a">{part.format("collision", "1 1 1")}{part.format("visual", "2 2 2")}</link>'
+    arm = Robot.from_urdf(written(tmp_path / "arm.urdf", "base", link, joint("j1", "base", "a")))
+    expected = np.array(CORNERS) * metres
+    found = {
+        "collision constraints": np.array(sorted(corners(arm))),
+        "pictures": np.array(sorted({tuple(p) for p in _drawn(arm)})) / 2.0,
+        "an obstacle": np.array(sorted({tuple(p) for p in np.asarray(mesh(file, (3.0, 3.0, 3.0)).points())})) / 3.0,
+    }
+    for use, points in found.items():
+        np.testing.assert_allclose(points, sorted(expected.tolist()), rtol=1e-6, atol=1e-9, err_msg=use)
+
+
+def _drawn(arm: Robot) -> list[list[float]]:
+    assert arm.source is not None
+    (drawn,) = link_geometry(arm.source, "visual").geometryObjects
+    listed: list[list[float]] = np.asarray(drawn.geometry.vertices()).tolist()
+    return listed
+
+
+@pytest.mark.parametrize("unit", ["0", "-1", "inch", "inf", "nan"])
+def test_a_unit_that_is_no_length_is_refused(tmp_path: Path, unit: str) -> None:
+    file = collada(tmp_path / "a.dae", f'<unit meter="{unit}"/>')
+    with pytest.raises(ConfigurationError, match=rf"a\.dae: <unit meter=.*positive number of metres.*'{unit}'"):
+        link_bodies(Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", "a.dae")))
+    with pytest.raises(ConfigurationError, match="positive number of metres"):
+        mesh(file)
+
+
+def test_a_collada_file_that_is_no_xml_is_named_where_it_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text("<COLLADA><asset>")
+    with pytest.raises(ConfigurationError, match=r"arm\.urdf cannot be read"):
+        link_bodies(Robot.from_urdf(mesh_arm(tmp_path / "arm.urdf", "a.dae")))
 
 
 def test_a_mesh_that_is_not_there_is_named_with_what_can_be_done(tmp_path: Path) -> None:

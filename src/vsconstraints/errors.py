@@ -42,6 +42,10 @@ class StorageError(VsconstraintsError):
     """Results cannot be written: for example, the disk is full."""
 
 
+class CalibrationWarning(UserWarning):
+    """A calibration can be used, but has numbers that suggest another lens or image size."""
+
+
 def unknown_name(what: str, name: object, candidates: Iterable[str]) -> ConfigurationError:
     """Error for a name that is not known: it names the candidates, the closest first.
 

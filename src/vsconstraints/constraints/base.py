@@ -150,6 +150,11 @@ class PositionConstraint(ByFormula, Constraint):
         super().__init__(K=K, switching_gain=switching_gain)
         if self.formula is None and type(self).sigma is PositionConstraint.sigma:
             raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
+        if self.formula is None and type(self).gradient is ByFormula.gradient:
+            raise ConfigurationError(
+                f"{type(self).__name__} ({self.kind}) gives sigma, but no gradient: give ∂σ/∂y as gradient too, or "
+                "both by a formula"
+            )
         demand_own_curvature(type(self))
 
     def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:

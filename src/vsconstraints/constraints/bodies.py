@@ -20,7 +20,7 @@ from ..errors import ConfigurationError, unknown_name
 from ..qp.decomposition import svd
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
-from ..robots.meshes import mesh_files
+from ..robots.meshes import mesh_files, unit_of_mesh
 from ..robots.robot import Robot
 from ..rows import Array
 from .base import demand_positive
@@ -108,11 +108,16 @@ def _hulls(links: Keyed) -> tuple[Body, ...]:
 
 
 def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
-    """The convex hull of a mesh file [m after scaling]; raises ConfigurationError that names a file it cannot read."""
+    """The convex hull of a mesh file, whose coordinates times ``scale`` are metres.
+
+    A COLLADA file that states its unit of length is converted to metres before it is scaled. Raises ConfigurationError
+    that names a file it cannot read.
+    """
     if not Path(file).is_file():
         raise ConfigurationError(f"no mesh file at {str(file)!r}")
     try:
-        read = coal.MeshLoader().load(str(file), vector(scale, 3, "scale of a mesh"))
+        to_metres = unit_of_mesh(Path(file)) * vector(scale, 3, "scale of a mesh")
+        read = coal.MeshLoader().load(str(file), to_metres)
     except (RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{str(file)!r} cannot be read as a mesh: {error}") from error
     return convex(read, str(file))

@@ -19,6 +19,7 @@ from ..rows import Array, Command
 from ..vision.camera import Camera
 from ..vision.tracking import VisualTask
 from .evaluator import Bound, CurrentState, Evaluation, Evaluator
+from .gradients import demand_gradients, own_constraints
 
 if TYPE_CHECKING:
     from ..controllers.base import Controller
@@ -163,10 +164,25 @@ class ControlStep(Evaluator):
 
     _controller: Controller | None = None
     _options: dict[str, Any] | None = None
+    _gradients_checked = False
 
     def model(self, estimate: Any = None, gradient_error: Any = None) -> Model:
         """Rows and task at predicted states: see :class:`Model`."""
         return Model(self, estimate, gradient_error)
+
+    def evaluate(self, t: float, q: Array, qd: Array, **measured: Any) -> Evaluation:
+        """Rows and task, as :meth:`.Evaluator.evaluate`; the first call checks the gradients of own constraints.
+
+        Raises ConfigurationError, which names the row and the coordinate, if one is not the derivative of its σ.
+        """
+        evaluation = super().evaluate(t, q, qd, **measured)
+        if not self._gradients_checked:
+            self._check_gradients(t, q, qd)
+        return evaluation
+
+    def _check_gradients(self, t: float, q: Array, qd: Array) -> None:
+        demand_gradients(self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd)))
+        self._gradients_checked = True
 
     def command(
         self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any
@@ -195,10 +211,20 @@ class ControlStep(Evaluator):
             reset: Callable[..., None] = controller.reset
             reset(model=self.model())
         in_one = self._in_one_call(controller)
+        if in_one is not None and own_constraints(self.constraints):
+            in_one = partial(self._after_check, in_one)
         self._controller, self._to_command = controller, in_one or partial(self._in_two_calls, controller)
         # only a law that is bound has options that were read beforehand
         self._options = None if in_one is None else _options_of(controller)
         return self._to_command
+
+    def _after_check(
+        self, in_one: StateToCommand, t: float, q: Array, qd: Array, **measured: Any
+    ) -> tuple[Evaluation, Command]:
+        """Step and law in one call, before the first of which gradients are checked."""
+        if not self._gradients_checked:
+            self._check_gradients(t, q, qd)
+        return in_one(t, q, qd, **measured)
 
     def _in_two_calls(
         self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any

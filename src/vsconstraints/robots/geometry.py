@@ -109,6 +109,17 @@ class Pose:
         w, x, y, z = value / norm if order == "wxyz" else np.roll(value, 1) / norm
         return cls(pin.Quaternion(w, x, y, z).matrix(), vector(xyz, 3, "xyz"))
 
+    @classmethod
+    def from_rotation_vector(cls, xyz: Vector3, rotation_vector: Vector3) -> Pose:
+        """From a translation [m] and a rotation vector θu [rad], as OpenCV (rvec), ViSP and axis–angle have it."""
+        turn = vector(rotation_vector, 3, "rotation_vector")
+        if np.linalg.norm(turn) > 2.0 * np.pi + TYPED:
+            raise InvalidInput(
+                f"rotation_vector is in radians and no longer than a turn (6.283), not {shown(turn.tolist())}: are "
+                "these degrees?"
+            )
+        return cls(np.asarray(pin.exp3(turn)), vector(xyz, 3, "xyz"))
+
     @property
     def inverse(self) -> Pose:
         """BMa for this aMb."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shown
 
 IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of a package.
 DEPTH = 3  #: Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for.
@@ -64,6 +65,8 @@ Purpose = Literal["collision", "visual"]  #: What geometry of a URDF's links is 
 def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:
     """The XML of a URDF with the paths of the files in the place of the names of meshes that are for that purpose.
 
+    The scale of a mesh becomes one to metres: it is multiplied by the unit of length that a COLLADA file states.
+
     Raises ConfigurationError that names the mesh, its link and what can be done, where there is no such file.
     """
     root = ElementTree.fromstring(text)
@@ -79,7 +82,51 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpo
                     "are capsules and need no mesh"
                 )
             mesh.set("filename", str(file.resolve()))
+            unit = unit_of_mesh(file)
+            if unit != 1.0:
+                scale = [unit * float(factor) for factor in mesh.get("scale", "1 1 1").split()]
+                mesh.set("scale", " ".join(map(repr, scale)))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def unit_of_mesh(file: Path) -> float:
+    """Metres per unit of length of a mesh file: what a COLLADA file states in ``<unit meter="…">``, 1 for all others.
+
+    The loader of meshes ignores that unit, and the file's ``<up_axis>``. ROS's viewer RViz applies the unit and ignores
+    the axis, too, so that meshes that look right there are right here. A file that is no XML has the unit 1: reading
+    its geometry will say what is wrong. Raises ConfigurationError if the unit is not a positive number.
+    """
+    if file.suffix.lower() != ".dae":
+        return 1.0
+    stated = _stated_unit(file)
+    try:
+        unit = float(stated)
+    except ValueError:
+        unit = math.nan
+    if not 0.0 < unit < math.inf:
+        raise ConfigurationError(
+            f'{file}: <unit meter="…"> must be a positive number of metres per unit of length, not {shown(stated)}'
+        )
+    return unit
+
+
+def _stated_unit(file: Path) -> str:
+    """The text of the unit in the asset of the whole COLLADA file, which stands before its geometry."""
+    open_elements: list[str] = []
+    try:
+        for event, element in ElementTree.iterparse(file, events=("start", "end")):
+            tag = element.tag.rpartition("}")[2].lower()
+            if event == "end":
+                open_elements.pop()
+                if tag == "asset":
+                    break
+                continue
+            if tag == "unit" and open_elements == ["collada", "asset"]:
+                return str(element.get("meter", "1"))
+            open_elements.append(tag)
+    except (OSError, ElementTree.ParseError):
+        pass
+    return "1"
 
 
 def _meshes(root: ElementTree.Element, purpose: Purpose = "collision") -> Iterator[ElementTree.Element]:

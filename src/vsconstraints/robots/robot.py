@@ -24,6 +24,9 @@ from .urdf import UrdfSource, link_geometry, read_urdf
 
 #: θ offset [rad], d [m], a [m], α [rad] of a link.
 DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
+#: By how much of half its range a joint may be beyond it for rounding: ranges are written with six digits or so, and
+#: scores count a row as violated from ten times as much.
+ROUNDED = 1e-5
 
 
 class Robot:
@@ -217,11 +220,18 @@ class Robot:
         return vector(q, self.n, f"{what} of {self.name}")
 
     def outside_ranges(self, q: Array) -> list[str]:
-        """One sentence for each joint of ``q`` outside its range; empty if there is none."""
+        """One sentence for each joint of ``q`` outside its range; empty if there is none.
+
+        Numbers in files are rounded: a joint may be :data:`ROUNDED` of half its range beyond it.
+        """
+        half = 0.5 * (self.q_max - self.q_min)
+        tolerated = ROUNDED * np.where(np.isfinite(half), half, 1.0)
+        beyond = np.maximum(self.q_min - q, q - self.q_max)
+        units = ["m" if slides else "rad" for slides in self.prismatic]
         return [
-            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.4g}, "
-            f"outside [{self.q_min[i]:.4g}, {self.q_max[i]:.4g}]"
-            for i in np.flatnonzero((q < self.q_min) | (q > self.q_max))
+            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.7g}, {beyond[i]:.3g} {units[i]} outside "
+            f"[{self.q_min[i]:.7g}, {self.q_max[i]:.7g}]"
+            for i in np.flatnonzero(beyond > tolerated)
         ]
 
     def pose(self, q: ArrayLike, link: str = "tip") -> Pose:

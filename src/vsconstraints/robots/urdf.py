@@ -18,6 +18,7 @@ from ..errors import ConfigurationError, unknown_name
 from ..rows import Array
 from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
+from .urdf_checks import demand_sound
 
 UNBOUNDED = 1e9  #: A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none.
 #: Elements that describe the arm; what else a file says is for simulators, drivers and controllers.
@@ -49,7 +50,9 @@ def read_urdf(
     try:
         model = pin.buildModelFromXML(file.text)
     except (RuntimeError, ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
+        raise ConfigurationError(
+            f"{str(source)!r} cannot be read as a URDF: {error} Its parser prints a reason on stderr, if it has one"
+        ) from error
     bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
     if tip is None:
         tip = _only_tip(file, model, locked, source.name)
@@ -233,15 +236,18 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     if path.suffix == ".xacro" or _unexpanded(root):
         name = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         name = name if name != path.name else f"expanded-{name}"
+        made = path.with_name(name)
         raise ConfigurationError(
-            f"{str(path)!r} is a xacro file, of which xacro makes a URDF: xacro {path} -o {path.with_name(name)} "
-            "(part of ROS; or pip install xacro), with the arguments that it takes as NAME:=VALUE"
+            f"{str(path)!r} is a xacro file, of which xacro makes a URDF. With ROS set up: xacro {path} -o {made}. "
+            f"Without ROS: pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {made}, where FOLDER holds the "
+            "packages that $(find …) names. Arguments that the file takes follow as NAME:=VALUE"
         )
     for element in root.iter():
         element.tag = _plain(element.tag)
     for element in list(root):
         if element.tag not in OF_URDF:
             root.remove(element)
+    demand_sound(root, path.name)
     for joint in root.findall("joint"):
         _complete_limit(joint, path.name)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, make_dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, SceneError, shown
+from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
 from ..simulation.sensing import shown_to
 from ..simulation.units import implausible_at
@@ -37,18 +38,30 @@ def pose_from(
     rpy: Vector3 | None = None,
     quaternion_wxyz: Vector4 | None = None,
     quaternion_xyzw: Vector4 | None = None,
+    rotation_vector: Vector3 | None = None,
     matrix: Matrix4 | None = None,
-) -> Pose:
-    """A pose; it says nothing where it changes nothing."""
-    turns = [turn for turn in (rpy, quaternion_wxyz, quaternion_xyzw, matrix) if turn is not None]
+    file: Path | None = None,
+) -> Pose | Path:
+    """A pose, or the file of a hand–eye calibration that has it; it says nothing where it changes nothing."""
+    turns = [
+        turn for turn in (rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix, file) if turn is not None
+    ]
     if len(turns) > 1:
-        raise InvalidInput("a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw and matrix")
+        raise InvalidInput(
+            "a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix and file"
+        )
+    if file is not None:
+        if any(xyz):
+            raise InvalidInput("a pose takes xyz or file, which says the translation, too")
+        return file
     if matrix is not None:
         if any(xyz):
             raise InvalidInput("a pose takes xyz or matrix, which says the translation, too")
         return Pose.from_matrix(matrix)
     if quaternion_wxyz is not None or quaternion_xyzw is not None:
         return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
+    if rotation_vector is not None:
+        return Pose.from_rotation_vector(xyz, rotation_vector)
     if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
         raise InvalidInput(f"rpy are radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?")
     return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
@@ -80,12 +93,14 @@ def make_camera(table: Table, where: str, folder: Path) -> Camera:
         twice = [key for key in CALIBRATED if key in values]
         if twice:
             raise ConfigurationError(f"{where}: the calibration says {' and '.join(twice)}: give one of the two")
-        camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
+        with warnings.catch_warnings(action="ignore", category=CalibrationWarning):  # said at the start of every run
+            camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
         camera = from_table(Camera, values, where)
     for key, pose in mounts.items():
         try:
-            camera = camera.mounted(**{SHORT.get(key, key): from_table(pose_from, pose, f"{where}.{key}")})
+            place = from_table(pose_from, pose, f"{where}.{key}", {"folder": folder})
+            camera = camera.mounted(**{SHORT.get(key, key): place})
         except InvalidInput as error:
             raise ConfigurationError(f"{where}.{key}: {error}") from error
     return camera

@@ -21,9 +21,6 @@ from ..vision.tracking import TrackingGains, VisualTask
 
 #: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°.
 MAX_VIEW = 150.0
-#: Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie;
-#: and beyond which it is that of another image.
-CENTRED, ELSEWHERE = 0.2, 0.5
 #: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m].
 MAX_LENGTH = 3.0
 #: Size of an arm, and distance of camera and target from it, beyond which millimetres are suspected [m].
@@ -109,27 +106,7 @@ def _of_camera(camera: Camera) -> Iterator[str]:
     if view.max() > MAX_VIEW:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
         yield f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?"
-    width, height = camera.size
-    if camera.principal_point_px is None:
-        return
-    u, v = camera.principal_point_px
-    as_given, swapped = (
-        float(np.hypot(2.0 * u / w - 1.0, 2.0 * v / h - 1.0)) for w, h in ((width, height), (height, width))
-    )
-    at = f"the principal point ({u:.0f}, {v:.0f}) px"
-    if width != height and swapped < CENTRED < as_given:
-        yield (
-            f"{at} is the centre of {height:g} × {width:g} px, not of {width:g} × {height:g} px: are width and height "
-            "swapped?"
-        )
-    elif as_given > ELSEWHERE and np.hypot(2.0 * u / width, 2.0 * v / height) < CENTRED:
-        yield f"{at} is at the image's corner: is it counted from the image's centre, not from the top left corner?"
-    elif as_given > ELSEWHERE:
-        centre_of = f" and near that of one of {2.0 * u:.0f} × {2.0 * v:.0f} px" if min(u, v) > 0.0 else ""
-        yield (
-            f"{at} is far from the centre of an image of {width:g} × {height:g} px{centre_of}: are the intrinsics "
-            "those of another resolution?"
-        )
+    yield from camera.doubts
 
 
 def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) -> Iterator[str]:

@@ -1,138 +1,146 @@
-"""Calibration files of cameras: OpenCV's (``cv::FileStorage``) and ROS's (camera_info), both YAML.
+"""Calibration files of cameras: OpenCV's (``cv::FileStorage``), ROS's (camera_info) and Kalibr's.
 
-OpenCV is not needed to read them. Both count pixels by their centres; :class:`.Camera` counts their edges, half a pixel
-more. Files come from anywhere: of YAML only tables, lists and texts are read, whatever their tags say, and within
-bounds. Messages name file and place, and show none of what another file than a calibration may hold.
+OpenCV is not needed to read them. All count pixels by their centres; :class:`.Camera` counts their edges, half a pixel
+more. Which lens the coefficients are of is said by many keys, and by many names: a name that is not known is refused,
+never ignored.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ..formulas.lenses import MODELS
 from ..robots.geometry import Vector2
 from ..rows import Array
+from .calibration_files import EMPTY, MAX_SHOWN, Calibrated, number_of, numbers_of, read_table, said
 from .distortion import Distortion
 
-#: Values of ``distortion_model``, and what they are called here.
-ROS_MODELS = {"plumb_bob": "brown-conrady", "rational_polynomial": "brown-conrady", "equidistant": "fisheye"}
-#: Values of ``fisheye_model``, likewise.
+NONE = "none"  #: Model of a lens without distortion.
+#: Names of models of lenses, without capitals, spaces and hyphens, and what they are called here.
+LENSES = {
+    "plumb_bob": "brown-conrady",
+    "rational_polynomial": "brown-conrady",
+    "radtan": "brown-conrady",
+    "radial_tangential": "brown-conrady",
+    "brown_conrady": "brown-conrady",
+    "equidistant": "fisheye",
+    "equi": "fisheye",
+    "fisheye": "fisheye",
+    "opencv_fisheye": "fisheye",
+    "kannala_brandt": "fisheye",
+    "kannala_brandt4": "fisheye",
+    "none": NONE,
+}
+#: Names of projections that say nothing of the lens's distortion.
+PROJECTIONS = ("pinhole", "perspective")
+#: Values of keys that ask whether it is a fisheye.
 FISHEYE = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
+ASKS_FISHEYE = ("fisheye_model", "fisheye", "is_fisheye")  #: Keys that do.
+#: Keys that say which lens it is, beside :data:`ASKS_FISHEYE`.
+SAYS_LENS = re.compile(r"model|fisheye|^lens([_-]?type)?$|(distortion|projection|camera)[_-]?type", re.IGNORECASE)
 #: What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo`` prints it.
 NAMES = {
     "width": ("image_width", "width"),
     "height": ("image_height", "height"),
-    "K": ("camera_matrix", "K", "k"),
+    "K": ("camera_matrix", "K", "k", "M"),
     "D": ("distortion_coefficients", "D", "d"),
 }
-#: How large a file may be, and how deep it may be nested: a calibration with all its views is far below.
-MAX_BYTES, MAX_DEPTH = 250_000, 10
 MAX_SIDE = 1e5  #: Longest side of an image [px].
-EMPTY = ("", "~", "null")  #: Texts that stand for nothing.
-MAX_SHOWN = 30  #: Characters of a value that a message shows.
-Calibrated = Mapping[str, Any]  #: The table of a file.
+LIKE = 0.85  #: How similar a key is to the one that is missing if it is that one misspelt.
 
 
 def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> dict[str, Any]:
-    """What a file of OpenCV or ROS says, as arguments of :class:`.Camera`; without distortion if that is zero.
+    """Return what a calibration file says, as arguments of :class:`.Camera`; no distortion if that is zero.
 
-    ``size`` (2,) [px] and ``model`` of :class:`.Distortion` are what holds where a file does not say how large images
-    were, as those of OpenCV's stereo sample do not, nor ``distortion_model`` (ROS) or ``fisheye_model`` (OpenCV's
-    sample); Brown and Conrady's if None, as ROS has it. ROS's rectification and projection matrices are not used: they
-    are about images that have been rectified.
+    ``size`` (2,) [px] holds where a file does not say how large images were. ``model`` of :class:`.Distortion`
+    overrides what the file says of the lens, since labels may be wrong; Brown and Conrady's holds where neither says
+    it. ROS's rectification and projection matrices are not used: they are about images that have been rectified.
 
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, lacks a key, has values that do not fit, is of another image size than it says, or
-        of images of which the camera delivers a part, or fewer pixels.
+        if the file cannot be read, is of a format that is not read, lacks a key, has values that do not fit or a model
+        of lens that is not known, is of another image size than it says, or of images of which the camera delivers a
+        part, or fewer pixels.
     """
     where = os.fspath(path)
-    table = _table(Path(path), where)
+    table = _in_keys_of_ros(read_table(path), where)
     if size is not None and not any(key in table for what in ("width", "height") for key in NAMES[what]):
         side = float(size[0]), float(size[1])
     else:
         side = _number(table, "width", where), _number(table, "height", where)
     _demand_whole(table, side, where)
-    K = _matrix(table, "K", where)
-    if K.shape != (9,) or K[[1, 3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
-        given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
+    key = _key(table, "K", where)
+    K = numbers_of(table[key], key, where)
+    _demand_intrinsics(K, key, side, where)
+    return {
+        "size_px": side,
+        "focal_px": (float(K[0]), float(K[4])),
+        "principal_point_px": (float(K[2]) + 0.5, float(K[5]) + 0.5),
+        "distortion": _distortion(table, where, model),
+    }
+
+
+def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
+    """The same table; that of one camera of Kalibr with the keys that OpenCV and ROS have.
+
+    Raises ConfigurationError, which names the format, for tables of other formats.
+    """
+    cameras = [key for key in table if re.fullmatch(r"cam\d+", key) and isinstance(table[key], Mapping)]
+    if len(cameras) > 1:
         raise ConfigurationError(
-            f"{where}: {_key(table, 'K', where)} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}"
+            f"{where}: this is a Kalibr camchain of {len(cameras)} cameras ({', '.join(cameras)}): copy the part of "
+            "the one that is used into a file of its own"
         )
-    principal_point = float(K[2]) + 0.5, float(K[5]) + 0.5
-    if not all(0.0 < c < length for c, length in zip(principal_point, side, strict=True)):
-        raise ConfigurationError(
-            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {side[0]:g} × {side[1]:g} px: "
-            "is the matrix one for another image size?"
-        )
-    distortion, focal = _distortion(table, where, model), (float(K[0]), float(K[4]))
-    return {"size_px": side, "focal_px": focal, "principal_point_px": principal_point, "distortion": distortion}
-
-
-def _table(path: Path, where: str) -> Calibrated:
-    import yaml  # only where there is such a file
-
-    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
-    try:
-        text = _text(path)
-        _demand_plain(yaml, yaml.parse(text, Loader=loader))
-        # a message that was printed ends with "---", after which comes nothing
-        table = next((document for document in yaml.load_all(text, Loader=loader) if document), None)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigurationError(f"cannot read the calibration {where}{place}: it is no YAML") from None
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"cannot read the calibration {where}: {error}") from error
-    if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{where} is no calibration: it must be a table")
+    if cameras:
+        table = table[cameras[0]]
+    if "intrinsics" in table:
+        return _of_kalibr(table, where)
+    if any(name in table for name in NAMES["K"]):
+        return table
+    formats = {
+        "OpenCV's file of a stereo pair (M1, D1, M2, D2)": "M1",
+        "a settings file of ORB-SLAM (Camera.fx …)": "Camera.fx",
+        "a settings file of ORB-SLAM (Camera1.fx …)": "Camera1.fx",
+        "a file of camodocal or VINS (projection_parameters)": "projection_parameters",
+        "a file with a key for each number (fx, fy, cx, cy, k1 …)": "fx",
+    }
+    for name, key in formats.items():
+        if key in table:
+            raise ConfigurationError(
+                f"{where}: this is {name}, which is not read: write the numbers of one camera as image_width, "
+                "image_height, camera_matrix, distortion_model and distortion_coefficients, as ROS's files have them"
+            )
     return table
 
 
-def _text(path: Path) -> str:
-    """A file without the line that begins those of OpenCV 3 and 4, ``%YAML:1.0``, which no other reader takes."""
-    if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
-    with path.open("rb") as file:
-        data = file.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"it is larger than {MAX_BYTES} bytes")
-    return re.sub(r"(?m)^%YAML.*$", "", data.decode("utf-8"))
-
-
-def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
-    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
-    depth, nodes, keys = 0, 0, set[str]()
-    for event in events:
-        place = f"line {event.start_mark.line + 1}"
-        if isinstance(event, yaml.DocumentStartEvent):
-            nodes, keys = 0, set()
-        elif isinstance(event, yaml.AliasEvent):
-            raise ValueError(f"{place} has an alias (*), which no calibration needs")
-        elif isinstance(event, yaml.NodeEvent) and depth == 1:
-            nodes += 1  # keys and values in turn
-            if nodes % 2 and isinstance(event, yaml.ScalarEvent):
-                if event.value in keys:
-                    raise ValueError(f"{place} has a key that is there already")
-                keys.add(event.value)
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
-
-
-def _said(value: object) -> str:
-    """A value in a message: a short text, or what it is."""
-    if isinstance(value, str):
-        return shown(value) if len(value) <= MAX_SHOWN else "a long text"
-    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "empty"
+def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
+    """The table of a camera as Kalibr writes it, in the keys of ROS; EuRoC's ``sensor.yaml`` is written like that."""
+    projection = table.get("camera_model", "pinhole")
+    if projection not in PROJECTIONS:
+        raise ConfigurationError(
+            f"{where}: this is a Kalibr camchain of a camera that is no pinhole (camera_model is {said(projection)}): "
+            "calibrate it as pinhole-radtan or pinhole-equi"
+        )
+    numbers, resolution = table["intrinsics"], table.get("resolution")
+    if not isinstance(numbers, list) or len(numbers) != 4:
+        raise ConfigurationError(
+            f"{where}: intrinsics of a Kalibr camchain must be the four numbers f_u, f_v, c_u, c_v"
+        )
+    F_u, F_v, c_u, c_v = numbers
+    translated = {key: value for key, value in table.items() if key not in ("intrinsics", "resolution")}
+    translated["camera_matrix"] = [F_u, "0", c_u, "0", F_v, c_v, "0", "0", "1"]
+    if isinstance(resolution, list) and len(resolution) == 2:
+        translated["image_width"], translated["image_height"] = resolution
+    if "distortion_coeffs" in table:
+        translated["distortion_coefficients"] = translated.pop("distortion_coeffs")
+    return translated
 
 
 def _key(table: Calibrated, what: str, where: str) -> str:
@@ -140,8 +148,10 @@ def _key(table: Calibrated, what: str, where: str) -> str:
     key = next((name for name in NAMES[what] if name in table), None)
     if key is None:
         first, *others = NAMES[what]
+        misspelt = get_close_matches(first, map(str, table), n=1, cutoff=LIKE)
         raise ConfigurationError(
             f"{where}: the key {first!r} is missing; {' or '.join(others)} would be taken too"
+            + (f". Is {misspelt[0]!r} misspelt?" if misspelt else "")
             + (". Or say size_px = [WIDTH, HEIGHT] beside it" if what in ("width", "height") else "")
         )
     return key
@@ -152,84 +162,123 @@ def _demand_whole(table: Calibrated, size: tuple[float, float], where: str) -> N
     whole = {"binning_x": 1.0, "binning_y": 1.0}
     part = {"x_offset": 0.0, "y_offset": 0.0, "width": size[0], "height": size[1]}
     roi = table.get("roi")
-    said = [
-        f"{name}{key} = {_said(values[key])}"
+    given = [
+        f"{name}{key} = {said(values[key])}"
         for name, values, usual in (("", table, whole), ("roi.", roi if isinstance(roi, Mapping) else {}, part))
         for key in usual
-        if key in values and values[key] not in EMPTY and _float(values[key]) not in (0.0, usual[key])
+        if key in values and values[key] not in EMPTY and number_of(values[key]) not in (0.0, usual[key])
     ]
-    if said:
+    if given:
         raise ConfigurationError(
             f"{where}: the camera delivers a part of the image that it was calibrated with, or fewer pixels "
-            f"({', '.join(said)}): calibrate it as it is used"
+            f"({', '.join(given)}): calibrate it as it is used"
         )
-
-
-def _float(value: object) -> float:
-    """The number that a text is, also as YAML has it (``.inf``); NaN if it is none."""
-    try:
-        return float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
-    except ValueError:
-        return math.nan
 
 
 def _number(table: Calibrated, what: str, where: str) -> float:
     key = _key(table, what, where)
-    value = _float(table[key])
+    value = number_of(table[key])
     if not 0.0 < value <= MAX_SIDE:
-        raise ConfigurationError(f"{where}: {key} must be a positive number of pixels, not {_said(table[key])}")
+        raise ConfigurationError(f"{where}: {key} must be a positive number of pixels, not {said(table[key])}")
     return value
 
 
-def _matrix(table: Calibrated, what: str, where: str) -> Array:
-    """(rows × columns,) the numbers of a matrix, or of a list."""
-    key = _key(table, what, where)
-    value = table[key]
-    is_table = isinstance(value, Mapping)
-    if is_table and not {"rows", "cols", "data"} <= value.keys():
-        raise ConfigurationError(f"{where}: {key} must have rows, cols and data")
-    numbers = np.array([_float(text) for text in _flat(value["data"] if is_table else value)])
-    rows, columns = (_float(value["rows"]), _float(value["cols"])) if is_table else (len(numbers), 1)
-    if len(numbers) != rows * columns or not np.isfinite(numbers).all():
-        finite = np.isfinite(numbers).sum()
+def _demand_intrinsics(K: Array, key: str, side: tuple[float, float], where: str) -> None:
+    """Raise ConfigurationError unless K is the matrix of a camera without skew whose optical axis meets the image."""
+    if K.shape != (9,) or K[[3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
+        given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
+        raise ConfigurationError(f"{where}: {key} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}")
+    if not all(0.0 < c + 0.5 < length for c, length in zip(K[[2, 5]], side, strict=True)):
         raise ConfigurationError(
-            f"{where}: {key} must have rows × cols = {rows:g} × {columns:g} finite numbers as data; it has {finite}"
+            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {side[0]:g} × {side[1]:g} px: "
+            "is the matrix one for another image size?"
         )
-    return numbers
+    if K[1] != 0.0:
+        farthest = max(K[5], side[1] - K[5]) / K[4]
+        raise ConfigurationError(
+            f"{where}: {key} has a skew of {K[1]:g} px as its second number, which moves pixels by up to "
+            f"{abs(K[1]) * farthest:.2g} px and is not modelled: calibrate without skew (in OpenCV's fisheye with "
+            "CALIB_FIX_SKEW), or write 0 if that is negligible"
+        )
 
 
-def _flat(data: object) -> Iterator[object]:
-    """What a list, or a list of lists, holds; nothing where there is nothing."""
-    if isinstance(data, list):
-        for entry in data:
-            yield from _flat(entry)
-    elif data not in EMPTY:
-        yield data
+# --- the lens ---
 
 
 def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion | None:
-    values, model = _matrix(table, "D", where), wanted or "brown-conrady"
-    for key, names in (("distortion_model", ROS_MODELS), ("fisheye_model", FISHEYE)):
-        value = table.get(key)
-        if key == "distortion_model" and key in table:
-            if not isinstance(value, str) or len(value) > MAX_SHOWN:
-                raise ConfigurationError(f"{where}: distortion_model must be a name, not {_said(value)}")
-            if value not in names:
-                raise unknown_name(f"distortion_model in {where}", value, names)
-        elif key in table and (not isinstance(value, str) or value.lower() not in names):
-            raise ConfigurationError(f"{where}: fisheye_model must be 0 or 1, not {_said(value)}")
-        if isinstance(value, str):
-            model = names.get(value) or names[value.lower()]
-            break
-    if wanted not in (None, model):
-        raise ConfigurationError(f"{where} is of the distortion model {model}, not {wanted}")
-    if model == "brown-conrady":
-        if not values.any():
-            return None
-        # what follows is of thin prisms and tilted sensors
-        if len(values) in (12, 14) and not values[8:].any():
-            values = values[:8]
+    stated = wanted or _stated_lens(table, where)
+    if stated == NONE and not any(name in table for name in NAMES["D"]):
+        return None
+    key = _key(table, "D", where)
+    values = numbers_of(table[key], key, where)
+    if stated == NONE and values.any():
+        raise ConfigurationError(
+            f"{where} says that the lens has no distortion, but {key} is not zero: say which lens it is with "
+            "distortion_model"
+        )
+    model = stated or "brown-conrady"
+    if not values.any() and model != "fisheye":
+        return None
+    if model in MODELS:
+        values = _without_trailing_zeros(values, MODELS[model].counts)
     try:
         return Distortion(model, values.tolist())  # type: ignore[arg-type]
     except InvalidInput as error:
         raise ConfigurationError(f"{where}: {error}") from error
+
+
+def _without_trailing_zeros(values: Array, counts: tuple[int, ...]) -> Array:
+    """The most coefficients that a model may have, if all after them are 0; else as they are.
+
+    OpenCV's further ones are of thin prisms and tilted sensors; ROS's drivers fill a fisheye's four up with zeros.
+    """
+    if len(values) in counts:
+        return values
+    for count in sorted(counts, reverse=True):
+        if count < len(values) and not values[count:].any():
+            return values[:count]
+    return values
+
+
+def _stated_lens(table: Calibrated, where: str) -> str | None:
+    """The model of the lens that a file states, by whatever key; None if it states none.
+
+    Raises ConfigurationError for a model that is not known, and for two that contradict each other.
+    """
+    stated: dict[str, str] = {}
+    for key, value in _says_lens(table):
+        model = _lens_of(key, value, where)
+        if model is not None:
+            stated[key] = model
+    if len(set(stated.values())) > 1:
+        contradiction = " and ".join(f"{key} = {said(table[key])}" for key in stated)
+        raise ConfigurationError(
+            f"{where} says two things of the lens: {contradiction}; say which lens it is with distortion_model"
+        )
+    return next(iter(stated.values()), None)
+
+
+def _says_lens(table: Calibrated) -> Iterator[tuple[str, object]]:
+    """Keys that say which lens it is, with their values, where these are not empty."""
+    for key, value in table.items():
+        if isinstance(key, str) and SAYS_LENS.search(key) and value not in EMPTY:
+            yield key, value
+
+
+def _lens_of(key: str, value: object, where: str) -> str | None:
+    """The model that the value of a key names; None if it says nothing of distortion."""
+    asks_fisheye = key.lower() in ASKS_FISHEYE
+    if asks_fisheye and isinstance(value, str) and value.lower() in FISHEYE:
+        return FISHEYE[value.lower()]
+    if asks_fisheye:
+        raise ConfigurationError(f"{where}: {key} must be 0 or 1, not {said(value)}")
+    key = key[:MAX_SHOWN]
+    if not isinstance(value, str) or len(value) > MAX_SHOWN:
+        raise ConfigurationError(f"{where}: {key} must be a name, not {said(value)}")
+    name = re.sub(r"[\s-]+", "_", value.strip().lower())
+    if name in PROJECTIONS:
+        return None
+    if name not in LENSES:
+        error = unknown_name(f"{key} in {where}", value, [*LENSES, *PROJECTIONS])
+        raise ConfigurationError(f"{error}. Beside the file, distortion_model says which lens it is instead")
+    return LENSES[name]

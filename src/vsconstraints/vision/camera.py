@@ -6,20 +6,30 @@ count from the top left corner are converted by :meth:`Camera.from_corner` and :
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, unknown_name
+from ..errors import CalibrationWarning, ConfigurationError, InvalidInput, unknown_name
 from ..robots.geometry import Pose, Vector2, vector
 from ..rows import Array, BoolArray
 from ..rows.readable import amounts, in_one_line
 from .calibration import read_calibration
 from .distortion import Distortion
+from .hand_eye import read_hand_eye
 
 LARGEST_IMAGE = 1e4  #: Sides of an image beyond which boundaries in it are not looked for [px].
+#: Distance of a principal point from the image's centre, relative to half its sides, within which
+#: real cameras lie.
+CENTRED = 0.2
+#: The same distance beyond which the principal point belongs to another image.
+ELSEWHERE = 0.4
+TANGENTIAL = 0.02  #: Coefficient of tangential distortion beyond which it is doubted.
+#: Arguments of :meth:`.mounted` for a camera that the arm carries.
+CARRIED = ("camera_in_tip", "tip_in_camera")
 Count = Literal["edges", "centres"]  #: What pixels are counted by.
 
 
@@ -69,11 +79,12 @@ class Camera:
         size_px: Vector2 | None = None,
         distortion_model: Literal["brown-conrady", "fisheye"] | None = None,
     ) -> Camera:
-        """From a calibration file, in YAML, of OpenCV (``cv::FileStorage``) or ROS (camera_info).
+        """From a calibration file of OpenCV (``cv::FileStorage``, YAML or XML), ROS (camera_info) or Kalibr.
 
         ``size_px`` is the size of the images that are used, to be checked, or if the file does not say it;
-        ``distortion_model`` which lens coefficients are of if the file does not say, ``brown-conrady`` if None. Raises
-        ConfigurationError if the file cannot be used, or is one for another image size.
+        ``distortion_model`` which lens coefficients are of, whatever the file says; ``brown-conrady`` if neither says
+        it. Raises ConfigurationError if the file cannot be used, or is one for another image size. A CalibrationWarning
+        says what of it seems wrong: see :attr:`doubts`.
         """
         camera = cls(**read_calibration(calibration, distortion_model, size_px))
         if size_px is not None and tuple(size_px) != camera.size_px:
@@ -81,17 +92,21 @@ class Camera:
                 f"{calibration} is a calibration of images of {camera.size[0]:g} × {camera.size[1]:g} px, not of "
                 f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
             )
+        for doubt in camera.doubts:
+            warnings.warn(f"{calibration}: {doubt}", CalibrationWarning, stacklevel=2)
         return camera
 
     def mounted(
         self,
         *,
-        camera_in_tip: Pose | None = None,
-        tip_in_camera: Pose | None = None,
-        camera_in_base: Pose | None = None,
-        base_in_camera: Pose | None = None,
+        camera_in_tip: Pose | str | Path | None = None,
+        tip_in_camera: Pose | str | Path | None = None,
+        camera_in_base: Pose | str | Path | None = None,
+        base_in_camera: Pose | str | Path | None = None,
     ) -> Camera:
         """The same camera where a hand–eye calibration has it: one of four poses, each named for what it says.
+
+        In the place of a pose may stand the file that a tool has written: see :func:`.read_hand_eye`.
 
         Parameters
         ----------
@@ -107,13 +122,69 @@ class Camera:
         ------
         InvalidInput
             unless exactly one is given.
+        ConfigurationError
+            if a file cannot be read, or says that the camera is in the hand where one beside the arm is asked for, or
+            the other way round.
         """
-        poses = camera_in_tip, tip_in_camera, camera_in_base, base_in_camera
-        if sum(pose is not None for pose in poses) != 1:
+        given = {
+            "camera_in_tip": camera_in_tip,
+            "tip_in_camera": tip_in_camera,
+            "camera_in_base": camera_in_base,
+            "base_in_camera": base_in_camera,
+        }
+        poses = {key: _pose_of(value, key) for key, value in given.items() if value is not None}
+        if len(poses) != 1:
             raise InvalidInput("a camera has one of camera_in_tip, tip_in_camera, camera_in_base and base_in_camera")
-        mount = camera_in_tip.inverse if camera_in_tip is not None else tip_in_camera or Pose.identity()
-        fixed = base_in_camera.inverse if base_in_camera is not None else camera_in_base
-        return replace(self, mount=mount, fixed=fixed)
+        ((key, pose),) = poses.items()
+        if key in ("camera_in_tip", "base_in_camera"):
+            pose = pose.inverse
+        if key in CARRIED:
+            return replace(self, mount=pose, fixed=None)
+        return replace(self, mount=Pose.identity(), fixed=pose)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Numbers that few real cameras have: one sentence each, with what may be wrong."""
+        doubts = []
+        principal_point = self._doubt_of_principal_point()
+        if principal_point:
+            doubts.append(principal_point)
+        if self.distortion is not None and self.distortion.model == "brown-conrady":
+            tangential = self.distortion.coefficients[2:4]
+            if max(map(abs, tangential)) > TANGENTIAL:
+                p1, p2 = (f"{value:.3g}" for value in tangential)
+                doubts.append(
+                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than real lenses have them: "
+                    'are these coefficients of a fisheye (distortion_model = "fisheye")?'
+                )
+        return doubts
+
+    def _doubt_of_principal_point(self) -> str:
+        """Ask about a principal point that lies far from the image's centre; empty if it does not."""
+        if self.principal_point_px is None:
+            return ""
+        u, v = self.principal_point_px
+        width, height = self.size_px
+        off_centre = np.hypot(2.0 * u / width - 1.0, 2.0 * v / height - 1.0)
+        off_centre_swapped = np.hypot(2.0 * u / height - 1.0, 2.0 * v / width - 1.0)
+        off_corner = np.hypot(2.0 * u / width, 2.0 * v / height)
+        point = f"the principal point ({u:.4g}, {v:.4g}) px"
+        if width != height and off_centre_swapped < CENTRED < off_centre:
+            return (
+                f"{point} is the centre of {height:g} × {width:g} px, not of {width:g} × {height:g} px: "
+                "are width and height swapped?"
+            )
+        if off_centre <= ELSEWHERE:
+            return ""
+        if off_corner < CENTRED:
+            return (
+                f"{point} is at the image's corner: is it counted from the image's centre, "
+                "not from the top left corner?"
+            )
+        place = f"{point} is at {u / width:.0%} of the image's width and {v / height:.0%} of its height"
+        if min(u, v) > 0.0:
+            place += f", near the centre of an image of {2.0 * u:.0f} × {2.0 * v:.0f} px"
+        return f"{place}: are these intrinsics of another resolution?"
 
     @property
     def focal(self) -> tuple[float, float]:
@@ -205,3 +276,15 @@ class Camera:
         if self.distortion is not None:
             inside &= np.hypot(*np.moveaxis(self.normalised(pixels), -1, 0)) <= self.distortion.reach
         return np.asarray(inside)
+
+
+def _pose_of(value: Pose | str | Path, key: str) -> Pose:
+    """A pose, or that of a file of a hand–eye calibration, which must fit an argument of :meth:`.Camera.mounted`."""
+    if isinstance(value, Pose):
+        return value
+    pose, carried = read_hand_eye(value)
+    if carried is not None and carried != (key in CARRIED):
+        right = "camera_in_tip" if carried else "camera_in_base"
+        place = "in the hand (in the tip's frame)" if carried else "beside the arm (in the base frame)"
+        raise ConfigurationError(f"{value} is of a camera {place}: give it as {right}, not as {key}")
+    return pose

@@ -1,0 +1,216 @@
+"""Files of calibrations as plain tables: YAML and JSON, and the XML of OpenCV (``cv::FileStorage``).
+
+Files come from anywhere. Of YAML only tables, lists and texts are read, whatever their tags say; XML with a document
+type is refused, so that it defines no entities. Files are bounded in size and depth. Messages name file and place, and
+show none of what another file than a calibration may hold.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..errors import ConfigurationError, shown
+from ..rows import Array
+
+#: How large a file may be, and how deep it may be nested: a calibration with all its views is far below.
+MAX_BYTES, MAX_DEPTH = 250_000, 10
+MAX_SHOWN = 30  #: Characters of a value that a message shows.
+EMPTY = ("", "~", "null")  #: Texts that stand for nothing.
+Calibrated = Mapping[str, Any]  #: The table of a file: texts, lists and tables by their keys.
+#: Byte order marks and the encoding each stands for, the longer ones first.
+BYTE_ORDER_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+
+
+def read_table(path: str | Path) -> Calibrated:
+    """Return the table that the file of a calibration is.
+
+    Raises ConfigurationError, which names the file, if it cannot be read, is too large, nested too deep, in another
+    encoding than UTF-8 or UTF-16, or no table.
+    """
+    where = os.fspath(path)
+    table = table_of(read_text(path, "calibration"), where, "calibration")
+    if not isinstance(table, Mapping):
+        raise ConfigurationError(f"{where} is no calibration: it must be a table")
+    return table
+
+
+def read_text(path: str | Path, what: str) -> str:
+    """Return the text of a file of bounded size; raises ConfigurationError, which names it, if it cannot be read."""
+    try:
+        return _text(Path(path))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"cannot read the {what} {os.fspath(path)}: {error}") from None
+
+
+def table_of(text: str, where: str, what: str) -> object:
+    """Return the table, list or text that a file holds in YAML, JSON or OpenCV's XML; raises ConfigurationError."""
+    try:
+        return _of_xml(text) if text.lstrip().startswith("<") else _of_yaml(text)
+    except ValueError as error:
+        raise ConfigurationError(f"cannot read the {what} {where}: {error}") from None
+
+
+def _text(path: Path) -> str:
+    """The text of a file, without a byte order mark."""
+    if path.exists() and not path.is_file():
+        raise ValueError("it is no file")
+    with path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+    encoding = "utf-8"
+    for mark, stands_for in BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            encoding = stands_for
+            data = data.removeprefix(mark)
+            break
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ValueError(
+            f"line {line} is in another encoding than UTF-8: save the file as UTF-8, or write its comments in ASCII"
+        ) from None
+
+
+def _of_yaml(text: str) -> object:
+    """What the first document of a YAML file holds that is not empty.
+
+    OpenCV 3 and 4 begin files with ``%YAML:1.0``, which no other reader takes.
+    """
+    import yaml  # only where there is such a file
+
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    text = re.sub(r"(?m)^%YAML.*$", "", text)
+    try:
+        _demand_plain(yaml, yaml.parse(text, Loader=loader))
+        # a message that was printed ends with "---", after which comes nothing
+        return next((document for document in yaml.load_all(text, Loader=loader) if document), None)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise ValueError(f"{place}it is no YAML") from None
+
+
+def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
+    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
+    depth, nodes, keys = 0, 0, set[str]()
+    for event in events:
+        place = f"line {event.start_mark.line + 1}"
+        if isinstance(event, yaml.DocumentStartEvent):
+            nodes, keys = 0, set()
+        elif isinstance(event, yaml.AliasEvent):
+            raise ValueError(f"{place} has an alias (*), which no calibration needs")
+        elif isinstance(event, yaml.NodeEvent) and depth == 1:
+            nodes += 1  # keys and values in turn
+            if nodes % 2 and isinstance(event, yaml.ScalarEvent):
+                if event.value in keys:
+                    raise ValueError(f"{place} has a key that is there already")
+                keys.add(event.value)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
+
+
+def _of_xml(text: str) -> object:
+    """What OpenCV's storage holds in XML."""
+    if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise ValueError("it has a document type (<!DOCTYPE), which no calibration needs")
+    parser: Any = ElementTree.XMLPullParser(events=("start", "end"))
+    depth = 0
+    try:
+        parser.feed(text)
+        parser.close()
+        for event, _ in parser.read_events():
+            depth += 1 if event == "start" else -1
+            if depth > MAX_DEPTH:
+                raise ValueError(f"it is nested deeper than {MAX_DEPTH} levels")
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        raise ValueError(f"line {line}, column {column + 1}: it is no XML") from None
+    if root.tag != "opencv_storage":
+        raise ValueError(
+            "it is XML, but its root is not OpenCV's <opencv_storage>: write its numbers into YAML as OpenCV or ROS do"
+        )
+    return _of_element(root)
+
+
+def _of_element(element: ElementTree.Element) -> object:
+    """A text, a list or a table, as OpenCV writes them in XML."""
+    text = (element.text or "").strip()
+    children = list(element)
+    if not children:
+        return text.strip('"')
+    if all(child.tag == "_" for child in children):
+        return [_of_element(child) for child in children]
+    table: dict[str, Any] = {}
+    for child in children:
+        if child.tag in table:
+            raise ValueError("it has a key that is there already")
+        table[child.tag] = _of_element(child)
+    if isinstance(table.get("data"), str):
+        table["data"] = table["data"].split()
+    return table
+
+
+# --- values ---
+
+
+def said(value: object) -> str:
+    """A value in a message: a short text, or what it is."""
+    if isinstance(value, str):
+        return shown(value) if len(value) <= MAX_SHOWN else "a long text"
+    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "empty"
+
+
+def number_of(value: object) -> float:
+    """The number that a text is, also as YAML has it (``.inf``); NaN if it is none."""
+    try:
+        return float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
+    except ValueError:
+        return math.nan
+
+
+def numbers_of(value: object, key: str, where: str) -> Array:
+    """(rows × columns,) the numbers of a matrix, or of a list; the size of a matrix may be left out."""
+    is_table = isinstance(value, Mapping)
+    sized = isinstance(value, Mapping) and ("rows" in value or "cols" in value)
+    demanded = {"rows", "cols", "data"} if sized else {"data"}
+    if isinstance(value, Mapping) and not demanded <= value.keys():
+        raise ConfigurationError(f"{where}: {key} must have rows, cols and data")
+    data = value["data"] if isinstance(value, Mapping) else value
+    numbers = np.array([number_of(text) for text in _flat(data)])
+    rows, columns = float(len(numbers)), 1.0
+    if is_table and sized:
+        rows, columns = number_of(value["rows"]), number_of(value["cols"])  # type: ignore[index]
+    if len(numbers) != rows * columns or not np.isfinite(numbers).all():
+        finite = np.isfinite(numbers).sum()
+        raise ConfigurationError(
+            f"{where}: {key} must have rows × cols = {rows:g} × {columns:g} finite numbers as data; it has {finite}"
+        )
+    return numbers
+
+
+def _flat(data: object) -> Iterator[object]:
+    """What a list, or a list of lists, holds; nothing where there is nothing."""
+    if isinstance(data, list):
+        for entry in data:
+            yield from _flat(entry)
+    elif data not in EMPTY:
+        yield data

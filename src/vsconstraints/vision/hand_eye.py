@@ -1,0 +1,171 @@
+"""Results of hand–eye calibrations as tools write them: where a camera is on an arm, or beside one.
+
+Read are files of easy_handeye and easy_handeye2, launch files of MoveIt Calibration, poses and matrices of ViSP, and
+what OpenCV's users write: rotations as quaternions, rotation vectors (θu) or matrices, translations in metres.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput
+from ..robots.geometry import Pose
+from ..rows import Array
+from .calibration_files import Calibrated, number_of, numbers_of, read_text, said, table_of
+
+CARRIED = ("eye_in_hand", "eye_on_hand", "true")  #: Values that say that the arm carries the camera.
+BESIDE = ("eye_on_base", "eye_to_hand", "false")  #: Values that say that the camera stands beside the arm.
+#: Keys by which tables say which of the two it is: easy_handeye2, easy_handeye.
+SAYS_WHERE = ("calibration_type", "eye_on_hand")
+#: Keys of the table that is the pose, where it does not stand at the top.
+INNER = ("transformation", "transform", "effector_camera", "pose")
+#: Keys of a translation, of a rotation vector and of a rotation matrix that stand beside each other.
+TRANSLATIONS = ("t_cam2gripper", "t_cam2base", "tvec", "translation_vector", "translation")
+ROTATIONS = ("R_cam2gripper", "R_cam2base", "rvec", "rotation_vector", "rotation_matrix", "rotation")
+
+
+class HandEye(NamedTuple):
+    """The pose that a file has."""
+
+    pose: Pose
+    carried: bool | None  #: True if it says that the arm carries the camera, False if not, None if it does not say.
+
+
+def read_hand_eye(path: str | Path) -> HandEye:
+    """Read where a camera is from the file of a hand–eye calibration.
+
+    Tools write the pose of the camera, in the frame of the arm's tip (eye in hand) or of its base.
+
+    Raises
+    ------
+    ConfigurationError
+        if the file cannot be read, or holds no pose in a form that is known, which the message lists.
+    """
+    where = os.fspath(path)
+    text = read_text(path, "hand–eye calibration")
+    try:
+        return _published(text) or _of_table(text, where)
+    except InvalidInput as error:
+        raise ConfigurationError(f"{where}: {error}") from error
+
+
+# --- launch files ---
+
+
+def _published(text: str) -> HandEye | None:
+    """The pose of a launch file that publishes it, as MoveIt Calibration writes them; None if it is no such file."""
+    if "static_transform_publisher" not in text:
+        return None
+    said_where = re.search(r"EYE-(IN|TO)-HAND", text)
+    carried = None if said_where is None else said_where.group(1) == "IN"
+    arguments = re.search(r"args\s*=\s*\"([^\"]*)\"", text)
+    if arguments is not None:
+        return HandEye(_of_arguments(arguments.group(1).split()), carried)
+    lines = [line for line in text.splitlines() if not line.lstrip().startswith("#")]
+    pairs = re.findall(r"[\"']--(\w+)[\"'],\s*[\"']([^\"']*)[\"']", "\n".join(lines))
+    options = {name: number_of(value) for name, value in pairs if name not in ("frame", "child")}
+    xyz = _three(options, ("x", "y", "z"))
+    if "qw" in options:
+        return HandEye(_of_quaternion(xyz, [options.get(key, 0.0) for key in ("qx", "qy", "qz", "qw")]), carried)
+    return HandEye(Pose.from_xyz_rpy(xyz, _three(options, ("roll", "pitch", "yaw"))), carried)
+
+
+def _of_arguments(words: Sequence[str]) -> Pose:
+    """The pose of ROS 1's publisher: x y z qx qy qz qw, and two frames."""
+    numbers = [number_of(word) for word in words[:-2]]
+    if len(numbers) != 7:
+        raise InvalidInput(
+            f"its static_transform_publisher has {len(numbers)} numbers; 7 are read: x y z qx qy qz qw (three angles "
+            "are ambiguous: tools write them in different orders)"
+        )
+    return _of_quaternion(numbers[:3], numbers[3:])
+
+
+def _three(options: Mapping[str, float], names: tuple[str, str, str]) -> list[float]:
+    return [options.get(name, 0.0) for name in names]
+
+
+# --- tables and matrices ---
+
+
+def _of_table(text: str, where: str) -> HandEye:
+    table = table_of(text, where, "hand–eye calibration")
+    if isinstance(table, str):  # ViSP's text of a matrix
+        numbers = [number_of(word) for word in table.split()]
+        if len(numbers) == 16:
+            return HandEye(Pose.from_matrix(np.array(numbers).reshape(4, 4)), None)
+    pose = _pose_of(table, where) if isinstance(table, Mapping) else None
+    if pose is None or not isinstance(table, Mapping):
+        raise ConfigurationError(
+            f"{where} holds no pose in a form that is known: transformation with x, y, z, qx, qy, qz, qw "
+            "(easy_handeye), transform with translation and rotation (easy_handeye2), a static_transform_publisher "
+            "(MoveIt), 6 or 4 × 4 numbers as data (ViSP), or R_cam2gripper and t_cam2gripper (OpenCV)"
+        )
+    return HandEye(pose, _carried(table, where))
+
+
+def _carried(table: Calibrated, where: str) -> bool | None:
+    """Tell whether a table says that the arm carries the camera; easy_handeye says it among its parameters."""
+    parameters = table.get("parameters")
+    for part in (table, parameters):
+        for key in SAYS_WHERE:
+            if isinstance(part, Mapping) and key in part:
+                value = part[key]
+                if not isinstance(value, str) or value.lower() not in (*CARRIED, *BESIDE):
+                    known = " or ".join((*CARRIED[:2], *BESIDE[:2]))
+                    raise ConfigurationError(f"{where}: {key} must be {known}, not {said(value)}")
+                return value.lower() in CARRIED
+    return None
+
+
+def _pose_of(table: Calibrated, where: str) -> Pose | None:
+    """The pose that a table is, or has inside; None if it is in no form that is known."""
+    for key in INNER:
+        if isinstance(table.get(key), Mapping):
+            return _pose_of(table[key], where)
+    if {"x", "y", "z", "qx", "qy", "qz", "qw"} <= table.keys():
+        return _of_quaternion(_named(table, "xyz"), [number_of(table[f"q{axis}"]) for axis in "xyzw"])
+    for position, turn in (("translation", "rotation"), ("position", "orientation")):
+        xyz, quaternion = table.get(position), table.get(turn)
+        if isinstance(xyz, Mapping) and isinstance(quaternion, Mapping) and "w" in quaternion:
+            return _of_quaternion(_named(xyz, "xyz"), _named(quaternion, "xyzw"))
+    if "data" in table:
+        return _of_numbers(numbers_of(table, "data", where))
+    translation = next((key for key in TRANSLATIONS if key in table), None)
+    rotation = next((key for key in ROTATIONS if key in table), None)
+    if translation is None or rotation is None:
+        return None
+    t, R = numbers_of(table[translation], translation, where), numbers_of(table[rotation], rotation, where)
+    if len(t) != 3 or len(R) not in (3, 9):
+        raise ConfigurationError(
+            f"{where}: {translation} must have 3 numbers and {rotation} 3 (a rotation vector) or 9 (a matrix), not "
+            f"{len(t)} and {len(R)}"
+        )
+    if len(R) == 3:
+        return _of_numbers(np.concatenate((t, R)))
+    return Pose.from_matrix(np.column_stack((R.reshape(3, 3), t)))
+
+
+def _named(table: Calibrated, names: str) -> list[float]:
+    return [number_of(table.get(name)) for name in names]
+
+
+def _of_numbers(numbers: Array) -> Pose:
+    """The pose of 16 numbers, which are a matrix, or 6: a translation and a rotation vector θu."""
+    if len(numbers) == 16:
+        return Pose.from_matrix(numbers.reshape(4, 4))
+    if len(numbers) != 6:
+        raise InvalidInput(f"a pose is 6 numbers (a translation, then θu) or 4 × 4, not {len(numbers)}")
+    x, y, z, *vector = numbers.tolist()
+    return Pose.from_rotation_vector((x, y, z), vector)
+
+
+def _of_quaternion(xyz: Sequence[float], xyzw: Sequence[float]) -> Pose:
+    x, y, z = xyz
+    return Pose.from_quaternion((x, y, z), xyzw=xyzw)
