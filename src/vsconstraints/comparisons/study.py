@@ -228,7 +228,10 @@ def differing(
 
 def _changed_files(study: Study) -> Iterator[str]:
     """Names of the files of own laws whose content here is not that with which a study was made."""
-    folders = own_folders(tuple(study.laws.values()), ())
+    own = tuple(law for law in study.laws.values() if ":" in law.law)
+    if not own:
+        return iter(())
+    folders = own_folders(own, ())
     return changed(study.files, contents(study.files, folders))
 
 

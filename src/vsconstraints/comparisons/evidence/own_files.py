@@ -59,10 +59,17 @@ def named(files: Files, folders: Folders) -> Files:
 def contents(names: Iterable[str], folders: Folders) -> Files:
     """Hashes of what files of these names hold now, on this machine.
 
-    Files outside the folders that are not there are left out: they can be those of a worker on another machine.
+    Left out are those in folders that are not among these, and those outside of all folders that are not there: they
+    can be those of another machine.
     """
-    now = {name: digest(_path(name, folders)) for name in names}
-    return {name: content for name, content in now.items() if content or not os.path.isabs(name)}
+    now: Files = {}
+    for name in names:
+        folder, _, inside = name.partition("/")
+        if folder in folders:
+            now[name] = digest(os.path.join(folders[folder], inside))
+        elif os.path.isabs(name) and os.path.exists(name):
+            now[name] = digest(name)
+    return now
 
 
 def changed(files: Files, others: Files) -> Iterator[str]:
@@ -85,11 +92,6 @@ def files_of_laws(controllers: Entries, folders: Folders) -> Files:
             if ":" in entry.law:
                 entry.make()
     return {name: content for name, content in named(files, folders).items() if not os.path.isabs(name)}
-
-
-def _path(name: str, folders: Folders) -> str:
-    folder, _, inside = name.partition("/")
-    return os.path.join(folders[folder], inside) if folder in folders else name
 
 
 def _own_constraints(family: Family) -> bool:
