@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 
 MAX_BYTES = 100_000_000  #: Of a file that is read as a whole.
+PIECE = 1_000_000  # bytes that are read at once: memory is taken for what is there
 
 
 def demand_regular(path: str | Path) -> None:
@@ -24,8 +25,10 @@ def read_regular(path: str | Path, most: int = MAX_BYTES) -> bytes:
     It is opened only after it has been looked at, since opening a pipe waits for whoever writes to it.
     """
     demand_regular(path)
+    content = bytearray()
     with open(path, "rb") as file:
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise OSError(f"it has more than {most / 1e6:g} MB: {str(path)!r}")
-    return content
+        while piece := file.read(PIECE):
+            content += piece
+            if len(content) > most:
+                raise OSError(f"it has more than {most / 1e6:g} MB: {str(path)!r}")
+    return bytes(content)
