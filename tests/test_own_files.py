@@ -15,6 +15,7 @@ from campaigns import FAMILY
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, Shard, collect, merge, processes
 from vsconstraints.comparisons.evidence.folder import shards
 from vsconstraints.comparisons.runs.files import SUMS
+from vsconstraints.comparisons.tuning import Budget, Problem, tune
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.plugins import provenance
 
@@ -193,3 +194,13 @@ def test_processes_say_what_they_have_read(tmp_path: Path) -> None:
     edit(tmp_path / file)
     with pytest.raises(ConfigurationError, match=f"law/{file} is another one now"):
         collect(reread(tmp_path), tmp_path / "out", plan())
+
+
+def test_a_tuning_does_not_go_on_with_another_content_of_a_file(tmp_path: Path) -> None:
+    law, file = KINDS["an imported helper"]
+    problem = Problem(campaign(tmp_path, law), Budget(evaluations=1, seeds=1, scenes=1))
+    tune(problem, tmp_path / "tuned", workers=1)
+    edit(tmp_path / file)
+    problem = Problem(reread(tmp_path), Budget(evaluations=1, seeds=1, scenes=1))
+    with pytest.raises(ConfigurationError, match=f"holds another tuning: the content of law/{file} is another one now"):
+        tune(problem, tmp_path / "tuned", workers=1)
