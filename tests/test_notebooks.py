@@ -30,7 +30,7 @@ from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies, inputs
+from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
 from vsconstraints.reports.notebooks import comparison as session
 from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
