@@ -115,7 +115,7 @@ def test_workers_that_would_give_other_results_are_refused(
 
 def test_a_campaign_gives_the_same_on_a_cluster(scheduler: LocalCluster, tmp_path: Path) -> None:
     campaign = Campaign.load().select(["planar-arm"], ["sliding-mode"], 4, ["conditions=nominal"])
-    with cluster(scheduler.scheduler_address, campaign.identities) as workers:
+    with cluster(scheduler.scheduler_address, campaign.on_each_machine()) as workers:
         collect(campaign, tmp_path, Plan(keep="first", workers=workers))
     found = Evidence.load(tmp_path)
     here = Part.joined([scored(task) for task in tasks_of(campaign)])

@@ -30,7 +30,7 @@ from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, inputs
+from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
 from vsconstraints.reports.notebooks import comparison as session
 from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
@@ -337,7 +337,7 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.
     mine = type("Mine", (Half,), {"__module__": "__main__", "name": "mine"})
     monkeypatch.setattr(sys.modules["__main__"], "Mine", mine, raising=False)
     assert not spec_of(mine())[1]
-    monkeypatch.setattr(inputs, "find_spec", lambda module: None)
+    monkeypatch.setattr(copies, "find_spec", lambda module: None)
     spec, note = spec_of(mine())
     assert spec.here
     assert "pip install 'vsconstraints[notebooks]'" in note

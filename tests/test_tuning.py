@@ -580,7 +580,7 @@ def test_the_same_by_one_process_and_by_two(
 def test_a_law_that_ends_its_process_fails_alone(tmp_path: Path, tasks: tuple[Batch, ...]) -> None:
     (tmp_path / "my_laws.py").write_text(DYING, encoding="utf-8")
     dying = [ControllerSpec("dying", "my_laws:Dying", {"alpha": alpha}, tmp_path) for alpha in (20.0, 50.0)]
-    with evaluating(tasks[:1], 1) as evaluate:
+    with evaluating(tasks[:1], 1, {}) as evaluate:
         same, well, lost = evaluate([ControllerSpec("hierarchical-qp"), *dying])
         assert evaluate([]) == []
     assert well == same

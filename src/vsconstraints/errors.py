@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 MAX_VALUE_LENGTH = 200  #: Characters of a value that a message shows.
+MAX_LISTED = 10  #: Of many things that are wrong alike, those that a message names.
 MAX_REASON_LENGTH = 2000  #: Characters of a reason that are kept.
 
 
@@ -20,6 +21,17 @@ class VsconstraintsError(Exception):
 
 class ConfigurationError(VsconstraintsError, ValueError):
     """A scenario, suite, option or argument cannot be used as given."""
+
+
+class FolderTaken(ConfigurationError):
+    """A folder holds other results, which would be lost: ``problem`` says which, the message also what to do.
+
+    A session gives other advice than a command line, whose options it does not have.
+    """
+
+    def __init__(self, message: str, problem: str = "") -> None:
+        super().__init__(message)
+        self.problem = problem
 
 
 class InvalidInput(VsconstraintsError, ValueError):
@@ -69,6 +81,12 @@ def shown(value: object) -> str:
     with np.printoptions(legacy="1.25"):
         text = repr(value)
     return text if len(text) <= MAX_VALUE_LENGTH else f"{text[:MAX_VALUE_LENGTH]}… ({len(text)} characters)"
+
+
+def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]:
+    """The first of many texts, and one that says how many more there are of ``what``."""
+    more = len(texts) - most
+    return [*texts[:most], f"… and {more:,} more {what}"] if more > 0 else list(texts)
 
 
 def one_line(text: str) -> str:

@@ -89,7 +89,7 @@ def evidence(
     if cluster is not None:
         from ..comparisons.evidence.cluster import cluster as connected
 
-        workers = connected(cluster, chosen.identities)
+        workers = connected(cluster, chosen.on_each_machine())
     run_campaign(chosen, out, plan, workers, wanted)
 
 

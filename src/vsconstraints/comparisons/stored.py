@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..controllers import CONTROLLERS
-from ..errors import ConfigurationError, StorageError, VsconstraintsError, shown
+from ..errors import ConfigurationError, FolderTaken, StorageError, VsconstraintsError, shown
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked
 from .experiment import demand_names
@@ -53,7 +53,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             continue
         lost = f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}"
         instead = "Give another folder with --out, or --fresh to replace what is there"
-        raise ConfigurationError(f"{lost}, {why}. {instead}")
+        raise FolderTaken(f"{lost}, {why}. {instead}", f"{lost}, {why}")
 
 
 def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
@@ -65,9 +65,10 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
     for key, reason in _finished(folder).items():
         driven, run = ON_ARM.match(reason), planned.get(key)
         if driven and (fresh or run is None or stored_run(run, folder) is None):
-            why = "code, settings or files have changed, or --fresh was given. Give another folder with --out"
             lost = f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace"
-            raise ConfigurationError(f"{lost}: {why}")
+            why = "code, settings or files have changed"
+            instead = "or --fresh was given. Give another folder with --out"
+            raise FolderTaken(f"{lost}: {why}, {instead}", f"{lost}: {why}")
 
 
 def _settings(configuration: Any) -> dict[tuple[str, str], Any]:

@@ -11,12 +11,14 @@ from random import Random
 from typing import Any
 
 from .. import __version__
-from ..errors import ConfigurationError, VsconstraintsError
+from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import untrusted
+from ..plugins.provenance import Files
 from ..scenarios import Scenario
 from ..scenarios.families import Family
-from ..scenarios.reading import Table
+from ..scenarios.reading import Table, checked
 from .evidence import Batch, Evidence, parquet, scored
+from .evidence.own_files import changed, contents, own_folders
 from .evidence.parquet import KEYS, Column, Kind
 from .runs.spec import BASELINE, ControllerSpec
 from .statistics import OUTCOMES
@@ -78,6 +80,8 @@ OUTCOME = (
     *(Column(name, "number") for name in _NUMBERS),
 )
 _SUCCESS = Column("success", "flag"), Column("tolerant_success", "flag"), Column("call_us", "number")
+#: Columns that have no number for runs that failed at once, or never settled: cells of all others are never empty.
+_MAY_BE_EMPTY = (*_NUMBERS, "call_us")
 #: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
 COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 
@@ -87,13 +91,15 @@ class Study:
     """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs have.
 
     ``requires`` says what each uses beside rows and task, None for an own one whose code was not trusted; ``frozen``
-    says of each family of a test set the seed and the hash of its scenes, by half.
+    says of each family of a test set the seed and the hash of its scenes, by half. ``files`` are hashes of what own
+    laws have loaded or read, see :mod:`.own_files`.
     """
 
     runs: Any
     laws: Mapping[str, ControllerSpec]
     requires: Mapping[str, Sequence[str] | None] = field(default_factory=dict)
     frozen: Mapping[str, Table] = field(default_factory=dict)
+    files: Files = field(default_factory=dict)
 
     @classmethod
     def load(
@@ -113,8 +119,7 @@ class Study:
                 why = f"says nothing of {missing[0]}" if there == FORMAT else f"its format is {there}, not {FORMAT}"
                 why += "; --keep makes one of a folder of evidence"
                 raise ConfigurationError(f"{path} is no study of this version: {why}")
-            runs, laws = parquet.read([path], COLUMNS).to_pandas(), _laws(facts["controllers"])
-            study = cls(runs, laws, facts["requires"], facts["frozen"])
+            study = _of_table(path, facts)
         if not own:
             laws = {name: law for name, law in study.laws.items() if ":" not in law.law}
             study = replace(study, laws=laws, runs=study.runs[study.runs["controller"].isin(laws)])
@@ -135,6 +140,7 @@ class Study:
         """Write the table, which :meth:`load` reads; raises OSError."""
         laws = {name: law.table for name, law in self.laws.items()}
         facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
+        facts |= {"files": dict(self.files)} if self.files else {}
         lines = parquet.table(COLUMNS, self.runs.to_dict("records"))
         parquet.write(path, lines, {"study": FORMAT, "version": __version__, **facts})
 
@@ -148,6 +154,23 @@ class Study:
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
     """By name, without tracking alone."""
     return {name: ControllerSpec.from_table(name, own) for name, own in entries.items() if name != BASELINE}
+
+
+def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
+    """A table that was kept, with the facts in its footer; raises ConfigurationError for a wrong one."""
+    where = str(path)
+    requires = checked(facts["requires"], dict[str, Sequence[str] | None], where, "requires")
+    frozen = checked(facts["frozen"], dict[str, Table], where, "frozen")
+    files = checked(facts.get("files", {}), dict[str, str], where, "files")
+    runs, laws = parquet.read([path], COLUMNS).to_pandas(), _laws(facts["controllers"])
+    for column in COLUMNS:
+        empty = int(runs[column.name].isna().sum())
+        if empty and column.name not in _MAY_BE_EMPTY:
+            raise ConfigurationError(f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so")
+    for name in laws:
+        if name not in requires:
+            raise ConfigurationError(f"{path}: requires says nothing of the law {shown(name)}")
+    return Study(runs, laws, requires, frozen, files)
 
 
 def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
@@ -177,7 +200,7 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             said["constraints"] = "; ".join(said["constraints"])
             lines += [{**line, **said} for line in each.to_dict("records")]
     requires = {name: known[name].make().uses if name in known else None for name in laws}
-    return Study(parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen)
+    return Study(parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files)
 
 
 def differing(
@@ -191,6 +214,8 @@ def differing(
     """
     if own := [law.law for law in study.laws.values() if ":" in law.law and not trust]:
         raise untrusted("a table of runs", own)
+    for name in _changed_files(study):
+        yield f"{name}, which own laws have loaded or read, has another content here", False
     lines = study.runs.to_dict("records")
     for stored in Random(seed).sample(lines, math.ceil(share * len(lines))):
         family, law = families[stored["family"]], study.laws[stored["controller"]]
@@ -199,6 +224,15 @@ def differing(
             decided = bool(_differences(made, _made(stored, family, law, study, NUDGE)))
             where = f"{stored['family']} {stored['scene']}, {stored['condition']}, {stored['controller']}"
             yield f"{where}: {'; '.join(differences)}", decided
+
+
+def _changed_files(study: Study) -> Iterator[str]:
+    """Names of the files of own laws whose content here is not that with which a study was made."""
+    own = tuple(law for law in study.laws.values() if ":" in law.law)
+    if not own:
+        return iter(())
+    folders = own_folders(own, ())
+    return changed(study.files, contents(study.files, folders))
 
 
 def _made(

@@ -14,6 +14,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ..errors import ConfigurationError, shown
+from ..plugins.regular_files import demand_regular
 from ..simulation.trajectory import Outcome
 from .metrics import METRICS, ROW_METRICS, RUN
 from .runs.files import replaced
@@ -63,6 +64,7 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Lines of a table: text, flags and floats, NaN where empty; raises ConfigurationError with file and line."""
     lines = []
     try:
+        demand_regular(path)
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, unknown_name
+from ..plugins.regular_files import read_regular
 from ..qp.decomposition import svd
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
@@ -126,8 +127,8 @@ def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGe
 def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
     """Pairs of links that an SRDF file says need no check; raises ConfigurationError if it cannot be read."""
     try:
-        root = ElementTree.parse(srdf).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        root = ElementTree.fromstring(read_regular(srdf))
+    except (OSError, ValueError, LookupError, ElementTree.ParseError) as error:
         raise ConfigurationError(f"{str(srdf)!r} cannot be read as an SRDF: {error}") from error
     pairs = root.iter("disable_collisions")
     return frozenset(frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs)

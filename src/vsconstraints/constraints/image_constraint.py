@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
@@ -17,6 +18,7 @@ from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_po
 from .by_formula import Form, Keyed
 
 STEP = 1.0  #: Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed.
+MAX_POINTS = 13_000_000  #: Grid points in all, 0.1 GB of σ; enough for 3840 × 2160 px, coarser beyond.
 MAX_GRID_POINTS = 8000  #: Grid points a side at most; the grid is coarser for curves that come from farther away.
 #: Greatest distance between the vertices of a polyline, and of it from the curve between them [px].
 SPACING, ACCURACY = 0.25, 1e-3
@@ -135,6 +137,9 @@ def zero_lines(
     moved = np.zeros((1, 2)) if displacements is None else displacements
     low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
     counts = np.minimum(np.ceil((high - low) / STEP), MAX_GRID_POINTS).astype(int) + 1
+    too_many = float(counts.prod()) / MAX_POINTS
+    if too_many > 1.0:
+        counts = (counts / math.sqrt(too_many)).astype(int)
     u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
     values = grid(u, v)
     # the part in which σ = 0 is, all cells with a corner where σ > 0: less is faster to follow

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeGuard
 
 import gymnasium
 import numpy as np
 
 from ..compiled.samples import ALONE, LAW, STEP
 from ..controllers import Controller, Tracking, make_controller
-from ..errors import ConfigurationError
+from ..controllers.ranges import positive_number
+from ..errors import ConfigurationError, shown
+from ..robots.geometry import vector
 from ..rows import Array
 from ..scenarios import Scenario
 from ..scenarios.families import Family, families
@@ -54,7 +57,11 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     ) -> None:  # fmt: skip
         if isinstance(scenes, str):
             scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
-        self.scenes, self.half, self.condition, self.count = scenes, half, condition, count
+        _demand_usable(scenes, count, law)
+        acceleration = positive_number("acceleration", acceleration)
+        if violation_weight != 0.0:
+            violation_weight = positive_number("violation_weight", violation_weight)
+        self.scenes, self.half, self.condition, self.count = scenes, half, condition, int(count)
         self.law, self.adds = make_controller(law) if isinstance(law, str) else law or Tracking(), law is not None
         self.acceleration, self.violation_weight = acceleration, violation_weight
         self._prepared: dict[int, Prepared] = {}
@@ -94,14 +101,16 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode; see the class."""
         super().reset(seed=seed)
-        drawn = int(self.np_random.integers(self.count)) if isinstance(self.scenes, Family) else 0
-        self._begin((options or {}).get("scene", drawn))
+        count = self.count if isinstance(self.scenes, Family) else 1
+        drawn = int(self.np_random.integers(count)) if isinstance(self.scenes, Family) else 0
+        self._begin(_scene_number(self.scenes.name, options, drawn, count))
         if self._observation.shape != self.observation_space.shape:
             raise ConfigurationError(f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0")
         return self._observation, self._info(False)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One sampling period; see the class."""
+        """One sampling period; see the class. Raises InvalidInput unless the action is n finite numbers."""
+        action = vector(action, len(self._observer.action), "an action")
         loop, k, before = self.run.loop, self._k, self._error
         qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
         loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
@@ -121,6 +130,31 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _info(self, success: bool) -> dict[str, Any]:
         t = self._k * self.run.setup.Ts
         return {"scene": self._scene, "t": t, "violation": self._violation, "success": success}
+
+
+def _demand_usable(scenes: object, count: object, law: object) -> None:
+    """Raise ConfigurationError unless these can be an environment's."""
+    if not isinstance(scenes, Family | Scenario):
+        raise ConfigurationError(f"scenes must be a scenario, a family, or the name of either, not {shown(scenes)}")
+    if not _is_integer(count) or count < 1:
+        raise ConfigurationError(f"count must be an integer, 1 or more, not {shown(count)}")
+    if not (law is None or isinstance(law, str | Controller)):
+        raise ConfigurationError(f"law must be a controller or the name of one, not {shown(law)}")
+
+
+def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
+    """Return the scene that options of ``reset`` name, or the one that was drawn; raises ConfigurationError."""
+    if options is not None and not isinstance(options, Mapping):
+        raise ConfigurationError(f'{name}: options must be a table such as {{"scene": 3}}, not {shown(options)}')
+    number = options.get("scene", drawn) if options else drawn
+    if not _is_integer(number) or not 0 <= number < count:
+        which = f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
+        raise ConfigurationError(f"{name}: scene must be {which}, not {shown(number)}")
+    return int(number)
+
+
+def _is_integer(value: object) -> TypeGuard[int]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 gymnasium.register("vsconstraints/Servo-v0", entry_point=f"{__name__}:ServoEnv")

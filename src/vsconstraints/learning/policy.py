@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Any, BinaryIO
+from zipfile import ZipFile
 
 import numpy as np
 
 from ..controllers import Controller, Pair, make_controller
 from ..controllers.base import demand_model, restart
 from ..controllers.ranges import positive_number
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError, InvalidInput, one_line
+from ..plugins.regular_files import demand_regular
 from ..rows import Array, Command, Rows, Task
 
 ACCELERATION = 10.0  #: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
 LARGE = 1e30  #: Weights below cannot overflow.
+MAX_BYTES = 1_000_000_000  #: Of the arrays of a file of weights.
+
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 class Observer:
@@ -105,13 +110,34 @@ class Policy(Controller):
         return self.filter.command(rows, Task(np.eye(n), qdd))
 
 
+def _demand_small(opened: BinaryIO) -> None:
+    """Raise ValueError if arrays of an archive claim more than :data:`MAX_BYTES`, before any of them is expanded."""
+    with ZipFile(opened) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > MAX_BYTES:
+            raise ValueError(f"its arrays have {size / 1e6:.0f} MB, and may have {MAX_BYTES / 1e6:g}")
+        for member in archive.infolist():
+            with archive.open(member) as array:
+                read = _HEADERS.get(np.lib.format.read_magic(array))
+                if read is None:
+                    raise ValueError(f"{member.filename} is in a format that is not known")
+                shape, _, kind = read(array)
+                if not kind.hasobject and array.tell() + math.prod(shape) * kind.itemsize != member.file_size:
+                    raise ValueError(f"{member.filename} is not as large as it says")
+    opened.seek(0)
+
+
 def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
     """Layers (W, b), acceleration and the name of a law, or empty; raises as :class:`Policy`."""
     try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            arrays = dict(file)
-    except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile) as error:
-        raise ConfigurationError(f"{path}: no weights can be read: {error}") from error
+        demand_regular(path)
+        with path.open("rb") as opened:
+            _demand_small(opened)
+            with np.load(opened, allow_pickle=False) as file:
+                arrays = dict(file)
+    except Exception as error:  # NumPy raises anything for headers and archives that are none
+        what = one_line(str(error)) or type(error).__name__
+        raise ConfigurationError(f"{path}: no weights can be read: {what}; numpy.savez writes such files") from error
     law, acceleration = str(arrays.pop("law", "")), arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
     names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
     if {*arrays} != {name for pair in names for name in pair}:

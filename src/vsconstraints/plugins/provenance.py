@@ -13,13 +13,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from .regular_files import demand_regular
+
 Files = dict[str, str]  #: absolute paths and hashes of what the files hold; the hash is empty where there is no file
 
 #: Folders of installed packages: their versions stand for their files, those of own parts apart.
 INSTALLED = ("site-packages", "dist-packages")
 
 _PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
-_FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), "/proc", "/sys", "/dev")
+_SYSTEM = ("/proc", "/sys", "/dev", "/run", "/etc")
+_FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), *_SYSTEM)
 #: Folders whose files are nobody's own: the standard library, this package, the system's.
 LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS)
 
@@ -28,6 +31,9 @@ COMPILED = (".nbi", ".nbc")  #: endings of numba's caches, which are made of cod
 _own_packages: set[str] = set()
 #: Packages of own parts, and files that they read while they were imported, which happens once in a process.
 read_by_imports: Files = {}
+#: Files that own parts have read in this process while they ran, as they were when they were read last.
+_read_by_runs: Files = {}
+_written_by_runs: set[str] = set()  # what own parts write themselves is not what results depend on
 
 _notes: list[tuple[Files, set[str]]] = []
 #: What is being noted, and whether the audit hook is there: one serves the whole process, and none can be removed.
@@ -35,8 +41,9 @@ _hooked = False
 
 
 def digest(path: str | Path) -> str:
-    """Hash of what a file holds; empty if there is no such file, or it cannot be read."""
+    """Hash of what a file holds; empty if there is no such file, it is a pipe or a device, or it cannot be read."""
     try:
+        demand_regular(path)
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()[:16]
     except (OSError, ValueError):
@@ -96,6 +103,23 @@ def noted_import(module: str) -> Iterator[None]:
 def imported() -> Files:
     """What own modules have read while they were imported in this process; each file as it was then."""
     return dict(read_by_imports)
+
+
+@contextmanager
+def own_parts_noted() -> Iterator[Files]:
+    """Note the files that own parts depend on; the table is complete when the block ends.
+
+    These are the files that they read meanwhile, and all that they have read before in this process: a part may keep
+    what it has read, and Python keeps the modules that it has imported.
+    """
+    files: Files = {}
+    with noted() as read:
+        written = _notes[-1][1]
+        yield files
+    _written_by_runs.update(written)
+    _read_by_runs.update(read)
+    known = {**_read_by_runs, **imported()}
+    files.update({path: content for path, content in known.items() if path not in _written_by_runs})
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:

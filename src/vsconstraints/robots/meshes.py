@@ -10,6 +10,7 @@ from typing import Literal
 from xml.etree import ElementTree
 
 from ..errors import ConfigurationError, shown
+from ..plugins.regular_files import read_regular
 
 IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of a package.
 DEPTH = 3  #: Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for.
@@ -52,8 +53,8 @@ def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | N
 def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     """The mesh files that a URDF's collision geometry names, where they are there; none if it cannot be read."""
     try:
-        root = ElementTree.parse(urdf).getroot()
-    except (OSError, ElementTree.ParseError):
+        root = ElementTree.fromstring(read_regular(urdf))
+    except (OSError, ValueError, LookupError, ElementTree.ParseError):
         return []
     names = {mesh.get("filename", "") for mesh in _meshes(root)}
     return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, unknown_name
+from ..plugins.regular_files import read_regular
 from ..rows import Array
 from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
@@ -217,7 +218,7 @@ def _urdf_file(path: Path) -> UrdfFile:
     if not path.is_file():
         raise ConfigurationError(f"no URDF file at {str(path)!r}")
     try:
-        return _completed(path, path.read_bytes())
+        return _completed(path, read_regular(path))
     except OSError as error:
         raise ConfigurationError(f"{str(path)!r} cannot be read: {error}") from error
 

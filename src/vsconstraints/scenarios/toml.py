@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, unknown_name
+from ..plugins.regular_files import read_regular
 
 #: Tables of which one says where a camera is.
 PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", "base_in_camera")
@@ -25,7 +26,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
     try:
         str(path.absolute()).encode()  # results name it, in UTF-8
-        text = path.read_bytes().decode("utf-8-sig")  # some editors begin files with a byte order mark
+        text = read_regular(path).decode("utf-8-sig")  # some editors begin files with a byte order mark
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
     return parse_toml(text, os.fspath(path))

@@ -18,7 +18,7 @@ from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
-from ..errors import SceneError, described
+from ..errors import SceneError, VsconstraintsError, described
 from ..rows import Rows, Task
 from ..vision.scene import Scene
 from .disturbances import Disturbances
@@ -135,7 +135,9 @@ class Run:
             wrong = self.gradient_error if self.gradient_error.any else None
             restart(controller, self.setup.Ts, lambda: self.control.model(believe, wrong))
             loop = self._compiled_loop(by_public_call)
-        except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
+        except VsconstraintsError:
+            raise
+        except (Exception, SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
             self._end("failed", described(error))
         self._begin(loop or self._python_loop())
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
 from ..controllers.delay import split_delay
-from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
+from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described, listed
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..robots.geometry import demand_sign
@@ -31,6 +31,7 @@ from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
 from .units import implausible
 
+MIN_SAMPLING_TIME = 1e-9  #: Of a simulation [s]: numbers of samples in a second fit an integer.
 MAX_MEMORY = 2e9  #: Memory that a run may take, which is kept whole [bytes].
 #: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
 #: ``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
@@ -82,6 +83,9 @@ class Setup:
         for name in ("sampling_time", "duration"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
+        if self.sampling_time < MIN_SAMPLING_TIME:
+            least = f"sampling_time must be {MIN_SAMPLING_TIME:g} s or more"
+            raise InvalidInput(f"{least}, not {self.sampling_time:g} s: is it in seconds?")
         for name in ("q0", "qd0"):
             self.scene.robot.configuration(getattr(self, name), name)
         self.task.rest_of(self.scene.robot.n, 6)
@@ -267,7 +271,8 @@ class Setup:
         unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]
         if unseen:
             raise ConfigurationError(
-                f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
+                f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: "
+                f"{', '.join(listed(unseen, 'markers'))} "
                 f"from its centre{''.join(f'; {doubt}' for doubt in self.doubts)}"
             )
         remarks = list(self.doubts)
@@ -275,7 +280,7 @@ class Setup:
         rows, sigma, first = start.rows, start.sigma, 0
         beyond = ~np.isfinite(np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))).all(axis=1)
         if beyond.any():
-            labels = ", ".join(rows.labels[i] for i in np.flatnonzero(beyond))
+            labels = ", ".join(listed([rows.labels[i] for i in np.flatnonzero(beyond)], "rows"))
             raise FloatingPointError(f"numbers beyond the range of floating point in {labels}")
         for constraint, count, _ in self.constraints.blocks():
             own = slice(first, first := first + count)
@@ -283,5 +288,6 @@ class Setup:
             if refusal:
                 raise ConfigurationError(refusal)
         violated = np.flatnonzero(sigma > 0.0)
-        remarks += [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated]
+        outside = [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated]
+        remarks += listed(outside, "rows that are violated at the start")
         return remarks + self.forbidden + self.separated

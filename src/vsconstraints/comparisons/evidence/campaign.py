@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from ...scenarios.toml import read_toml
 from ..experiment import Entries, Experiment, demand_names, entries_of
 from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
+from .own_files import contents, files_of_laws, own_folders
 
 Identity = dict[str, Any]  #: Nested tables as JSON has them; the same wherever the same campaign is run.
 
@@ -197,6 +199,14 @@ class Campaign(Experiment):
         """All that results depend on, by family."""
         return {family.name: self.identity(family) for family in self.families}
 
+    def on_each_machine(self) -> Callable[[], Identity]:
+        """What says, wherever it is called, what results depend on there: identities and contents of own files.
+
+        The files are those that laws of one's own load and read on this machine when they are made.
+        """
+        folders = own_folders(self.controllers, self.families)
+        return partial(_on_this_machine, self, tuple(files_of_laws(self.controllers, folders)))
+
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
         families, shipped = {}, SHIPPED.resolve()
@@ -215,6 +225,11 @@ class Campaign(Experiment):
             "families": families,
             **({"call_times": dict(self.call_times)} if self.call_times else {}),
         }
+
+
+def _on_this_machine(campaign: Campaign, own_files: Sequence[str]) -> Identity:
+    files = contents(own_files, own_folders(campaign.controllers, campaign.families))
+    return {**campaign.identities(), "own files": files}
 
 
 @dataclass(frozen=True)

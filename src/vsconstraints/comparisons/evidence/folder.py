@@ -5,12 +5,13 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ...plugins.processes import deadline
+from ...plugins.provenance import Files
 from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
@@ -18,6 +19,7 @@ from ..runs.folder import MANIFEST, Keep, kept_lines
 from ..runs.pool import Failure, OpenWorkers
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
+from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
 from .work import Batch, benches, task_of
 
@@ -27,7 +29,10 @@ MAX_NAMED = 5  # ranges of scenes that a message names
 
 @dataclass(frozen=True)
 class Facts:
-    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time [s]."""
+    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time [s].
+
+    ``files`` are hashes of what own parts have loaded or read, see :mod:`.own_files`.
+    """
 
     family: str
     scenes: tuple[int, ...]
@@ -35,6 +40,7 @@ class Facts:
     machine: dict[str, Any]
     runs: int
     seconds: float
+    files: Files = field(default_factory=dict)
 
     @classmethod
     def of(cls, path: Path) -> Facts:
@@ -111,6 +117,7 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
     for facts in there:
         only = [] if facts.family in identities else [f"family {facts.family} is only there"]
         problems = problems or only or list(differences(facts.identity, identities[facts.family]))
+    problems = problems or _changed_files(there, campaign)
     last = max((max(facts.scenes) for facts in there), default=-1)
     if not problems and last >= campaign.scenes:
         problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
@@ -118,6 +125,27 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
         instead = "Give another folder with --out, or --fresh to replace what is there"
         raise ConfigurationError(f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}")
     return there
+
+
+def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
+    """Sentences that name the own files which are not what the stored shards were made with."""
+    folders = own_folders(campaign.controllers, campaign.families)
+    files: Files = {}
+    for facts in there:
+        files.update(facts.files)
+    return [f"the content of {name} is another one now" for name in changed(files, contents(files, folders))]
+
+
+def demand_same_files(stored: Iterable[StoredShard]) -> None:
+    """Raise ConfigurationError if shards were made with different contents of an own file."""
+    first: dict[str, StoredShard] = {}
+    for shard in stored:
+        for name, content in shard.facts.files.items():
+            other = first.setdefault(name, shard)
+            if other.facts.files[name] != content:
+                made = f"{other.path} and {shard.path} were made with different contents of {name}"
+                why = "which own parts have loaded or read"
+                raise ConfigurationError(f"these are not parts of one campaign: {made}, {why}")
 
 
 def clear(folder: Path) -> None:

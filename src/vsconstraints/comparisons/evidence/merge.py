@@ -14,7 +14,18 @@ from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import VERSION
 from .campaign import differences, in_words
-from .folder import MARK, StoredShard, chosen, clear, missing_scenes, shards, stored_files, trajectory_file, write_parts
+from .folder import (  # fmt: skip
+    MARK,
+    StoredShard,
+    chosen,
+    clear,
+    demand_same_files,
+    missing_scenes,
+    shards,
+    stored_files,
+    trajectory_file,
+    write_parts,
+)
 from .parquet import TABLES, TIMING
 from .stored import Evidence
 
@@ -100,6 +111,7 @@ def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
         families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
         settings[folder] = {**configuration, "families": families}
     demand_same(settings.items())
+    demand_same_files(sources)
 
 
 def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:

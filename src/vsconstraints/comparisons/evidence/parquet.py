@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 from ...errors import ConfigurationError, one_line
 from ...plugins.extras import demand
+from ...plugins.regular_files import demand_regular
 from ..metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, ROW_METRICS, RUN, TIMING_COLUMNS
 from ..runs.files import replaced
 
@@ -95,6 +96,7 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
     try:
+        demand_regular(path)
         yield
     except (*UNREADABLE, RecursionError) as error:
         raise ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}") from error

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...plugins.processes import INTERRUPTS, signal_of
+from ...plugins.provenance import Files
 from ..runs.files import seal, storing, write_json
 from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
 from ..runs.machine import loaded_versions, machine, provenance, used_versions
@@ -16,6 +17,7 @@ from ..runs.pool import Failure, OpenWorkers, Workers, processes
 from ..runs.spec import BASELINE, prepare_laws
 from .campaign import Campaign
 from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts
+from .own_files import contents, demand_unchanged_files, own_folders
 from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, scored, tasks_of
 
@@ -135,13 +137,21 @@ def collect(
         progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
         on_progress(progress)
         identities, here = campaign.identities(), machine()
+        folders = own_folders(campaign.controllers, campaign.families)
+        files: Files = {}
+        for facts in there:
+            files.update(facts.files)
         interrupted = kept = 0
         try:
             if tasks:
                 with plan.workers(scored) as workers:
                     for i, part in results(tasks, workers):
                         task, name = tasks[i], tasks[i].family.name
-                        facts = Facts(name, task.scenes, identities[name], here, part.runs.num_rows, part.seconds)
+                        files = contents(part.files.keys() - files.keys(), folders) | files
+                        demand_unchanged_files(part.files, files)
+                        files.update(part.files)
+                        made = part.runs.num_rows, part.seconds, part.files
+                        facts = Facts(name, task.scenes, identities[name], here, *made)
                         with storing("evidence", folder):
                             write_parts(folder, task.name, dict(zip(TABLES, part, strict=False)), facts)
                         progress.add(task, part)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ...errors import ConfigurationError, shown
+from ...plugins.provenance import Files
 from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.families.frozen import family_of
 from ...scenarios.reading import Table
@@ -24,7 +25,18 @@ from ..runs.spec import ControllerSpec
 from ..stored import Number, Texts
 from . import parquet
 from .campaign import MAX_SCENES
-from .folder import MARK, Facts, RunKey, StoredShard, shard_file, shard_names, shards, stored_files, trajectory_file
+from .folder import (  # fmt: skip
+    MARK,
+    Facts,
+    RunKey,
+    StoredShard,
+    demand_same_files,
+    shard_file,
+    shard_names,
+    shards,
+    stored_files,
+    trajectory_file,
+)
 from .parquet import KEYS, TABLES
 
 MAX_ROWS = 1000  # rows that a run may have in a shard
@@ -51,6 +63,14 @@ class Evidence(StoredResults):
         """The conditions in which scenes were run, in the order in which families name them."""
         stored = self.manifest["configuration"]["families"].values()
         return tuple(dict.fromkeys(name for entry in stored for name in entry["conditions"]))
+
+    @property
+    def own_files(self) -> Files:
+        """Hashes of what own parts have loaded or read, see :mod:`.own_files`."""
+        files: Files = {}
+        for shard in shards(self.folder):
+            files.update(shard.facts.files)
+        return files
 
     @cached_property
     def runs(self) -> Any:
@@ -108,7 +128,8 @@ class Evidence(StoredResults):
 
     def _demand_planned(self) -> None:
         configuration, owner = self.manifest["configuration"], dict[tuple[str, int], str]()
-        for shard in shards(self.folder):
+        stored = shards(self.folder)
+        for shard in stored:
             facts, path = shard.facts, shard.path
             if any(Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES):
                 raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
@@ -118,6 +139,7 @@ class Evidence(StoredResults):
                 other = owner.setdefault((facts.family, scene), shard.name)
                 if other != shard.name:
                     raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
+        demand_same_files(stored)
 
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:

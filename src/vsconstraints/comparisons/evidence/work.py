@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Collection, Sequence
-from contextlib import chdir
+from contextlib import chdir, nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby, product, zip_longest
 from math import ceil
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from ...errors import ConfigurationError, described
 from ...plugins.classes import beside
 from ...plugins.processes import INTERRUPTS, deadline
+from ...plugins.provenance import Files, own_parts_noted
 from ...scenarios.families import Drawn, Family
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
@@ -23,11 +24,14 @@ from ..runs.machine import run_limit
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
 from .campaign import Campaign
+from .own_files import demand_unchanged_files, has_own_parts, named, own_folders
 from .parquet import TABLES
 
 # Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file that is written: some
 # 12 s and a hundred kilobytes), and how many tasks a family is split into at least. No result depends on either.
 RUNS_OF_TASK, MIN_TASKS = 600, 16
+
+NO_FILES: Files = {}
 
 Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values by column.
 
@@ -116,23 +120,29 @@ def tasks_of(
 
 
 class Part(NamedTuple):
-    """The result of a task: Arrow tables, and how long it took [s]."""
+    """The result of a task: Arrow tables, how long it took [s], and the :mod:`.own_files` that it depends on."""
 
     runs: Any
     rows: Any
     scenes: Any
     seconds: float
+    files: Files
 
     @classmethod
-    def of(cls, lines: Lines, seconds: float) -> Part:
+    def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
         """From lines by table."""
-        return cls._make((*(parquet.table(columns, lines[name]) for name, columns in TABLES.items()), seconds))
+        tables = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
+        return cls._make((*tables, seconds, dict(files)))
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
-        """All of them as one, in their order."""
-        *tables, seconds = zip(*parts, strict=True)
-        return cls._make((*map(parquet.joined, tables), sum(seconds)))
+        """All of them as one, in their order; raises ConfigurationError if own files changed meanwhile."""
+        *tables, seconds, files = zip(*parts, strict=True)
+        together: Files = {}
+        for own in files:
+            demand_unchanged_files(own, together)
+            together.update(own)
+        return cls._make((*map(parquet.joined, tables), sum(seconds), together))
 
 
 def scored(task: Batch) -> Part:
@@ -142,7 +152,9 @@ def scored(task: Batch) -> Part:
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
-    with deadline(task.limit) as step:
+    nothing: Files = {}
+    own_parts = has_own_parts(task.controllers, [task.family])
+    with own_parts_noted() if own_parts else nullcontext(nothing) as files, deadline(task.limit) as step:
         for number in task.scenes:
             step()
             scene, there = benches(task, number)
@@ -157,7 +169,9 @@ def scored(task: Batch) -> Part:
                         baseline = record if entry.name == BASELINE else baseline
                         if task.single in (None, entry.name):
                             _add(lines, task, (number, condition, entry.name), record, baseline)
-    return Part.of(lines, time.perf_counter() - begun)
+    if own_parts:
+        files = named(files, own_folders(task.controllers, [task.family]))
+    return Part.of(lines, time.perf_counter() - begun, files)
 
 
 def failed(task: Batch, reason: str) -> Part:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import ConfigurationError, StorageError
+from ...plugins.regular_files import read_regular
 
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
@@ -126,7 +127,7 @@ def recorded(folder: Path) -> Sums | None:
     """
     path = folder / SUMS
     try:
-        lines = path.read_bytes().decode().split("\n")
+        lines = read_regular(path).decode().split("\n")
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar, cast, get_args
 
-from ...errors import ConfigurationError, unknown_name
+from ...errors import ConfigurationError, FolderTaken, unknown_name
 from ...plugins.classes import code_named, untrusted
+from ...plugins.regular_files import read_regular
 from ...scenarios.reading import NOTHING, Table, checked, demand_table
 from .files import demand_unchanged
 
@@ -38,7 +39,8 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         return
     there = kind_of(path)
     if there is not None and there != kind:
-        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
+        problem = f"{path} holds {there}, not {kind}"
+        raise FolderTaken(f"{problem}: give another folder with --out", problem)
     if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
         nothing = f"no {kind.removeprefix('a ')} that could go on"
         raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
@@ -102,7 +104,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 def read_manifest(path: Path) -> Any:
     """What a manifest holds; raises OSError, ValueError or RecursionError if it cannot be read."""
-    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest = json.loads(read_regular(path).decode())
     json.dumps(manifest, ensure_ascii=False).encode()  # what is made of it is written, in UTF-8
     return manifest
 

@@ -16,9 +16,11 @@ from ...controllers import Choices, Range, law_ranges
 from ...controllers.base import innermost
 from ...controllers.ranges import default_of
 from ...errors import ConfigurationError, shown
+from ...plugins.provenance import Files
 from ...scenarios.families import Drawn, Family
 from ..evidence import Batch, Campaign, scored
 from ..evidence.campaign import of_controllers, of_family
+from ..evidence.own_files import demand_unchanged_files
 from ..evidence.runner import results
 from ..runs.machine import code_identity, module_versions, run_limit
 from ..runs.pool import Failure, processes, run_all
@@ -247,8 +249,11 @@ class Problem:
 
 
 @contextmanager
-def evaluating(tasks: Sequence[Batch], workers: int | None) -> Iterator[Evaluate]:
-    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is a failed run."""
+def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
+    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is a failed run.
+
+    What own laws load and read is added to ``files``; raises ConfigurationError if something else is there.
+    """
     with processes(workers)(scored) as pool:
         families = [task.family.name for task in tasks]
         of_family = {
@@ -260,6 +265,8 @@ def evaluating(tasks: Sequence[Batch], workers: int | None) -> Iterator[Evaluate
             calls = [replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings]
             found = {}
             for at, part in results(calls, pool):
+                demand_unchanged_files(part.files, files)
+                files.update(part.files)
                 lines = part.runs.to_pandas().set_index("controller").to_dict("index")
                 found[at] = [outcome(lines[entry.name], lines[BASELINE]) for entry in named]
             return [

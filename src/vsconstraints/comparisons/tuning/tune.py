@@ -14,8 +14,10 @@ from typing import Any
 from ...controllers import Choices
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
+from ...plugins.provenance import Files
 from ...scenarios.toml import toml_items, toml_text
 from ..evidence.campaign import differences, in_words
+from ..evidence.own_files import changed, contents, own_folders
 from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
@@ -83,6 +85,7 @@ class Journal(dict[Setting, ByFamily]):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._path = path
+        self.files: Files = {}  #: Hashes of what own laws have loaded and read in all evaluations.
         with storing("evaluations", path.parent):
             path.touch()
         data = path.read_bytes()
@@ -92,6 +95,7 @@ class Journal(dict[Setting, ByFamily]):
                 entry = dict(json.loads(line))
                 if entry.pop("checksum") != _checksum(entry):
                     raise ValueError("it is not what was written")
+                self.files.update(entry.get("files", {}))
                 self[entry["law"], entry["options"]] = {
                     family: Judged(**{**values, "point": tuple(values["point"])})
                     for family, values in entry["judged"].items()
@@ -107,6 +111,7 @@ class Journal(dict[Setting, ByFamily]):
         """Store how a setting is judged; raises StorageError if that cannot be written."""
         by_family = {family: values._asdict() for family, values in judged.items()}
         entry = {"law": setting[0], "options": setting[1], "judged": by_family}
+        entry |= {"files": self.files} if self.files else {}
         line = json.dumps({**entry, "checksum": _checksum(entry)})
         with storing("evaluations", self._path.parent), self._path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
@@ -244,8 +249,9 @@ def tune(
         _claim(folder, problem, command)
         tasks = problem.tasks(workers, lambda done, total: on_progress("drawing training scenes", done, total))
         journal = Journal(folder / JOURNAL)
+        _demand_same_files(journal, folder, problem)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
-        with evaluating(tasks, workers) as evaluate:
+        with evaluating(tasks, workers, journal.files) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
                 evaluations[law.name].append(evaluation)
         tuning = Tuning(problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws))
@@ -271,6 +277,14 @@ def _evaluations(
             search.tell(journal[key][ALL])
             yield search.searched, Evaluation(search.seed, number, options, journal[key])
     on_progress("evaluating", budget.evaluations, budget.evaluations)
+
+
+def _demand_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
+    """Raise ConfigurationError if an own law has loaded or read a file that has another content now."""
+    campaign = problem.campaign
+    now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
+    if other := [f"the content of {name} is another one now" for name in changed(journal.files, now)]:
+        raise ConfigurationError(f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out")
 
 
 def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:

@@ -20,7 +20,7 @@ from ...comparisons import StoredComparison, Suite
 from ...comparisons import compare as compare_suite
 from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
-from ...errors import ConfigurationError, unknown_name
+from ...errors import ConfigurationError, FolderTaken, unknown_name
 from ...rows.readable import counted, in_one_line
 from ..figures import View
 from ..numbers import FORMATS, over_trials
@@ -55,8 +55,9 @@ def compare(
     each is run from starts or with noise that differ, drawn from the ``seed``. ``workers`` is the number of processes
     at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches a law, and a law that
     hangs or ends its process does so with the session. ``limit`` is how long a run may take in another process [s], by
-    its number of samples if None. ``out`` is a folder to keep results in: the same call goes on where it stopped; what
-    is not kept goes with the comparison. ``progress`` is whether to show how many runs are done.
+    its number of samples if None. ``out`` is a folder to keep results in: the same call goes on where it stopped, in
+    another session too, unless a setup, or a law that cannot be copied, is compared; what is not kept goes with the
+    comparison. ``progress`` is whether to show how many runs are done.
 
     Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
     process of its own kind; what cannot be copied there runs in this process, and a warning says so. A law that fails
@@ -80,6 +81,9 @@ def compare(
         stored = StoredComparison.load(folder, trust=True)
         stored.scenarios.update(own)  # a setup cannot be read back
         comparison = Comparison(stored, (*notes, *stored.notes))
+    except FolderTaken as error:
+        another = "give another folder as out=…, or delete this one"
+        raise ConfigurationError(f"{error.problem}: {another}") from None
     except BaseException:
         if out is None:
             shutil.rmtree(folder, ignore_errors=True)

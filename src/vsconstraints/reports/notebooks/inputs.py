@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import json
 import pickle
@@ -12,8 +11,6 @@ import uuid
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +18,10 @@ from ...comparisons.runs.spec import ControllerSpec
 from ...controllers import CONTROLLERS, WRAPPERS, Controller, Demand, Resolver, make_controller
 from ...controllers.base import Wrapper, innermost
 from ...errors import ConfigurationError, VsconstraintsError, described, shown
-from ...plugins.classes import IN_SESSION
 from ...plugins.provenance import noted_import
 from ...scenarios import Scenario
 from ...simulation import Setup
+from .copies import copied, packed, stable_digest
 
 #: An instance, a class that needs no options, the name of a registered one, or ``module:Class``.
 AnyLaw = Controller | type[Controller] | str
@@ -33,9 +30,9 @@ Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]  #: One, several, or sev
 
 @dataclass(frozen=True)
 class InstanceSpec(ControllerSpec):
-    """A law that is given as an instance: ``packed`` is what any process makes it of, empty if none can.
+    """A law that is given as an ``instance``: ``packed`` is what other processes make it of, empty if none can.
 
-    ``instance`` is then the law itself; ``files`` is the one that its class is defined in, if there is one.
+    ``files`` is the one that its class is defined in, if there is one.
     """
 
     packed: bytes = b""
@@ -50,10 +47,14 @@ class InstanceSpec(ControllerSpec):
     def make(self) -> Controller:
         """A copy of the instance; the instance itself where it cannot be copied."""
         if self.instance is not None:
-            return self.instance
+            return copied(self.instance) if self.packed else self.instance
         with noted_import(self.law.partition(":")[0]):
             law: Controller = pickle.loads(self.packed)
         return law
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What other processes get: they make the law of what is packed."""
+        return {**vars(self), "instance": None}
 
 
 def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
@@ -88,9 +89,9 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     options = _options(law)
     if options is not None:
         return ControllerSpec(name, _named(law).name, options), ""
-    packed, why = _packed(law)
+    data, why = packed(law)
     note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
-    return own_spec(law, name, packed), note
+    return own_spec(law, name, data), note
 
 
 def instance_of(law: Controller | type[Controller]) -> Controller:
@@ -105,15 +106,15 @@ def instance_of(law: Controller | type[Controller]) -> Controller:
     return law
 
 
-def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
+def own_spec(law: Controller, name: str, data: bytes = b"") -> InstanceSpec:
     """An instance, from what any process makes it of, or as it is."""
-    kind, instance = type(law), None if packed else law
+    kind = type(law)
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
     # what is used as it is may be another one each time
-    options = {"instance": hashlib.sha256(packed).hexdigest()[:16] if packed else uuid.uuid4().hex}
+    options = {"instance": stable_digest(data) if data else uuid.uuid4().hex}
     files = (Path(file),) if file else ()
     law_name = f"{kind.__module__}:{kind.__qualname__}"
-    return InstanceSpec(name, law_name, options, packed=packed, instance=instance, files=files)
+    return InstanceSpec(name, law_name, options, packed=data, instance=law, files=files)
 
 
 def _no_law(value: object) -> ConfigurationError:
@@ -162,20 +163,6 @@ def _options(law: Controller) -> dict[str, Any] | None:
         return options if repr(make_controller(kind.name, options)) == repr(law) else None
     except (TypeError, ValueError, VsconstraintsError):
         return None
-
-
-def _packed(law: Controller) -> tuple[bytes, str]:
-    """What any process makes the law of; empty, and why, if none can."""
-    by_value = find_spec("cloudpickle") is not None
-    try:
-        pickler: Any = import_module("cloudpickle") if by_value else pickle
-        packed = bytes(pickler.dumps(law))
-        pickle.loads(packed)
-    except (Exception, SystemExit) as error:  # an own law may hold anything
-        return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
-    if not by_value and IN_SESSION.encode() in packed:
-        return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"
-    return packed, ""
 
 
 # --- scenarios ---

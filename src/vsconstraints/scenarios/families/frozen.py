@@ -20,6 +20,7 @@ import msgspec
 
 from ... import __version__
 from ...errors import ConfigurationError, unknown_name
+from ...plugins.regular_files import demand_regular, read_regular
 from ...simulation import Setup
 from ..reading import Table
 from ..scenario import Scenario
@@ -140,6 +141,7 @@ def _digest(text: str) -> str:
 
 def _lines(path: Path) -> list[str]:
     try:
+        demand_regular(path)
         with gzip.open(path, "rb") as file:
             return file.read(MAX_BYTES).decode().split("\n")[:-1]
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
@@ -175,7 +177,7 @@ class TestSet:
         """Read a test set's index; raises ConfigurationError if it cannot be used. Files are read with their scenes."""
         path, families, hashes = folder / INDEX, [], {}
         try:
-            text = path.read_bytes()
+            text = read_regular(path)
         except OSError as error:
             raise ConfigurationError(f"there is no test set in {folder}: {error}") from error
         index = _decoded(text, _Index, str(path))

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from ...errors import InvalidInput
 from ...plugins.extras import demand
 from ...rows import Array, IntArray
 
@@ -29,10 +30,26 @@ class Tags(NamedTuple):
 
 
 class Detector(NamedTuple):
-    """What finds tags of the family tag36h11, and how it counts pixels: see :meth:`.Camera.from_corner`."""
+    """What finds tags of the family tag36h11, and how it counts pixels: see :meth:`.Camera.from_corner`.
+
+    ``find`` raises InvalidInput for an array that is no image of grey levels.
+    """
 
     find: Callable[[Pixels], Tags]
     counts: Literal["edges", "centres"]
+
+
+def demand_image(image: object) -> None:
+    """Raise InvalidInput unless this is an image (H, W) of grey levels from 0 to 255, as detectors take it."""
+    right = "an image must be an array (H, W) of grey levels, uint8"
+    if not isinstance(image, np.ndarray):
+        raise InvalidInput(f"{right}, not {type(image).__name__}")
+    if image.ndim == 3:
+        raise InvalidInput(f"{right}, not of colours {image.shape}: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) gives it")
+    if image.ndim != 2 or not image.size:
+        raise InvalidInput(f"{right}, not of the shape {image.shape}")
+    if image.dtype != np.uint8:
+        raise InvalidInput(f"{right}, not {image.dtype}: scale it to 0 to 255, then image.astype(np.uint8)")
 
 
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
@@ -62,6 +79,7 @@ def apriltag() -> Detector:
     order = [1, 0, 3, 2]
 
     def find(image: Pixels) -> Tags:
+        demand_image(image)
         found = detector.detect(roomy(image))
         return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS])
 
@@ -80,6 +98,7 @@ def aruco() -> Detector:
     detector = cv2.aruco.ArucoDetector(family, parameters)
 
     def find(image: Pixels) -> Tags:
+        demand_image(image)
         corners, ids, _ = detector.detectMarkers(image)
         # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None where there are none
         return tags_of([] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True)))

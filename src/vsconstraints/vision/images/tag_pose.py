@@ -11,7 +11,7 @@ from ...robots.geometry import Pose, distance
 from ...rows import Array, BoolArray
 from ..camera import Camera
 from .board import Board
-from .detectors import Detector, Pixels
+from .detectors import Detector, Pixels, demand_image
 
 #: Root mean square of the corners' distances from where a pose has them, above which they are of no such board [px].
 MAX_RESIDUAL = 5.0
@@ -40,8 +40,9 @@ def locate_board(image: Pixels, detector: Detector, board: Board, camera: Camera
     """What an image (H, W) of grey levels says, with board and camera as they are believed to be.
 
     ``near`` is the camera's expected pose in the target's frame, which chooses between two that explain the image.
-    Raises InvalidInput if the image has another size than the camera was calibrated for.
+    Raises InvalidInput if the array is no image, or has another size than the camera was calibrated for.
     """
+    demand_image(image)
     W, H = camera.size
     height, width = image.shape
     if (width, height) != (W, H):

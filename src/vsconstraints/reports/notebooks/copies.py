@@ -1,0 +1,109 @@
+"""Copies of laws that are defined in a session: for other processes, and for this one."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import pickletools
+import re
+from importlib import import_module
+from importlib.util import find_spec
+from io import BytesIO
+from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import Any
+
+from ...controllers import Controller
+from ...plugins.classes import IN_SESSION
+
+#: Texts in a packed class that differ in each session: cloudpickle's number of the class, the name of a cell's file.
+_OF_SESSION = re.compile(r"[0-9a-f]{12}4[0-9a-f]{3}[89ab][0-9a-f]{15}|.*ipykernel_\d+\W\d+\.py|<ipython-input-.*>")
+_UNORDERED = ("FROZENSET", "ADDITEMS")
+_ENDING_GROUPS = ("TUPLE", "LIST", "DICT", "APPENDS", "SETITEMS", "POP_MARK", "OBJ", "INST", *_UNORDERED)
+_ATOM = "atom "
+
+Shared = type | FunctionType | BuiltinFunctionType | ModuleType
+
+
+def packed(law: Controller) -> tuple[bytes, str]:
+    """Return bytes from which any process makes the law; empty bytes, and the reason, if none can.
+
+    They are not read back here: that would replace the global variables of a class that is defined in this session by
+    those of the moment, for as long as the session lasts.
+    """
+    by_value = find_spec("cloudpickle") is not None
+    try:
+        pickler: Any = import_module("cloudpickle") if by_value else pickle
+        data = bytes(pickler.dumps(law))
+        copied(law)
+    except (Exception, SystemExit) as error:  # an own law may hold anything
+        return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
+    if not by_value and IN_SESSION.encode() in data:
+        return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"
+    return data, ""
+
+
+def copied(law: Controller) -> Controller:
+    """Return a copy for this process, which shares classes, functions and modules with the original."""
+    shared: list[Shared] = []
+
+    def number(value: object) -> int | None:
+        if not isinstance(value, Shared):
+            return None
+        shared.append(value)
+        return len(shared) - 1
+
+    data = BytesIO()
+    pickler = _pickler()(data)
+    pickler.persistent_id = number
+    pickler.dump(law)
+    data.seek(0)
+    unpickler: Any = pickle.Unpickler(data)
+    unpickler.persistent_load = shared.__getitem__
+    copy: Controller = unpickler.load()
+    return copy
+
+
+def stable_digest(data: bytes) -> str:
+    """Return a hash of what was packed that is the same in every session.
+
+    It leaves out what differs from session to session: numbers of classes, names of cells, and the order of sets.
+    """
+    groups: list[list[str]] = [[]]
+    known: list[str] = []
+    for operation, argument, _ in pickletools.genops(data):
+        name = operation.name
+        if name in ("PROTO", "FRAME"):
+            continue
+        if name == "MEMOIZE":
+            last = groups[-1][-1] if groups[-1] else ""
+            known.append(last if last.startswith(_ATOM) else f"object {len(known)}")
+        elif name == "MARK":
+            groups.append([])
+        elif name in _ENDING_GROUPS:
+            items = groups.pop()
+            if name in _UNORDERED and all(item.startswith(_ATOM) for item in items):
+                items.sort()
+            groups[-1].append(f"{name} {_hash(items)}")
+        elif name.endswith("GET") and isinstance(argument, int):
+            groups[-1].append(known[argument])
+        elif isinstance(argument, str) and _OF_SESSION.fullmatch(argument):
+            groups[-1].append(f"{_ATOM}of the session")
+        else:
+            groups[-1].append(f"{_ATOM if operation.stack_before == [] else ''}{name} {argument!r}")
+    return _hash(groups[0])[:16]
+
+
+def _hash(texts: list[str]) -> str:
+    digest = hashlib.sha256()
+    for text in texts:
+        data = text.encode("utf-8", "surrogatepass")
+        digest.update(b"%d:" % len(data))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def _pickler() -> Any:
+    try:
+        return import_module("cloudpickle").Pickler
+    except ImportError:
+        return pickle.Pickler
