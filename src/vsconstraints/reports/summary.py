@@ -29,6 +29,7 @@ from .results import (
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
+IMPLEMENTATION = "implementation"  #: Its last column.
 MAX_NAMES = 9  #: A cell names no more scenarios than this.
 
 
@@ -52,7 +53,7 @@ def law_table(results: Results) -> Table:
         "converged inside": inside(results.clean, counted),
         f"at {of_length(TOLERANT)}": inside(results.clean_tolerant),
         **_overall(results, names, lambda metric: metric.column in FIRST),
-        "implementation": [results.implementation(name) for name in names],
+        IMPLEMENTATION: [results.implementation(name) for name in names],
     }
     return columns_table("controller", names, columns)
 
