@@ -83,7 +83,9 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     pixels, t = run.trajectory.features_px, float(run.trajectory.t[sample])
     ax.set_xticks([])
     ax.set_yticks([])
-    ax.set_title(shortened(run.law), loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
+    letters = int(LETTERS * ax.get_position().width * WIDTH)
+    name = shortened(run.law, letters)
+    ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
     ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
     ax.plot(*[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T, **GOAL, zorder=5)
     tracks(ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5)
@@ -94,7 +96,7 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     worst = max((state for _, state, _ in rows), default=0)
     labels = [label for label, state, _ in rows if state == worst] if worst else []
     word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
-    text = shortened(f"{word}{', '.join(labels)}", int(LETTERS * ax.get_position().width * WIDTH))
+    text = shortened(f"{word}{', '.join(labels)}", letters)
     place = {"transform": ax.transAxes, "fontsize": 9, "va": "top", "fontweight": "bold", "zorder": 7}
     ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
 
