@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import html
 import inspect
 import math
 import os
@@ -237,3 +238,22 @@ def test_funnels_are_the_documented_ones() -> None:
         share = funnel(t, final, decay)
         share = share[0] if isinstance(share, tuple) else share
         assert share == pytest.approx((1.0 - final) * math.exp(-decay * t) + final)
+
+
+def test_the_font_of_formulas_is_shipped_and_has_every_sign() -> None:
+    """It has the table by which browsers set MathML, and every sign of the pages' formulas."""
+    fonttools = pytest.importorskip("fontTools.ttLib")  # comes with matplotlib
+    style = page("_static/style.css")
+    (name,) = re.findall(r'@font-face \{ font-family: "Noto Sans Math"; src: url\("([\w.-]+)"\)', style)
+    assert 'math { font-family: "Noto Sans Math", math; }' in style
+    font = fonttools.TTFont(DOCS / "_static" / name)
+    assert "MATH" in font
+    known = {chr(code) for code in font.getBestCmap()}
+    convert = pytest.importorskip("latex2mathml.converter").convert
+    for path in sorted(DOCS.glob("*.md")):
+        text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        for formula in re.findall(r"\$\$(.*?)\$\$|\$([^$\n]+)\$", text, re.DOTALL):
+            drawn = html.unescape(re.sub(r"<[^>]+>", "", convert("".join(formula))))
+            # every font has the signs of Latin-1, of which this one lacks the diaeresis
+            missing = {sign for sign in drawn if not sign.isspace() and ord(sign) > 0xFF} - known
+            assert not missing, f"{path.name}: {formula}: {missing}"
