@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, TOLERANT, Metric
+from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
 from .markdown import Table, code
@@ -26,6 +26,11 @@ from .results import (
     violated,
 )  # fmt: skip
 
+#: What the marks of :func:`outcome` mean.
+MARKS = (
+    f"† A row was violated by more than {of_length(TOLERANT)}; ‡ by more than {of_length(NEGLIGIBLE)}, "
+    "but not more than that."
+)
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
