@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
+from rich.cells import cell_len
+from rich.console import Console
+from typer.testing import CliRunner
 
 import vsconstraints
-from vsconstraints.cli import GROUPS, app
+from vsconstraints.cli import GROUPS, app, terminal
 from vsconstraints.cli.listing import KINDS, print_listing
+from vsconstraints.cli.options import OPTIONS
 from vsconstraints.cli.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.compiled import available
@@ -23,6 +30,7 @@ from vsconstraints.controllers import CONTROLLERS
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import shipped_scenarios
 
+GROUP_COMMANDS = {name: command for group in GROUPS.values() for name, (command, _) in group.items()}
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
 
 
@@ -51,9 +59,9 @@ def test_help_names_the_commands_by_what_they_are_for() -> None:
 
 
 def test_what_is_printed_is_printed_as_it_is() -> None:
-    for terminal in (console, errors):
-        with terminal.capture() as printed:
-            terminal.print("error: images by my_camera:eye: [1] of C:smile:")
+    for screen in (console, errors):
+        with screen.capture() as printed:
+            screen.print("error: images by my_camera:eye: [1] of C:smile:")
         assert printed.get() == "error: images by my_camera:eye: [1] of C:smile:\n"
 
 
@@ -78,6 +86,49 @@ def test_list_describes_kinds_and_names(capsys: pytest.CaptureFixture[str]) -> N
         assert part in shown
     with pytest.raises(ConfigurationError, match="'sliding-mode'"):
         print_listing(["sliding-mod"])
+
+
+def help_pages() -> Iterator[tuple[str, str]]:
+    """Each command's name and its help on a terminal of 80 columns."""
+    for name in ("", "testset", *(name for commands in GROUPS.values() for name in commands)):
+        environment = {"COLUMNS": "80", "TERMINAL_WIDTH": "80"}
+        shown = CliRunner().invoke(app, [*name.split(), "--help"], env=environment)
+        assert shown.exit_code == 0, shown.output
+        yield name, shown.output
+
+
+def test_help_fits_80_columns_and_cuts_nothing() -> None:
+    """Neither an example nor a word is cut or broken in two, and no name between colons becomes a picture."""
+    for name, page in help_pages():
+        assert max(map(cell_len, page.splitlines())) <= 80, name
+        assert not re.search("[\U0001f000-\U0001ffff\u2600-\u27bf]", page), name
+        words = {word for line in page.splitlines() for word in line.strip("│ ").split()}
+        examples = [example for group in GROUPS.values() for each, (_, example) in group.items() if each == name]
+        for example in examples:
+            assert f" Example: vsconstraints {name} {example} " in page
+        known = OPTIONS["shared"] | OPTIONS.get(name, {})
+        for parameter in inspect.signature(GROUP_COMMANDS[name]).parameters if name in GROUP_COMMANDS else ():
+            missing = {*known.get(parameter, {}).get("help", "").split()} - words
+            assert not missing, f"{name}: {parameter} shows no {missing}"
+
+
+def test_tables_fit_80_columns_and_break_no_word(capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
+    """A table that is too wide is printed as several, each of which names its lines again."""
+    screen = Console(width=80, markup=False, soft_wrap=True)
+    monkeypatch.setattr(terminal, "console", screen)
+    names = ["robust-hierarchical-qp-observer", "cbf-filter"]
+    lines = [[name, "12 of 12 (75–100 %)", "(98.12)", "0.0001 [0–0.2]", "needs σ, T_s and memory"] for name in names]
+    header = ["controller", "converged inside", "median utilization [%]", "worst depth", "requires"]
+    terminal.print_columns(header, lines, wrapped={4: 12})
+    shown = capsys.readouterr().out
+    assert max(map(cell_len, shown.splitlines())) <= 80
+    assert shown.count(names[0]) == 2
+    for cell in lines[0][:4]:
+        assert cell in shown
+    wide = Console(width=200, markup=False, soft_wrap=True)
+    monkeypatch.setattr(terminal, "console", wide)
+    terminal.print_columns(header, lines)
+    assert capsys.readouterr().out.count(names[0]) == 1
 
 
 def test_every_command_begins_its_help_with_an_example_that_can_be_typed() -> None:

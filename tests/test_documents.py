@@ -23,9 +23,10 @@ from vsconstraints.comparisons.evidence import Campaign, call_times, processes
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.spec import RunTiming
+from vsconstraints.comparisons.suite import BASELINE
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.families import Family
+from vsconstraints.scenarios.families import Family, families
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import Trajectory, simulate
 
@@ -133,6 +134,53 @@ def test_no_cluster_takes_a_fixed_port() -> None:
     for path in (*PAGES, *Path(__file__).parent.rglob("*.py")):
         for options in re.findall(r"LocalCluster\((.*?)\) as ", path.read_text(encoding="utf-8"), flags=re.S):
             assert not options.strip() or 'dashboard_address=":0"' in options, path
+
+
+def marked_block(page: Path, name: str) -> str:
+    """The code block of a page that `.ci/run` runs by this name."""
+    (found,) = re.findall(rf"<!-- ci: {name} -->\n```sh\n(.*?)\n```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return found
+
+
+def test_the_readme_has_two_commands_that_the_gate_runs() -> None:
+    """One installs and runs the main job, the other installs and passes the tests, without further extras."""
+    assert marked_block(ROOT / "README.md", "compare") == "pip install . && vsconstraints compare"
+    assert marked_block(ROOT / "README.md", "test") == 'pip install -e ".[test]" && pytest'
+    gate = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    before, _, after = gate.partition("run_block compare")
+    assert "pip install" not in before.partition("venv/bin/activate")[2]
+    between, _, _ = after.partition("run_block test")
+    assert "run_block install" not in between
+    assert "pip install" not in between
+    for name in re.findall(r"run_block (\w+)", gate):
+        pages = (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
+        assert sum(f"<!-- ci: {name} -->" in page.read_text(encoding="utf-8") for page in pages) == 1
+
+
+def test_the_readme_counts_laws_and_scenes_as_the_default_comparison_has_them() -> None:
+    words = {6: "six", 7: "seven", 8: "eight", 9: "nine", 10: "ten", 11: "eleven", 12: "twelve"}
+    suite = Suite.load()
+    laws = [law.name for law in suite.controllers if law.name != BASELINE]
+    text = f"compares {words[len(laws)]} laws with unconstrained tracking in {words[len(suite.scenarios)]} scenes"
+    assert text in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"Compared: {len(laws)} controllers" in (ROOT / "reports" / "default" / "report.md").read_text(
+        encoding="utf-8"
+    )
+
+
+def test_what_the_test_set_does_not_cover_is_said() -> None:
+    """Its arms servo by pose, and its only family by image points has no arm: README and which-law say so."""
+    by_image = []
+    for name in families():
+        tables = Family.load(name).tables
+        if tables["task"]["feature"] == "image-points":
+            by_image.append(name)
+    assert by_image == ["free-camera"]
+    for page in (ROOT / "README.md", ROOT / "docs" / "which-law.md"):
+        text = " ".join(page.read_text(encoding="utf-8").split())
+        assert re.search(
+            r"servo by pose; only (its|the) free camera, one (of the ten families|family), servos by image", text
+        )
 
 
 def test_the_readme_shows_the_examples_as_they_are() -> None:

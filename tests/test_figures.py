@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,17 +18,22 @@ from matplotlib.path import Path as MplPath
 from matplotlib.text import Text
 from PIL import Image
 
-from vsconstraints.comparisons import RunRecord, Suite
+from vsconstraints.comparisons import RunRecord, StoredComparison, Suite
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.drawing import remove_stale
-from vsconstraints.reports.figures.overview import typical
+from vsconstraints.reports.figures.overview import Centre, draw_trade_off, name_centres
+from vsconstraints.reports.figures.signals import draw_errors, draw_phi
 from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
+from vsconstraints.reports.numbers import number as printed
+from vsconstraints.reports.numbers import percent
 from vsconstraints.reports.plots import WIDTH, Figure, Sheet, decades, formats_of, line, logarithmic, looks, shortened
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import LOOKS, area, extremes, plain
+from vsconstraints.reports.plots.style import LOOKS, area, extremes, folded, plain, rgb
+from vsconstraints.reports.results import Results
+from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -124,7 +130,87 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
         assert tuned["predictive-tuned"].colour == LOOKS["predictive"].colour
         assert tuned["predictive-tuned"].line == "--"
     assert shortened("potential-field-priority") == "potential-field-priority"
-    assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
+    assert shortened("x" * 50) == "x" * 19 + "…" + "x" * 19
+    assert folded("robust-hierarchical-qp-observer", 24) == "robust-hierarchical-\nqp-observer"
+    assert folded("cbf-filter", 24) == "cbf-filter"
+
+
+#: Machado, Oliveira and Fernandes (2009), table 1: what a deuteranope sees of linear red, green and blue.
+DEUTERANOPIA = np.array(
+    [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+)
+#: Of CIE XYZ from linear sRGB (IEC 61966-2-1), and its white point D65.
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+WHITE = np.array([0.9505, 1.0, 1.0890])
+TOLD_APART = 15.0  # distance in CIELAB, of which about 2 is just noticeable side by side
+
+
+def lab(colour: str, seen: np.ndarray) -> np.ndarray:
+    """CIELAB of a colour that is seen through a matrix on linear sRGB."""
+    encoded = np.array(rgb(colour)) / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    relative = XYZ @ np.clip(seen @ linear, 0.0, 1.0) / WHITE
+    f = np.where(relative > 216 / 24389, np.cbrt(relative), (24389 / 27 * relative + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def test_colour_distances_are_those_of_the_literature() -> None:
+    """Of CIELAB: sRGB red is (53.24, 80.09, 67.20) (Lindbloom); grey stays grey for a deuteranope."""
+    assert lab("#FF0000", np.eye(3)) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
+    assert lab("#8A8A8A", DEUTERANOPIA) == pytest.approx(lab("#8A8A8A", np.eye(3)), abs=0.05)
+    assert np.linalg.norm(lab("#009E73", DEUTERANOPIA) - lab("#CC79A7", DEUTERANOPIA)) < 20.0
+
+
+@pytest.mark.parametrize("seen", [np.eye(3), DEUTERANOPIA], ids=["all cones", "deuteranopia"])
+def test_laws_are_told_apart_without_red_and_green(seen: np.ndarray) -> None:
+    """Each pair of shipped laws differs in marker or dashes, or else in a colour that every reader can see."""
+    for (one, look), (other, own) in combinations(LOOKS.items(), 2):
+        distance = np.linalg.norm(lab(look.colour, seen) - lab(own.colour, seen))
+        same = (look.marker, look.line) == (own.marker, own.line)
+        assert not same or distance >= TOLD_APART, f"{one} and {other}: {distance:.1f}"
+
+
+def test_lines_of_laws_carry_their_markers() -> None:
+    """In the figures over time, at times at which no other line has one."""
+    view = small_view()
+    for sheet in (draw_errors(view), draw_phi(view)):
+        assert sheet is not None
+        for ax in sheet.figure.axes:
+            drawn = [one for one in ax.lines if one.get_marker() not in ("None", None, "")]
+            for one in drawn:
+                (law,) = [name for name in view.competitors if view.looks[name].colour == one.get_color()]
+                assert one.get_marker() == view.looks[law].marker
+            places = [float(one.get_xdata()[k]) for one in drawn for k in one.get_markevery()]
+            assert len(places) == len(set(places))
+        texts = {text.get_text() for text in sheet.figure.legends[0].get_texts()}
+        assert {*view.competitors} <= texts
+
+
+def test_time_axes_end_where_the_action_ends() -> None:
+    """The runs go on for 20 s at rest: errors are drawn until they end, rows until the last of them acts."""
+    view = small_view(20.0)
+    longest = max(run.trajectory.t[-1] for run in view.runs.values())
+    assert longest == pytest.approx(20.0)
+    for name in view.competitors:
+        run = view.runs[name].trajectory
+        late = run.t > view.end
+        change = np.abs(run.camera_error[late] - run.camera_error[-1]).max(axis=0)
+        assert (change <= 0.2 * np.array([5e-3, 5e-3])).all()
+        assert not run.active[run.t > view.rows_end].any()
+    assert 2.0 < view.end < 6.0
+    assert 0.5 < view.rows_end < view.end
+    sheet = draw_errors(view)
+    assert sheet.figure.axes[0].get_xlim() == (0.0, view.end)
+
+
+def small_view(duration: float = 5.0) -> View:
+    """Two laws and tracking alone on the UR5's scene."""
+    scenario = Scenario.load("ur5-fov").with_override("duration", duration)
+    setup = scenario.setup()
+    laws = ("tracking", "hierarchical-qp", "cbf-filter")
+    runs = {law: RunRecord.of(setup, simulate(setup, ControllerSpec(law).make()), "") for law in laws}
+    rows = ("fov[marker 1]", "fov[marker 2]")
+    return View(setup, runs, laws, rows, rows)
 
 
 @given(
@@ -257,12 +343,49 @@ def test_an_area_leaves_gaps_and_the_limits_of_its_axes() -> None:
     assert ax.dataLim.get_points().tolist() == limits
 
 
-def test_the_large_marker_is_a_run() -> None:
-    """Not a place between runs: of three corners of a triangle the medians are a point where there is none."""
-    corners = [(0.9, 1.0), (0.99, 100.0), (0.999, 8.0)]
-    runs = [{"utilization": used, "acceleration_variation": variation} for used, variation in corners]
-    assert typical(runs) is runs[2]  # the medians are 0.99 and 8, a decade away
-    assert typical(runs[:1]) is runs[0]
+def test_large_markers_are_the_medians_of_the_table() -> None:
+    """Of the kept default comparison: what is drawn is what the report's first table prints, and within the ranges."""
+    results = Results(StoredComparison.load(Path(__file__).parent.parent / "reports" / "default"))
+    table = law_table(results)
+    used, variation = map(table.header.index, ("median utilization [%]", "acceleration variation [rad/s³]"))
+    sheet = draw_trade_off(results, results.controllers)
+    (ax,) = sheet.figure.axes
+    large = {(float(one.get_xdata()[0]), float(one.get_ydata()[0])) for one in ax.lines if one.get_markersize() > 10.0}
+    named = {text.get_text() for text in ax.texts}
+    for line_ in table.lines:
+        centre = Centre.of(results.all_runs(line_[0]))
+        assert percent(centre.used) == line_[used].strip("*()").partition(",")[0]
+        assert printed(centre.variation) == line_[variation].strip("*()").partition(",")[0]
+        assert centre.used_range[0] <= centre.used <= centre.used_range[1]
+        assert centre.variation_range[0] <= centre.variation <= centre.variation_range[1]
+        assert (1.0 - centre.used, centre.variation) in large
+        assert line_[0] in named
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_names_beside_markers_cover_none_of_them(seed: int) -> None:
+    """Eight laws near each other: their names lie within the panel, and no two cover each other."""
+    random = np.random.default_rng(seed)
+    places = zip(
+        (1.0 - 10 ** random.uniform(-2.3, -1.3, 8)).tolist(), (10 ** random.uniform(0, 2, 8)).tolist(), strict=True
+    )
+    centres = {
+        f"law-{k}": Centre(used, variation, (used, used), (variation, variation))
+        for k, (used, variation) in enumerate(places)
+    }
+    sheet = Sheet(left=0.72, right=0.2)
+    (ax,) = sheet.panels(1, height=3.6)
+    for centre in centres.values():
+        ax.plot([1.0 - centre.used], [centre.variation], "o")
+    logarithmic(ax.xaxis, ())
+    logarithmic(ax.yaxis)
+    ax.set(xlim=(0.2, 1e-3), ylim=(0.1, 1e3))
+    name_centres(ax, centres, looks([*centres]), (72.0 * (WIDTH - 0.92), 72.0 * 3.6))
+    figure = sheet.placed()
+    # without the lines to their markers
+    boxes = [Text.get_window_extent(text, figure.canvas.get_renderer()) for text in ax.texts]
+    assert len(boxes) == len(centres)
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_what_is_forbidden_is_drawn_where_sigma_is_positive() -> None:

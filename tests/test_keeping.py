@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from vsconstraints.cli import results
+from vsconstraints.cli import terminal as commands
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
@@ -119,12 +121,17 @@ def test_the_table_of_the_report_is_printed(
     from vsconstraints.reports.results import Results
 
     folder = Path(__file__).parent.parent / "reports" / "default"
-    monkeypatch.setattr(results, "console", Console(force_terminal=terminal, width=80, markup=False, no_color=True))
+    screen = Console(force_terminal=terminal, width=80, markup=False, no_color=True, soft_wrap=True)
+    monkeypatch.setattr(commands, "console", screen)
     results.print_laws(folder)
     told = capsys.readouterr().out
-    assert "Timings are not ranked" in told.replace("\n", " ")
+    assert "Timings are not ranked; all are of compiled code. In" in told.replace("\n", " ")
+    plain = re.sub(r"\x1b\[\d*m", "", told)
+    *lines, remark = plain.splitlines()
+    assert max(map(len, [*lines, *([remark] if terminal else [])])) <= 80
     for line in law_table(Results(StoredComparison.load(folder))).splitlines()[2:]:
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        *cells, implementation = [cell.strip() for cell in line.strip("|").split("|")]
+        assert implementation == "compiled"
         (shown,) = (line for line in told.splitlines() if cells[0] in line.split())
         if terminal:
             cells = [cell.replace("**", "\x1b[1m", 1).replace("**", "\x1b[0m") for cell in cells]

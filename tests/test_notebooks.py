@@ -33,6 +33,7 @@ from vsconstraints.reports import replay
 from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
 from vsconstraints.reports.notebooks import comparison as session
 from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
+from vsconstraints.reports.summary import MARKS
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 
@@ -111,6 +112,7 @@ def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None
     html = comparison._repr_html_()
     assert html.count("<tr>") == 1 + 4
     assert "<td>half</td>" in html
+    assert MARKS in html  # the marks mean what they do in a report
     assert repr(comparison).startswith("<Comparison of 4 laws on 1 scenario, 1 trial: 0 of 4 runs")
     assert isinstance(comparison.plot().tracks(), Figure)
     assert len(comparison.plot().command().axes) == 4  # the failing law left nothing to draw

@@ -30,10 +30,12 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.plots.style import rgb
 from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
 from vsconstraints.reports.replay.page import image_data
 from vsconstraints.reports.replay.runs import (
     ACTIVE,
+    HIGHLIGHTS,
     INACTIVE,
     MAX_FRAMES,
     VIOLATED,
@@ -417,6 +419,24 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))
     assert count == 4 + 12
     assert seconds == pytest.approx(16 / 12, abs=0.1)
+
+
+@pytest.mark.parametrize("moment", [0, 3, 9])
+def test_a_gif_keeps_a_colour_that_is_seen_for_a_moment(moment: int, tmp_path: Path) -> None:
+    """The colour of a violation in one of ten frames, among hundreds of other colours: no more than 8 of 255 off."""
+    height, width = 120, 160
+    red, green = np.meshgrid(np.linspace(0, 255, width), np.linspace(0, 255, height))
+    ground = np.stack([red, green, 255 - red], axis=-1).astype(np.uint8)
+    frames = [ground.copy() for _ in range(10)]
+    violation = np.array(rgb(HIGHLIGHTS[VIOLATED]), dtype=np.uint8)
+    frames[moment][40:50, 60:70] = violation
+    for k, frame in enumerate(frames):
+        frame[100, k] = 255  # frames that are alike would become one
+    film.write_pictures(frames, tmp_path / "film.gif", rate=10.0)
+    with Image.open(tmp_path / "film.gif") as gif:
+        gif.seek(moment)
+        shown = np.asarray(gif.convert("RGB")).astype(int)[41:49, 61:69]
+    assert np.abs(shown - violation).max() <= 8
 
 
 # --- runs by their names, and what is refused ---

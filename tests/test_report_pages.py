@@ -85,6 +85,26 @@ def test_every_table_is_in_the_page_with_the_same_cells(report: Path) -> None:
             ] == bold
 
 
+@pytest.mark.parametrize(
+    ("cell", "whole"),
+    [
+        ("(98.13)", ["(98.13)"]),
+        ("−0.0123", ["−0.0123"]),
+        ("1.23e−5", ["1.23e−5"]),
+        ("96.1 [95.2–97.3]", ["[95.2–97.3]"]),
+        ("<0.001 / 1.2 [0.4–3]", ["[0.4–3]"]),
+        ("2.3 (−0.1 to 5.7)", ["(−0.1 to 5.7)"]),
+        ("12 of 12 (75–100 %)", ["(75–100 %)"]),
+        ("late-36", []),
+        ("ur5-fov", []),
+    ],
+)
+def test_no_line_ends_inside_a_number(cell: str, whole: list[str]) -> None:
+    page = parsed(html_page(f"# Title\n\n| a | b |\n|---|---|\n| x | {cell} |\n"))
+    spans = [said(one) for one in page.iter("span") if one.get("class") == "whole"]
+    assert spans == whole
+
+
 @pytest.mark.parametrize("report", KEPT, ids=lambda path: path.parent.name)
 def test_whatever_a_page_links_to_is_there(report: Path) -> None:
     text = report.read_text(encoding="utf-8")

@@ -21,10 +21,15 @@ ROOT = Path(__file__).parents[1]
 
 
 def table() -> dict[str, list[str]]:
-    """The cells of each law's line in the table "Which law?"."""
+    """What the two tables of "Which law?" say of each law: its parts, uses, parameters, hard, success, properties."""
     text = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8").partition("## Which law?")[2].partition("\n## ")[0]
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
-    return {name.strip("`"): cells for name, *cells in lines}
+    assert {len(line) for line in lines} == {4}, "a table with more columns does not fit the page"
+    found: dict[str, list[str]] = {}
+    for name, *cells in lines:
+        found[name.strip("`")] = [*cells, *found.get(name.strip("`"), [])]
+    assert {len(cells) for cells in found.values()} == {6}
+    return found
 
 
 @pytest.mark.parametrize("suite", ["laws", "laws-disturbed"])

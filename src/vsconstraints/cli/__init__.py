@@ -31,7 +31,7 @@ def list_(what: options.Names = None) -> None:
 #: The commands by what they are for, each with an example, in the order in which ``--help`` shows them.
 GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     "Laws in a few scenes": {
-        "compare": (results.compare, "--scenario ur5-fov --controller sliding-mode --controller hierarchical-qp"),
+        "compare": (results.compare, "--scenario ur5-fov --controller cbf-filter"),
         "list": (list_, "laws"),
         "report": (results.report, "vsconstraints-results --latex"),
         "diff": (results.diff, "before after --metric settling_time_s"),
@@ -42,7 +42,7 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "replay": (scenes.replay, "ur5-fov:tracking ur5-fov:sliding-mode"),
         "frames": (scenes.frames, "ur5-images --out images.gif"),
     },
-    "On an arm": {"run": (arm.run, "ur5-fov --controller sliding-mode --robot loopback://")},
+    "On an arm": {"run": (arm.run, "ur5-fov --controller cbf-filter --robot loopback://")},
     "The paper, and general questions": {
         "reproduce": (paper.reproduce, "--figure 9"),
         "study": (paper.study, "pareto"),
@@ -65,7 +65,7 @@ _testset = typer.Typer(no_args_is_help=True, help=f"Example: vsconstraints tests
 for _panel, _commands in GROUPS.items():
     for _name, (_command, _arguments) in _commands.items():
         _text = inspect.getdoc(_command) or ""
-        _help = f"Example: vsconstraints {_name} {_arguments}\n\n{_text}"
+        _help = options.literal(f"Example: vsconstraints {_name} {_arguments}\n\n{_text}")
         _group, _, _word = _name.rpartition(" ")
         _to, _panel_of = (_testset, None) if _group else (app, _panel)
         _declare = _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)

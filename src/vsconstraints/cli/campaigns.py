@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
@@ -17,10 +18,21 @@ from ..errors import ConfigurationError, unknown_name
 from ..plugins.extras import demand
 from .options import Names
 from .results import ReportOptions, write_report
-from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, say, stop, typed_command
+from .terminal import (
+    NOTHING_DONE,
+    console,
+    errors,
+    note,
+    note_processes,
+    print_columns,
+    progress,
+    say,
+    stop,
+    typed_command,
+)
 
 if TYPE_CHECKING:
-    from ..comparisons.advice import Advice
+    from ..comparisons.advice import Advice, Judged
     from ..comparisons.evidence import Campaign, Plan
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
@@ -176,7 +188,7 @@ def advise(
     """Recommend a law for a scene, with settings, confidence, and what other choices lose."""
     demand("evidence", "advice")
     from ..comparisons.advice import advise as advice_for
-    from ..comparisons.statistics import rate_text, with_interval
+    from ..comparisons.statistics import rate_text
     from ..comparisons.study import SHIPPED, Situation, Study
     from ..scenarios import CONSTRAINTS, Scenario
     from ..scenarios.toml import toml_items, toml_text
@@ -206,8 +218,30 @@ def advise(
         if as_json:
             console.print(_json(found))
         else:
-            texts = {"rate_text": rate_text, "with_interval": with_interval, "toml_items": toml_items}
-            say("advice", advice=found, best=found.laws[0], toml_text=toml_text, **texts)
+            texts = {"rate_text": rate_text, "toml_items": toml_items, "toml_text": toml_text}
+            say("advice", advice=found, best=found.laws[0], **texts)
+            _print_choices(found.laws[:8])
+
+
+def _print_choices(laws: Sequence[Judged]) -> None:
+    """Print the laws that advice compares, the best first, each with what it loses to that one."""
+    from ..comparisons.statistics import with_interval
+
+    lines: list[list[str]] = []
+    for law in laws:
+        lost = with_interval(law.loss.difference, law.loss.low, law.loss.high, 100.0)
+        lines.append(
+            [
+                f"{'≈' if law.best else ' '} {law.law.name}",
+                f"{law.success.share:.1%}",
+                lost if lines else "",
+                "" if isnan(law.call_us) else f"{law.call_us:.3g}",
+                ", ".join(law.requires) or "rows",
+            ]
+        )
+    console.print()
+    print_columns(["law", "success", "loses [points]", "a call [µs]", "requires"], lines, wrapped={4: 24})
+    console.print("≈ not distinguishable from the law that succeeds most often")
 
 
 def _json(advice: Advice) -> str:

@@ -77,7 +77,7 @@ def print_listing(words: Sequence[str]) -> None:
     """Print the names of all kinds, or what ``words`` are; raises ConfigurationError for one that is nothing."""
     if not words:
         _print_table((kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items())
-        console.print("\nDetails: vsconstraints list KIND, for example list laws; or vsconstraints list NAME")
+        console.print("\nDetails: vsconstraints list KIND, for example list laws, or list NAME")
     for word in words:
         kind = "laws" if word == "controllers" else word
         if kind in KINDS:
@@ -97,4 +97,4 @@ def _print_table(rows: Iterable[tuple[str, str]]) -> None:
     table.add_column()
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    console.print(table, soft_wrap=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable
 from glob import glob
@@ -15,6 +16,9 @@ OPTIONS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".
 
 Names = list[str] | None
 
+#: What help calls a value of these types, unless the option has a ``metavar``: short, so that descriptions have room.
+METAVARS: dict[str, str] = {"path": "PATH", "str": "NAME", "int": "N", "float": "X", "bool": ""}
+
 
 def described(name: str, command: Callable[..., None]) -> Callable[..., None]:
     """The function of a command, its parameters annotated with what :data:`OPTIONS` says of them."""
@@ -22,11 +26,28 @@ def described(name: str, command: Callable[..., None]) -> Callable[..., None]:
     for parameter, kind in get_type_hints(command).items():
         if parameter not in ("context", "return"):
             table = dict(known[parameter])
-            declare = typer.Argument if table.pop("argument", False) else typer.Option
+            is_argument = table.pop("argument", False)
+            declare = typer.Argument if is_argument else typer.Option
+            table["help"] = literal(table["help"])
+            if not is_argument:  # an argument is called by its name
+                table.setdefault("metavar", METAVARS[value_type(kind).__name__.lower()])
             if names := table.pop("names", None):
                 table["autocompletion"] = run_names if names == "runs" else completed(*names)
             command.__annotations__[parameter] = Annotated[kind, declare(*table.pop("flags", "").split(), **table)]
     return command
+
+
+def value_type(kind: Any) -> type:
+    """Return the type of one value of an option: ``str`` for ``list[str] | None``."""
+    parts = [part for part in get_args(kind) if part is not type(None)]
+    return value_type(parts[0]) if parts else kind
+
+
+def literal(text: str) -> str:
+    """Return the markup that help shows as this text: [s] is no tag, and FOLDER:FAMILY:SCENE holds no emoji."""
+    from rich.markup import escape
+
+    return re.sub(r":(\w+)(?=:)", r":[none]\1[/none]", escape(text))
 
 
 def completed(source: str, ending: str = "", files: str = "") -> Callable[[str], list[str]]:

@@ -11,14 +11,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
-from rich.text import Text
 
 from ..errors import ConfigurationError, shown
 from ..plugins.extras import demand
 from ..plugins.processes import INTERRUPTS, signal_of
 from ..reports.plots import formats_of
 from .options import Names
-from .terminal import NOTHING_DONE, console, errors, note, note_processes, progress, stop, typed_command
+from .terminal import (
+    NOTHING_DONE,
+    console,
+    errors,
+    note,
+    note_processes,
+    print_columns,
+    print_paragraph,
+    progress,
+    stop,
+    typed_command,
+)
 
 if TYPE_CHECKING:
     from ..comparisons import RunSpec
@@ -258,29 +268,22 @@ def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
 
 def print_laws(folder: Path) -> None:
     """Print the table that the report of a comparison begins with."""
-    from rich.table import Table
-
     from ..comparisons import StoredComparison
     from ..reports.results import Results
-    from ..reports.summary import law_table
+    from ..reports.summary import IMPLEMENTATION, law_table
 
     results = Results(StoredComparison.load(folder))
     if not results.competitors:
         return
-    table = Table(box=None, padding=(0, 1, 0, 0))
     laws = law_table(results)
-    for k, (header, *cells) in enumerate(zip(laws.header, *laws.lines, strict=True)):
-        # headers are broken at spaces, values stay whole
-        widest = max(map(len, (*header.split(), *(_emphasised(cell).plain for cell in cells))))
-        table.add_column(header, justify="right" if k else "left", min_width=widest, no_wrap=not k)
-    for line in laws.lines:
-        table.add_row(*map(_emphasised, line))
-    console.print(table, crop=False, overflow="ignore")
+    *_, last = laws.header
+    implementations = {line[-1] for line in laws.lines}
+    timings = "Timings are not ranked"
+    if last == IMPLEMENTATION and len(implementations) == 1:
+        # a column that says the same of all is a clause
+        print_columns(laws.header[:-1], [line[:-1] for line in laws.lines])
+        timings = f"{timings}; all are of {implementations.pop()} code"
+    else:
+        print_columns(laws.header, laws.lines)
     why = "the controller failed a run that another one solved, or violated a constraint"
-    console.print(f"Timings are not ranked. In parentheses: excluded from the ranking, since {why}.")
-
-
-def _emphasised(text: str) -> Text:
-    """Bold where Markdown has stars; where nothing can be bold the stars stay."""
-    parts = text.split("**") if console.is_terminal else [text]
-    return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))
+    print_paragraph(f"{timings}. In parentheses: excluded from the ranking, since {why}.")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
+from rich.cells import cell_len
 from rich.console import Console
+from rich.text import Text
 
 from ..plugins.processes import INTERRUPTS, exit_code, signal_of
 
@@ -31,13 +33,73 @@ def say(text: str, **values: Any) -> None:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    console.print(environment.from_string(TEXTS[text]).render(values).strip("\n"))
+    print_paragraph(environment.from_string(TEXTS[text]).render(values).strip("\n"))
+
+
+def print_columns(
+    header: Sequence[str], lines: Sequence[Sequence[str]], wrapped: Mapping[int, int] | None = None
+) -> None:
+    """Print a table, its first column aligned left and the others right, none of whose lines is broken.
+
+    If it is wider than the terminal it is printed as several tables, each of which begins with the first column.
+    Headers are broken at spaces. Cells stay whole, except those of the columns in ``wrapped``, which are aligned left
+    and at least so wide. Text between two stars is bold.
+    """
+    wrapped = wrapped or {}
+    widths = []
+    for column, title in enumerate(header):
+        cells = [_emphasised(line[column]).cell_len for line in lines]
+        widths.append(max(*map(cell_len, title.split()), wrapped.get(column) or max(cells, default=0)))
+    blocks = [[0]]
+    for column in range(1, len(header)):
+        if sum(widths[k] + 1 for k in (*blocks[-1], column)) > console.width + 1 and len(blocks[-1]) > 1:
+            blocks.append([0])
+        blocks[-1].append(column)
+    for number, block in enumerate(blocks):
+        if number:
+            console.print()
+        _print_block(header, lines, widths, block, wrapped)
+
+
+def _print_block(
+    header: Sequence[str],
+    lines: Sequence[Sequence[str]],
+    widths: Sequence[int],
+    block: Sequence[int],
+    wrapped: Mapping[int, int],
+) -> None:
+    from rich.table import Table
+
+    has_room = sum(widths[column] + 2 for column in block) <= console.width
+    table = Table(box=None, padding=(0, 2 if has_room else 1, 0, 0))
+    spare = max(console.width + 1 - sum(widths[column] + 1 for column in block), 0)
+    for column in block:
+        width = widths[column]
+        if column in wrapped:
+            longest = max(_emphasised(line[column]).cell_len for line in lines)
+            width = max(width, min(longest, width + spare))
+        left = column == 0 or column in wrapped
+        table.add_column(header[column], justify="left" if left else "right", width=width)
+    for line in lines:
+        table.add_row(*(_emphasised(line[column]) for column in block))
+    console.print(table, soft_wrap=False, crop=False, overflow="ignore")
+
+
+def _emphasised(text: str) -> Text:
+    """Return text that is bold where Markdown has stars; where nothing can be bold the stars stay."""
+    parts = text.split("**") if console.is_terminal else [text]
+    return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))
+
+
+def print_paragraph(text: str) -> None:
+    """Print a text; on a terminal its lines end between words, elsewhere they are those of the text."""
+    console.print(text, soft_wrap=not console.is_terminal)
 
 
 def note(*remarks: str) -> None:
     """Print remarks on the error stream."""
     for remark in remarks:
-        errors.print(f"note: {remark}")
+        errors.print(f"note: {remark}", soft_wrap=not errors.is_terminal)
 
 
 def typed_command() -> list[str]:

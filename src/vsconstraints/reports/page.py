@@ -25,7 +25,9 @@ TEMPLATES = Path(__file__).parent / "templates"
 #: Where figures are: beside the page. An address of anything else in a network would tell who reads it.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
-INTERVAL = re.compile(r"\([−\d][−\d.– to%]*\)")  #: What is not broken at the end of a line.
+NUMBER = r"[<≈±]?[−-]?\d[\d.]*(?:e[−-]?\d+)?"
+#: What is not broken at the end of a line: intervals, ranges, and whatever is a number and nothing else.
+WHOLE = re.compile(rf"\([−\d][−\d.– to%]*\)|[(\[]?{NUMBER}(?:–{NUMBER})+[)\]]?|^[(\[]?{NUMBER}[)\]]?$")
 DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
 
@@ -148,8 +150,8 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
 
 
 def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
-    """Text in which intervals stay whole."""
-    return INTERVAL.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
+    """Text in which numbers stay whole."""
+    return WHOLE.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
 
 
 def _slug(heading: str) -> str:

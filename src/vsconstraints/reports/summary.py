@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, TOLERANT, Metric
+from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
 from ..simulation.start import UNSOLVABLE
 from .markdown import Table, code
@@ -26,10 +26,16 @@ from .results import (
     violated,
 )  # fmt: skip
 
+#: What the marks of :func:`outcome` mean.
+MARKS = (
+    f"† A row was violated by more than {of_length(TOLERANT)}; ‡ by more than {of_length(NEGLIGIBLE)}, "
+    "but not more than that."
+)
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
 PERHAPS = "it may be impossible"  #: Why a scenario may not be solved, where that is not proved.
+IMPLEMENTATION = "implementation"  #: Its last column.
 MAX_NAMES = 9  #: A cell names no more scenarios than this.
 
 
@@ -53,7 +59,7 @@ def law_table(results: Results) -> Table:
         "converged inside": inside(results.clean, counted),
         f"at {of_length(TOLERANT)}": inside(results.clean_tolerant),
         **_overall(results, names, lambda metric: metric.column in FIRST),
-        "implementation": [results.implementation(name) for name in names],
+        IMPLEMENTATION: [results.implementation(name) for name in names],
     }
     return columns_table("controller", names, columns)
 

@@ -12,7 +12,7 @@ from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.statistics import Profile, Ranks
 from ...rows import Array
 from ...scenarios.families.family import NOMINAL
-from ..plots import INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, widths
+from ..plots import INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, mark_of, markers, shortened, widths
 from .dataset import Factorial
 from .ranking import Ranking
 
@@ -42,12 +42,16 @@ def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequen
     """The shares of each law that is shown, (laws, N) over x (N,), in the looks that it has among all laws."""
     look, width = looks(laws), widths(laws, 2.4, 1.2)
     for law, own in zip(shown, shares, strict=True):
-        ax.plot(x, 100.0 * own, color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
+        style = {"color": look[law].colour, "linestyle": look[law].line, "linewidth": width[law]}
+        ax.plot(x, 100.0 * own, **style, **markers(law, laws, len(x)))
     ax.set(xlim=(x[0], x[-1]), ylim=(0.0, 102.0))
 
 
 def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
-    sheet.legend([line(shortened(law), one.colour, one.line) for law, one in looks(laws).items()])
+    entries = []
+    for law, one in looks(laws).items():
+        entries.append(line(shortened(law), one.colour, one.line, **mark_of(one)))
+    sheet.legend(entries)
 
 
 def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | None:
@@ -150,7 +154,8 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         share = own.assign(share=100.0 * own["successes"] / own["runs"])
         best = share.pivot_table(index="number", columns="seed", values="share").cummax()
         number = best.index + 1
-        ax.plot(number, best.median(axis=1), color=look.colour, linestyle=look.line, linewidth=width[law])
+        style = {"color": look.colour, "linestyle": look.line, "linewidth": width[law]}
+        ax.plot(number, best.median(axis=1), **style, **markers(law, laws, len(number)))
         ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look.colour, alpha=0.12, linewidth=0)
     ax.set(xlabel="evaluations of each law, the default first", ylabel="success on training scenes [%]")
     _legend(sheet, laws)

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from ...comparisons.suite import BASELINE
 from ..numbers import median
-from ..plots import Look, Sheet, darker, decades, logarithmic, looks, shortened, symbol
+from ..plots import Look, Sheet, darker, decades, line, logarithmic, looks, shortened, symbol
+from ..plots.sheet import WIDTH
 from ..results import Line, Results
 
 LEAST_UNUSED = 1e-4  # share of the allowed space left unused below which points are drawn at the edge
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)  # ticks of utilization
 HEIGHT, GREY = 3.6, "#666666"
+SMALL, LARGE = 5.0, 11.0  # sizes of markers [pt]
+RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
+LETTER = 5.6  # width of a bold letter of a name [pt]
+#: Where a name may stand, in steps of its size from its marker: right, left, above, below, and farther away.
+OFFSETS = (
+    *((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)),
+    *((1, 2), (-1, 2), (1, -2), (-1, -2), (1, 3), (-1, 3), (1, -3), (-1, -3), (0, 2), (0, -2), (0, 3), (0, -3)),
+)
+NEAR = 4  # of them are so near that a name needs no line to its marker
+LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
+Box = tuple[float, float, float, float]
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
@@ -25,8 +37,27 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
     return {name: [run for run in results.all_runs(name) if drawn(run)] for name in controllers if name != BASELINE}
 
 
+class Centre(NamedTuple):
+    """Medians and ranges of a controller's converged runs, those of the report's first table."""
+
+    used: float  #: Median utilization.
+    variation: float  #: Median acceleration variation [rad/s³].
+    used_range: tuple[float, float]
+    variation_range: tuple[float, float]
+
+    @classmethod
+    def of(cls, runs: Sequence[Line]) -> Centre:
+        """Of lines of results.csv."""
+        converged = [run for run in runs if run["status"] == "converged"]
+        used = [run["utilization"] for run in converged if math.isfinite(run["utilization"])]
+        variation = [run["acceleration_variation"] for run in converged if math.isfinite(run["acceleration_variation"])]
+        if not used or not variation:
+            return cls(math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
+        return cls(median(used), median(variation), (min(used), max(used)), (min(variation), max(variation)))
+
+
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run and a large one for the typical run of each controller that has several."""
+    """A small marker for each run; a large one, with the name and ranges, at the medians of each controller."""
     every = shown_runs(results, results.competitors)
     found = {name: own for name, own in every.items() if own and name in controllers}
     if not found:
@@ -35,10 +66,12 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
     for name, own in found.items():
         for run in own:
-            _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
-        if len(own) > 1:
-            _mark(ax, typical(own), look[name], size=12.0, alpha=0.9, zorder=2.5)
-    unused = [_unused(run) for own in every.values() for run in own]
+            _mark_run(ax, run, look[name])
+    centres = {name: Centre.of(results.all_runs(name)) for name in found}
+    centres = {name: centre for name, centre in centres.items() if centre.variation > 0.0}
+    for name, centre in centres.items():
+        _mark_centre(ax, centre, look[name])
+    unused = [1.0 - _drawn_utilization(run["utilization"]) for own in every.values() for run in own]
     most, least = 1.4 * max([*unused, 0.1]), max(min(unused) / 1.6, LEAST_UNUSED)
     logarithmic(ax.xaxis, ())
     logarithmic(ax.yaxis)
@@ -48,31 +81,95 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     ax.set_xticks([1.0 - s for s in ticks], ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks])
     ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
-    entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
+    size = (72.0 * (WIDTH - sheet.left - sheet.right), 72.0 * HEIGHT)
+    name_centres(ax, centres, look, size)
+    unnamed = [name for name in found if name not in centres]
+    entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in unnamed]
     entries += [
-        symbol("o", GREY, GREY, 12.0, label="run nearest to the law's medians"),
-        symbol("o", GREY, GREY, 5.0, label="one run"),
+        symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
+        line("from the least to the greatest of them", GREY, linewidth=RANGE["linewidth"]),
+        symbol("o", GREY, GREY, SMALL, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated") | {"markeredgewidth": 1.5},
     ]
     sheet.at += 0.08
-    sheet.legend(entries, 3)
+    sheet.legend(entries, 2)
     return sheet
 
 
-def typical(runs: Sequence[Line]) -> Line:
-    """Of several runs the one that is nearest, as drawn, to the medians of all: where these lie there may be none."""
-    places = [(math.log(_unused(run)), math.log(run["acceleration_variation"])) for run in runs]
-    middle = [median(values) for values in zip(*places, strict=True)]
-    return min(zip(runs, places, strict=True), key=lambda pair: math.dist(pair[1], middle))[0]
-
-
-def _mark(ax: Any, run: Line, look: Look, size: float, **options: Any) -> None:
-    """A run, hollow if a row was violated."""
+def _mark_run(ax: Any, run: Line, look: Look) -> None:
+    """Draw a run as a small marker, hollow if a row was violated."""
     kept = run["violation_depth"] == 0.0
     face, edge = (look.colour, darker(look.colour)) if kept else ("white", look.colour)
-    mark = symbol(look.marker, face, edge, size) | {"markeredgewidth": 0.7 if kept else 1.5}
-    ax.plot([_unused(run)], [run["acceleration_variation"]], **mark, clip_on=False, **options)
+    mark = symbol(look.marker, face, edge, SMALL) | {"markeredgewidth": 0.7 if kept else 1.5}
+    place = [1.0 - _drawn_utilization(run["utilization"])], [run["acceleration_variation"]]
+    ax.plot(*place, **mark, clip_on=False, alpha=0.6, zorder=3)
 
 
-def _unused(run: Line) -> float:
-    return max(1.0 - float(run["utilization"]), LEAST_UNUSED)
+def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
+    """Draw the medians as a large marker, and the ranges as a cross of thin lines."""
+    x, y = 1.0 - _drawn_utilization(centre.used), centre.variation
+    ax.plot([1.0 - _drawn_utilization(used) for used in centre.used_range], [y, y], color=look.colour, **RANGE)
+    ax.plot([x, x], centre.variation_range, color=look.colour, **RANGE)
+    mark = symbol(look.marker, look.colour, "white", LARGE) | {"markeredgewidth": 1.0}
+    ax.plot([x], [y], **mark, clip_on=False, zorder=4)
+
+
+def name_centres(ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look], size: tuple[float, float]) -> None:
+    """Write each controller's name beside its large marker, where it covers no other name and no large marker.
+
+    ``size`` is that of the panel in points. A name that is not beside its marker has a line to it.
+    """
+    to_axes = ax.transScale + ax.transLimits
+    places = {}
+    for name, centre in centres.items():
+        place = to_axes.transform((1.0 - _drawn_utilization(centre.used), centre.variation))
+        places[name] = (float(place[0]) * size[0], float(place[1]) * size[1])
+    half = 0.6 * LARGE
+    taken = [(x - half, y - half, x + half, y + half) for x, y in places.values()]
+    for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
+        text = shortened(name)
+        width, height = LETTER * len(text), 11.0
+        boxes = [_box(x, y, across, up, width, height) for across, up in OFFSETS]
+        free = [box for box in boxes if _fits(box, size) and not any(_overlap(box, other) for other in taken)]
+        box = free[0] if free else boxes[0]
+        taken.append(box)
+        beside = box in boxes[:NEAR]
+        middle = (0.5 * (box[0] + box[2]) - x, 0.5 * (box[1] + box[3]) - y)
+        ax.annotate(
+            text,
+            (x / size[0], y / size[1]),
+            middle,
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8.0,
+            fontweight="bold",
+            color=darker(look[name].colour),
+            arrowprops=None if beside else LEADER | {"color": look[name].colour},
+            bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            zorder=6,
+        )
+
+
+def _box(x: float, y: float, across: int, up: int, width: float, height: float) -> Box:
+    """Return left, bottom, right and top of a name that is so many steps away from its marker."""
+    away = 0.7 * LARGE
+    left = x - 0.5 * width + across * (0.5 * width + away)
+    bottom = y - 0.5 * height + up * (0.5 * height + away)
+    return left, bottom, left + width, bottom + height
+
+
+def _fits(box: Box, size: tuple[float, float]) -> bool:
+    """Return True if a name lies within the panel."""
+    return box[0] >= 0.0 and box[1] >= 0.0 and box[2] <= size[0] and box[3] <= size[1]
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    """Return True if two boxes have points in common."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _drawn_utilization(utilization: float) -> float:
+    """Return the utilization at which a value is drawn: what is nearer to 1 than the axis reaches is at its edge."""
+    return min(utilization, 1.0 - LEAST_UNUSED)

@@ -41,8 +41,9 @@ def draw_phi(view: View) -> Sheet | None:
                 i = run.trajectory.labels.index(label)
                 relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
                 low = min(low, float(np.nanmin(relative, initial=low)))
-                t, least, greatest, _ = extremes(run.trajectory.t, relative, BINS)
-                ax.plot(t, greatest, **look)
+                until = run.trajectory.t <= view.rows_end
+                t, least, greatest, _ = extremes(run.trajectory.t[until], relative[until], BINS)
+                ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
                 if name != BASELINE:
                     high = max(high, float(np.nanmax(relative, initial=high)))
                     area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
@@ -57,7 +58,7 @@ def draw_phi(view: View) -> Sheet | None:
         for i, label in enumerate(view.lane_rows):
             sheet.name(panels[-1], label, 1.0 - (i + 0.5) / len(view.lane_rows), fontsize=8)
     for ax in panels:
-        view.time_axis(ax)
+        view.time_axis(ax, view.rows_end)
     return sheet
 
 
@@ -73,8 +74,8 @@ def _lanes(ax: Any, view: View, height: float) -> None:
             run = view.runs[name]
             if label in run.trajectory.labels:
                 active = run.trajectory.active[:, run.trajectory.labels.index(label)]
-                spans = intervals(run.trajectory.t, active, max(10.0 * run.Ts, view.end / 200.0))
-                bars = [(a, max(b - a, view.end / 500.0)) for a, b in spans]
+                spans = intervals(run.trajectory.t, active, max(10.0 * run.Ts, view.rows_end / 200.0))
+                bars = [(a, max(b - a, view.rows_end / 500.0)) for a, b in spans]
                 place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
                 ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
 
@@ -100,7 +101,8 @@ def draw_errors(view: View) -> Sheet:
         floor = ERROR_FLOOR * tolerance
         top = max(10.0 * floor, *(float(np.nanmax(one, initial=0.0)) for one in own.values()))
         for name, run, look in view.lines():
-            signal(ax, run.trajectory.t, np.maximum(own[name], 1e-3 * floor), **look)
+            t, drawn = run.trajectory.t, np.maximum(own[name], 1e-3 * floor)
+            signal(ax, t, drawn, **look, **view.marks(name, t, view.end))
         if decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
             note(ax, "tolerance", tolerance, above=False)

@@ -7,10 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ...comparisons import RunRecord
+from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
-from ...simulation import Setup
-from ..plots import Look, darker, line, looks, shortened, time_axis, widths
+from ...rows import Array
+from ...simulation import Setup, Tolerances, Trajectory
+from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_axis, widths
+
+#: Axes end so much after the last run is at rest, and after the last row that is shown has acted.
+AFTER, AFTER_ROWS = 1.1, 1.25
+MARKS = 4  # on each line
 
 
 @dataclass(frozen=True)
@@ -48,10 +56,30 @@ class View:
         """The run of tracking alone, if there is one."""
         return self.runs.get(BASELINE)
 
-    @property
+    @cached_property
     def end(self) -> float:
-        """When the longest run ends [s]."""
-        return max(float(run.trajectory.t[-1]) for run in self.runs.values())
+        """Where time axes end [s]: a little after the last run is at rest, or where the longest run ends.
+
+        A run is at rest once its errors stay within a fifth of their tolerances from where they end.
+        """
+        longest = max(float(run.trajectory.t[-1]) for run in self.runs.values())
+        tolerances = Tolerances() if self.setup is None else self.setup.tolerances
+        rest = max(rest_time(run.trajectory, tolerances) for run in self.runs.values())
+        return min(longest, AFTER * rest) if rest > 0.0 else longest
+
+    @cached_property
+    def rows_end(self) -> float:
+        """Where axes of rows end [s]: a little after the last shown row acts or is violated, at most ``end``."""
+        last = 0.0
+        for name in self.shown:
+            run = self.runs[name]
+            for label in dict.fromkeys((*self.phi_rows, *self.lane_rows)):
+                if label in run.trajectory.labels:
+                    i = run.trajectory.labels.index(label)
+                    outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
+                    acting = run.trajectory.active[:, i] if name != BASELINE else outside
+                    last = max(last, float(np.max(run.trajectory.t[acting | outside], initial=0.0)))
+        return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
         """Every run and how its line looks: tracking alone thin and below, later ones thinner than earlier ones."""
@@ -63,16 +91,40 @@ class View:
 
     def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
         """Legend entries of controllers, of all that are shown if None."""
-        names = self.shown if names is None else names
-        return [line(shortened(name), self.looks[name].colour, self.looks[name].line) for name in names]
+        entries = []
+        for name in self.shown if names is None else names:
+            look = self.looks[name]
+            mark = {} if name == BASELINE else mark_of(look)
+            entries.append(line(shortened(name), look.colour, look.line, **mark))
+        return entries
 
-    def time_axis(self, ax: Any) -> None:
-        """From zero to the end of the longest run, with the changes of the goal."""
+    def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:
+        """Markers on a controller's line at times t (N,) [s], a few up to the end, at other times than the others'.
+
+        Colours alone do not tell lines apart for every reader. Tracking alone, which is thin, has none.
+        """
+        if name == BASELINE or not len(t):
+            return {}
+        share = (self.competitors.index(name) + 0.5) / len(self.competitors)
+        times = end * (np.arange(MARKS) + share) / MARKS
+        places = np.searchsorted(t, times[times <= t[-1]])
+        return mark_of(self.looks[name]) | {"markevery": places.tolist()}
+
+    def time_axis(self, ax: Any, end: float = 0.0) -> None:
+        """From zero to an end, that of the view if none is given, with the changes of the goal."""
         begins = {float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0}
         goals = () if self.setup is None else self.setup.task.goals[1:]
-        time_axis(ax, self.end, [goal.from_time for goal in goals] if self.setup is not None else sorted(begins))
+        time_axis(ax, end or self.end, [goal.from_time for goal in goals] if self.setup is not None else sorted(begins))
 
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
-        """A controller's name above its panel [pt]."""
+        """A controller's name above its panel [pt], a long one on two lines."""
         colour = darker(self.looks[name].colour)
-        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font)
+        ax.set_title(folded(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font)
+
+
+def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
+    """Return when the errors of a run last differ from where they end by more than a fifth of their tolerances [s]."""
+    errors = np.column_stack([trajectory.camera_error, trajectory.feature_error_px])
+    limits = 0.2 * np.array([tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px])
+    moving = (np.abs(errors - errors[-1]) > limits).any(axis=1)
+    return float(np.max(trajectory.t[moving], initial=0.0))

@@ -26,7 +26,7 @@ from ..figures import View
 from ..numbers import FORMATS, over_trials
 from ..page import render_html
 from ..results import Results, shown
-from ..summary import FIRST, outcome
+from ..summary import FIRST, MARKS, outcome
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
 from .notebook_run import NotebookRun, Plots, ReplayPage, table_of
 
@@ -203,7 +203,7 @@ class Comparison:
                 scores = [over_trials([shown(one, line) for line in own], FORMATS[one.style]) for one in metrics]
                 lines.append((scenario, law, outcome(results, scenario, law), *scores))
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
-        return render_html("notebook.html", header=header, lines=lines, notes=self.notes)
+        return render_html("notebook.html", header=header, lines=lines, marks=MARKS, notes=self.notes)
 
 
 # --- progress ---

@@ -18,10 +18,13 @@ from .style import above_legend as above_legend
 from .style import band as band
 from .style import darker as darker
 from .style import decades as decades
+from .style import folded as folded
 from .style import inside_legend as inside_legend
 from .style import line as line
 from .style import logarithmic as logarithmic
 from .style import looks as looks
+from .style import mark_of as mark_of
+from .style import markers as markers
 from .style import note as note
 from .style import shortened as shortened
 from .style import signal as signal

@@ -95,10 +95,21 @@ def paler(colour: str, white: float = 0.45) -> str:
     return "#" + "".join(f"{int((1.0 - white) * part + white * 255):02X}" for part in rgb(colour))
 
 
-def shortened(name: str, most: int = 25) -> str:
+def shortened(name: str, most: int = 40) -> str:
     """A name that fits into a title or legend: a long one loses its middle."""
     half = (most - 1) // 2
     return name if len(name) <= most else f"{name[:half]}…{name[-half:]}"
+
+
+def folded(name: str, most: int) -> str:
+    """A name on two lines, broken behind a hyphen, if it is longer; one that has no place to break loses its middle."""
+    if len(name) <= most:
+        return name
+    breaks = [k + 1 for k, letter in enumerate(name) if letter == "-" and max(k + 1, len(name) - k - 1) <= most]
+    if not breaks:
+        return shortened(name, most)
+    middle = min(breaks, key=lambda k: abs(2 * k - len(name)))
+    return f"{name[:middle]}\n{name[middle:]}"
 
 
 # --- what panels share ---
@@ -133,6 +144,19 @@ def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = ""
         ax.axvline(time, **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look})
     if label:
         ax.set_ylabel(label, labelpad=3)
+
+
+def mark_of(look: Look) -> dict[str, Any]:
+    """How the marker on a law's line looks: colours alone do not tell lines apart for every reader."""
+    edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
+    return {"marker": look.marker, "markersize": 5.5, "markerfacecolor": look.colour, **edge}
+
+
+def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[str, Any]:
+    """A few markers on a law's line of so many points, at other places than those of the other laws."""
+    share = (list(laws).index(law) + 0.5) / len(laws)
+    places = [int(count * (k + share) / most) for k in range(most)]
+    return {**mark_of(looks(laws)[law]), "markevery": sorted({min(place, count - 1) for place in places})}
 
 
 def zero_line(ax: Any) -> None:

@@ -23,6 +23,7 @@ FILMS = (".gif", ".mp4")
 #: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
 RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
 DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
+BITS = 5  # of each channel, by which colours are alike when a GIF's are chosen
 LETTERS = 12.0  # of the text below an image, on an inch of it
 GOAL = symbol("*", INK, "white", 8.0)
 
@@ -82,7 +83,9 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     pixels, t = run.trajectory.features_px, float(run.trajectory.t[sample])
     ax.set_xticks([])
     ax.set_yticks([])
-    ax.set_title(shortened(run.law), loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
+    letters = int(LETTERS * ax.get_position().width * WIDTH)
+    name = shortened(run.law, letters)
+    ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
     ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
     ax.plot(*[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T, **GOAL, zorder=5)
     tracks(ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5)
@@ -93,7 +96,7 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     worst = max((state for _, state, _ in rows), default=0)
     labels = [label for label, state, _ in rows if state == worst] if worst else []
     word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
-    text = shortened(f"{word}{', '.join(labels)}", int(LETTERS * ax.get_position().width * WIDTH))
+    text = shortened(f"{word}{', '.join(labels)}", letters)
     place = {"transform": ax.transAxes, "fontsize": 9, "va": "top", "fontweight": "bold", "zorder": 7}
     ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
 
@@ -117,7 +120,7 @@ def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float =
 
             images = [Image.fromarray(pixels) for pixels in frames]
             # one palette for all, without dithering: what stands still is the same from frame to frame: no room
-            palette = images[len(images) // 2].quantize(colours, dither=Image.Dither.NONE)
+            palette = common_palette(frames, colours)
             first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
             step = round(100.0 / rate) * 10
             look: dict[str, Any] = {"duration": [step] * len(others) + [step + int(1000.0 * rest)], "loop": 0}
@@ -133,3 +136,39 @@ def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float =
                 writer.send(np.ascontiguousarray(pixels))
         finally:
             writer.close()
+
+
+def common_palette(frames: Sequence[Array], colours: int) -> Any:
+    """Return an image whose palette has so many colours for all frames (height, width, 3).
+
+    The first quarter are the colours that cover most in any one frame. Each further one is the colour that the others
+    show worst: its squared distance to the nearest of them, times the square root of what it covers, is the largest.
+    So a colour that is seen for a moment, on a thin line, is there if no other is like it.
+    """
+    from PIL import Image
+
+    levels = 1 << BITS
+    largest = np.zeros(levels**3)
+    pixel_count = np.zeros(levels**3)
+    sums = np.zeros((3, levels**3))
+    for frame in frames:
+        channels = np.asarray(frame, dtype=np.int64).reshape(-1, 3).T
+        coarse = channels >> (8 - BITS)
+        cell = (coarse[0] * levels + coarse[1]) * levels + coarse[2]
+        count = np.bincount(cell, minlength=levels**3)
+        largest = np.maximum(largest, count)
+        pixel_count += count
+        for total, channel in zip(sums, channels, strict=True):
+            total += np.bincount(cell, weights=channel, minlength=levels**3)
+    present = np.flatnonzero(pixel_count)
+    means = (sums[:, present] / pixel_count[present]).T
+    covered = np.sqrt(largest[present])
+    chosen = np.argsort(-covered, kind="stable")[: colours // 4].tolist()
+    distance = np.min([((means - means[k]) ** 2).sum(axis=1) for k in chosen], axis=0)
+    for _ in range(min(colours, len(means)) - len(chosen)):
+        worst = int(np.argmax(distance * covered))
+        chosen.append(worst)
+        distance = np.minimum(distance, ((means - means[worst]) ** 2).sum(axis=1))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.rint(means[chosen]).astype(np.uint8).ravel().tolist())
+    return palette
