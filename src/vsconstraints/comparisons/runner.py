@@ -18,7 +18,7 @@ from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
-from .runs.law_process import LawFailedError
+from .runs.law_process import LawFailedError, LawProcessLostError
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
@@ -30,6 +30,7 @@ from .tables import append_lines, write_table
 Report = Callable[[RunSpec, Score, bool], None]
 
 Key = tuple[str, str, int]  # scenario, controller and trial
+NOT_STORED = ""  #: Fingerprint of a run that is made again next time, since its process was lost.
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,8 @@ def run_stored(
         path.unlink(missing_ok=True)
         record = _simulated(spec, apart and spec.controller.apart)
         result = scored(record)
-        record.save(path)
+        if record.fingerprint != NOT_STORED:
+            record.save(path)
     except Exception as error:  # this is where one run ends and the others begin
         result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
     return result, False
@@ -178,6 +180,8 @@ def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
         try:
             files = digests(spec.files)
             record = perform(spec, by_public_call=True, to_the_goal=True, apart=apart).record
+        except LawProcessLostError as lost:
+            return RunRecord.failed(str(lost), NOT_STORED)
         except LawFailedError as failure:
             record = RunRecord.failed(str(failure), spec.fingerprint)
         except INTERRUPTS:  # of this process, where it runs here

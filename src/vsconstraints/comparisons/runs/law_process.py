@@ -35,6 +35,10 @@ class LawFailedError(Exception):
     """The process of a law left no run; the message is the reason."""
 
 
+class LawProcessLostError(LawFailedError):
+    """The process of a law is gone, or cannot be told of the run: another time it may go well."""
+
+
 @dataclass(frozen=True)
 class LawRun:
     """A run as the process of its law is told of it.
@@ -59,7 +63,7 @@ def simulate_apart(
     """
     answer: object = _asked(run)
     if isinstance(answer, Failure):
-        raise LawFailedError(str(answer.reason))
+        raise LawProcessLostError(str(answer.reason))
     try:
         if not isinstance(answer, dict):
             raise TypeError("it is no table")
