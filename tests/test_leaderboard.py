@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from test_evidence import here
 from test_testset import quiet
 from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Campaign, Plan, collect
-from vsconstraints.comparisons.study import SHIPPED, Study, differing
+from vsconstraints.comparisons.repetition import Repetition, drawn_lines, repeat
+from vsconstraints.comparisons.study import SHIPPED, Study
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.leaderboard import leaderboard
 from vsconstraints.scenarios.families import Family
@@ -56,7 +58,7 @@ def study(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Study:
     return Study.load(table, own=True)
 
 
-def changed(study: Study, run: int, **values: Any) -> Study:
+def changed(study: Study, run: Any, **values: Any) -> Study:
     runs = study.runs.copy()
     for column, value in values.items():
         runs.loc[run, column] = value
@@ -100,6 +102,13 @@ def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
         ),
         (lambda own: replace(own, runs=own.runs[own.runs["scene"] > 0]), "1 held-out scenes of planar-arm, nominal"),
         (lambda own: replace(own, runs=own.runs[own.runs["condition"] != "limited"]), "3 .* limited, are missing"),
+        (lambda own: changed(own, own.runs["scene"] == 2, scene=102), "1 .* do not exist, such as scene 102.*0 to 2"),
+        (lambda own: changed(own, own.runs["scene"] == 0, family="unknown"), "no held-out scenes of unknown"),
+        (lambda own: changed(own, own.runs["scene"] == 0, half="training"), "no training scenes of planar-arm"),
+        (
+            lambda own: changed(own, own.runs["condition"] == "disturbed", condition="nominal-2"),
+            "no held-out scenes of planar-arm, nominal-2",
+        ),
         (lambda own: changed(own, 0, status="slow", success=True), "contradict each other"),
         (lambda own: changed(own, 0, violated="fov[marker 1]", violation_fraction=0.0), "contradict each other"),
         (lambda own: changed(own, 0, violation_fraction=0.5, tolerant_success=True), "contradict each other"),
@@ -112,20 +121,58 @@ def test_tables_that_cannot_be_compared_are_refused_by_name(
         leaderboard({"mine": change(study)}, frozen)
 
 
-def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(study: Study, frozen: TestSet) -> None:
+def made_again(study: Study, frozen: TestSet, share: float = 1.0, **options: Any) -> Repetition:
     families = {family.name: family for family in frozen.families}
+    return repeat(study, families, share, 0, **{"workers": here, **options})
+
+
+def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(study: Study, frozen: TestSet) -> None:
     shipped = only(study, "hierarchical-qp")
-    assert not [what for what, rounding in differing(shipped, families, 1.0) if not rounding]
+    whole = made_again(shipped, frozen)
+    assert not whole.differences
+    assert whole.agreeing + len(whole.by_rounding) == whole.runs == len(shipped.runs)
     known = shipped.runs.index[shipped.runs["settling_time_s"].notna()]
     for value in (1.0 - 1e-8, 0.5):
         forged = changed(shipped, known[0], settling_time_s=value * shipped.runs["settling_time_s"][known[0]])
-        (what, _), *more = differing(forged, families, 1.0)
+        found = made_again(forged, frozen)
+        (what,) = (*found.differences, *found.by_rounding)
         assert "settling_time_s" in what
-        assert not more
     forged = changed(shipped, 0, status="slow" if shipped.runs["status"][0] == "converged" else "converged")
-    assert [rounding for _, rounding in differing(forged, families, 1.0)] == [False]
+    assert len(made_again(forged, frozen).differences) == 1
     with pytest.raises(ConfigurationError, match="mine:Mine"):
-        list(differing(only(study, "mine"), families, 1.0))
+        made_again(only(study, "mine"), frozen)
+
+
+def test_which_runs_are_repeated_follows_from_the_seed_and_not_from_the_order_of_lines(study: Study) -> None:
+    shuffled = replace(study, runs=study.runs.sample(frac=1.0, random_state=1).reset_index(drop=True))
+    for seed in range(3):
+        assert drawn_lines(shuffled, 0.3, seed) == drawn_lines(study, 0.3, seed)
+    assert drawn_lines(study, 0.3, 0) != drawn_lines(study, 0.3, 1)
+
+
+def test_a_check_says_how_many_runs_it_repeated_by_which_secret_seed(
+    study: Study, frozen: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(TestSet, "load", lambda: frozen)
+    forged = changed(only(study, "hierarchical-qp"), 0, acceleration_variation=1e3)
+    forged.keep(table := tmp_path / "forged.parquet")
+    lines = len(forged.runs)
+    said: list[list[str]] = []
+    seeds = []
+    for options in ((), (), ("--seed", "7"), ("--seed", "7")):
+        done = CliRunner().invoke(app, ["testset", "leaderboard", str(table), "--rerun", "0.3", *options])
+        (summary,) = (line for line in done.stderr.splitlines() if "were repeated" in line)
+        assert summary.startswith(f"{math.ceil(0.3 * lines)} of {lines} runs of forged were repeated: ")
+        seeds.append(int(summary.rpartition(" ")[2]))
+        said.append([line for line in done.stderr.splitlines() if "repeating runs" not in line])
+    assert seeds[0] != seeds[1]
+    assert seeds[2:] == [7, 7]
+    assert said[2] == said[3]
+    whole = CliRunner().invoke(app, ["testset", "leaderboard", str(table), "--rerun", "1"])
+    assert whole.exit_code == 1
+    assert f"{lines} of {lines} runs of forged were repeated: " in whole.stderr
+    assert " agree, 1 differ, " in whole.stderr
+    assert whole.stdout == ""
 
 
 @pytest.mark.parametrize("share", [1e-4, pytest.param(5e-3, marks=pytest.mark.slow)])
@@ -133,20 +180,19 @@ def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(study: St
 def test_kept_runs_are_what_laws_do_now(kept: Path, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Up to nine of them, made again; some hundreds in the whole gate, of every law."""
     monkeypatch.chdir(ROOT)  # weights of a policy are found from there
-    families = {family.name: family for family in TestSet.load().families}
     study = Study.load(kept, own=True)
-    assert not [what for what, rounding in differing(study, families, share, trust=True) if not rounding]
+    assert not made_again(study, TestSet.load(), share, trust=True).differences
 
 
 def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     study: Study, frozen: TestSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a start that is moved by a thousandth instead of rounding, every run is decided by that."""
-    monkeypatch.setattr("vsconstraints.comparisons.study.NUDGE", 1e-3)
-    families = {family.name: family for family in frozen.families}
+    monkeypatch.setattr("vsconstraints.comparisons.repetition.NUDGE", 1e-3)
     own = only(study, "sliding-mode")
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
-    assert [rounding for _, rounding in differing(forged, families, 1.0)] == [True]
+    found = made_again(forged, frozen)
+    assert (len(found.by_rounding), found.differences) == (1, ())
 
 
 def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package() -> None:

@@ -123,6 +123,100 @@ def test_a_call_beyond_its_limit_is_ended_and_the_others_are_answered() -> None:
     assert not [key for key in "abc" if isinstance(found[key], Failure)]
 
 
+def stop_for(seconds: float, *processes: int) -> None:
+    for process in processes:
+        os.kill(process, signal.SIGSTOP)
+    time.sleep(seconds)
+    for process in processes:
+        os.kill(process, signal.SIGCONT)
+
+
+def wait_and_stop_me(file: str) -> str:
+    Path(file).write_text(str(os.getpid()))
+    time.sleep(1.0)
+    return "done"
+
+
+@needs_proc
+def test_time_during_which_a_process_is_stopped_is_not_that_of_its_call(tmp_path: Path) -> None:
+    file = tmp_path / "process"
+
+    def stop() -> None:
+        while not (file.exists() and file.read_text()):
+            time.sleep(0.01)
+        stop_for(6.0, int(file.read_text()))
+
+    with Pool(wait_and_stop_me, 1) as pool:
+        thread = threading.Thread(target=stop)
+        thread.start()
+        answered = dict(pool.run({"stopped": (str(file),)}, {"stopped": 4.0}))
+        thread.join()
+    assert answered == {"stopped": "done"}
+
+
+POOL = """
+import sys, time
+from pathlib import Path
+from vsconstraints.comparisons.runs.pool import Pool
+
+def wait(file):
+    Path(file).write_text("begun")
+    time.sleep(1.0)
+    return "done"
+
+if __name__ == "__main__":
+    with Pool(wait, 1) as pool:
+        print(dict(pool.run({1: (sys.argv[1],)}, {1: 4.0})))
+"""
+STEPS = """
+import sys, time
+from pathlib import Path
+from vsconstraints.plugins.processes import deadline
+
+with deadline(3.0) as step:
+    step()
+    Path(sys.argv[1]).write_text("begun")
+    time.sleep(1.0)
+print("done")
+"""
+
+
+@needs_proc
+@pytest.mark.parametrize("script", [POOL, STEPS], ids=["pool", "steps"])
+def test_a_machine_or_a_batch_system_that_stops_all_processes_ends_no_call(script: str, tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(script)
+    file = tmp_path / "begun"
+    command = [sys.executable, str(tmp_path / "script.py"), str(file)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+        while not file.exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGSTOP)
+        time.sleep(6.0)
+        os.killpg(process.pid, signal.SIGCONT)
+        said, _ = process.communicate()
+        assert process.returncode == 0
+    assert "done" in said
+
+
+@pytest.mark.parametrize(
+    "hang",
+    ["time.sleep(1000.0)", "sum(range(10**13))", "threading.Thread(target=time.sleep, args=(1000,)).run()"],
+    ids=["waits", "computes and lets no other thread run", "waits for a thread"],
+)
+def test_a_step_that_never_ends_is_ended_whatever_it_does(hang: str) -> None:
+    code = "import threading, time\nfrom vsconstraints.plugins.processes import deadline\n"
+    code += f"with deadline(0.5) as step:\n    step()\n    {hang}\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120)
+    assert done.returncode not in (0, 2)
+
+
+def test_steps_within_their_limit_may_together_take_longer_than_it() -> None:
+    code = "import time\nfrom vsconstraints.plugins.processes import SLACK, deadline\n"
+    code += "with deadline(0.5) as step:\n    for _ in range(8):\n        step()\n        time.sleep(0.4)\n"
+    assert subprocess.run([sys.executable, "-c", code], timeout=120).returncode == 0
+
+
 @needs_proc
 def test_processes_end_at_once_where_the_block_is_left_by_an_exception(monkeypatch: pytest.MonkeyPatch) -> None:
     environment, mark = marked()

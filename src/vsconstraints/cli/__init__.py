@@ -54,6 +54,7 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
         "advise": (campaigns.advise, "ur5-fov"),
         "tune": (campaigns.tune, "--family six-axis --controller cbf-filter"),
         "testset run": (testset.run, "--family planar-arm --entry my_law:MyLaw"),
+        "testset fresh": (testset.fresh, "--scenes 20 --out fresh"),
         "testset verify": (testset.verify, "--redraw 0.01"),
         "testset leaderboard": (testset.leaderboard, "mine.parquet --rerun 0.01"),
         "testset make": (testset.make, "--scenes 50 --seed 7 --out my-testset"),

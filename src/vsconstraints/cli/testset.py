@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import typer
@@ -13,6 +14,8 @@ from .campaigns import run_campaign, with_call_times
 from .options import Names
 from .results import ReportOptions
 from .terminal import NOTHING_DONE, console, errors, note_processes, progress
+
+FRESH_TABLE = "fresh.parquet"  #: File for the runs on fresh scenes.
 
 
 def run(
@@ -49,6 +52,37 @@ def run(
     run_campaign(campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True))
 
 
+def fresh(
+    seed: int | None = None,
+    scenes: int = 20,
+    families: Names = None,
+    out: Path = Path("vsconstraints-fresh"),
+    jobs: int | None = None,
+) -> None:
+    """Run the published laws on scenes of a secret seed, and compare their success with the published one."""
+    demand("evidence", "fresh scenes")
+    from ..comparisons.evidence import Campaign, Plan, processes
+    from ..comparisons.repetition import secret_seed
+    from ..comparisons.study import Study
+    from ..reports.fresh import CONDITIONS, fresh_page
+    from ..scenarios.families.frozen import TestSet
+
+    published = Study.load()
+    drawn_by = secret_seed() if seed is None else seed
+    chosen = TestSet.load().chosen(families or (), "held-out", scenes, drawn_by)
+    laws = tuple(published.laws.values())
+    title = f"Fresh scenes of seed {drawn_by}"
+    campaign = Campaign.load(None).changed(title=title, controllers=laws, conditions=CONDITIONS, **chosen)
+    note_processes(jobs)
+    run_campaign(campaign.checked(), out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures=False))
+    with progress() as show:
+        study = Study.load(out, on_scene=lambda done, total: show("scenes", done, total))
+    table = out / FRESH_TABLE
+    study.keep(table)
+    print(fresh_page(study, published))
+    console.print(f"Seed: {drawn_by}. Table of all runs: {table}")
+
+
 def verify(folder: Path | None = None, redraw: float = 0.0, seed: int = 0) -> None:
     """Check every scene of a test set against its hash; name changed, added and missing ones."""
     from ..scenarios.families.frozen import V1, TestSet
@@ -82,14 +116,21 @@ def make(
     console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
 
 
-def leaderboard(tables: list[Path], rerun: float = 0.0, seed: int = 0, trust: bool = False) -> None:
+def leaderboard(
+    tables: list[Path], rerun: float = 0.0, seed: int | None = None, jobs: int | None = None, trust: bool = False
+) -> None:
     """Check tables of runs on all held-out scenes, and print a ranking in Markdown."""
     demand("evidence", "the leaderboard")
-    from ..comparisons.study import Study, differing
+    from ..comparisons.evidence import processes
+    from ..comparisons.repetition import repeat, secret_seed
+    from ..comparisons.study import Study
     from ..reports.leaderboard import leaderboard as board
     from ..scenarios.families.frozen import TestSet
 
-    frozen, studies, problems = TestSet.load(), dict[str, Study](), list[str]()
+    note_processes(jobs)
+    frozen, studies = TestSet.load(), dict[str, Study]()
+    repetitions = {}
+    drawn_by = secret_seed() if seed is None else seed
     with progress() as show:
         for path in tables:
             if path.stem in studies:
@@ -98,10 +139,27 @@ def leaderboard(tables: list[Path], rerun: float = 0.0, seed: int = 0, trust: bo
             studies[path.stem] = study
         text = board(studies, frozen)
         families = {family.name: family for family in frozen.families}
-        for name, study in studies.items():
-            for difference, rounding in differing(study, families, rerun, seed, trust) if rerun else ():
-                errors.print(f"{'remark: rounding decides' if rounding else 'error:'} {name}: {difference}")
-                problems += [] if rounding else [difference]
-    if problems:
+        for name, study in studies.items() if rerun else ():
+            repetitions[name] = repeat(
+                study,
+                families,
+                rerun,
+                drawn_by,
+                trust=trust,
+                workers=processes(jobs),
+                on_progress=partial(show, f"repeating runs of {name}"),
+            )
+    for name, repetition in repetitions.items():
+        for sentence in repetition.by_rounding:
+            errors.print(f"remark: rounding decides {name}: {sentence}")
+        for file in repetition.changed_files:
+            errors.print(f"error: {name}: {file}, which custom laws have loaded or read, has another content here")
+        for sentence in repetition.differences:
+            errors.print(f"error: {name}: {sentence}")
+        counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
+        counts += f", {len(repetition.by_rounding)} are decided by rounding"
+        repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"
+        errors.print(f"{repeated} were repeated: {counts}. They were drawn by --seed {drawn_by}")
+    if any(repetition.differences or repetition.changed_files for repetition in repetitions.values()):
         raise typer.Exit(NOTHING_DONE)
     print(text)

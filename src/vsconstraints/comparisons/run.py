@@ -20,6 +20,7 @@ from ..rows import Array
 from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
 from .metrics import Score, score
 from .record import RunRecord
+from .runs.law_process import LawRun, simulate_apart
 from .runs.spec import RunSpec
 
 #: Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses zero repeatedly.
@@ -143,17 +144,23 @@ class Run:
         return share
 
 
-def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False) -> Run:
+def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False) -> Run:
     """Make a run; raises what the scenario, the controller or the simulation raise.
 
-    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see :func:`.until_settled`.
+    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see :func:`.until_settled`. With
+    ``apart`` the controller runs in a process of its own, see :func:`.simulate_apart`, which also says what is raised.
     """
     scenario = spec.load()
     # own parts may change the working directory, and import what lies beside them whenever they like
     with chdir("."), beside(scenario.folder, spec.controller.folder):
         setup = scenario.setup(spec.trial, spec.seed)
-        setup = spec.controller.run.of(until_settled(setup) if to_the_goal else setup)
-        trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
+        setup = until_settled(setup) if to_the_goal else setup
+        law_run = LawRun(scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call)
+        setup = spec.controller.run.of(setup)
+        if apart:
+            trajectory = simulate_apart(law_run, setup)
+        else:
+            trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
         return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
 
 

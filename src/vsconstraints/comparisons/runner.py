@@ -18,6 +18,7 @@ from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, locked
+from .runs.law_process import LawFailedError, LawProcessLostError
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
 from .runs.spec import BASELINE, RunSpec, prepare_laws
@@ -29,6 +30,7 @@ from .tables import append_lines, write_table
 Report = Callable[[RunSpec, Score, bool], None]
 
 Key = tuple[str, str, int]  # scenario, controller and trial
+NOT_STORED = ""  #: Fingerprint of a run that is made again next time, since its process was lost.
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,13 @@ def compare(
     which also replaces another comparison. The unconstrained baseline is always run. A run that fails in any way, even
     by ending its process or by never ending, becomes a row with its reason.
 
-    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can; ``limit`` how
-    long a run may take [s], by its number of samples if None. ``warnings`` of scenarios are kept for the report, those
-    of :meth:`.Suite.warnings` if None. ``on_finished`` is called with every finished run. Raises
-    ConfigurationError if the folder cannot be made, is held by another process, or holds something else that would be
-    lost, and StorageError if the tables cannot be written; what could be stored stays.
+    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can.
+    Custom laws run in further processes, one for each, or in this one if ``workers`` is 0. ``limit`` is
+    how long a run may take [s], by its number of samples if None. ``warnings`` of scenarios are kept for
+    the report, those of :meth:`.Suite.warnings` if None. ``on_finished`` is called with every finished
+    run. Raises ConfigurationError if the folder cannot be made, is held by another process, or holds
+    something else that would be lost, and StorageError if the tables cannot be written; what could be
+    stored stays.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
@@ -118,10 +122,12 @@ def compare(
         interrupted = 0
         # baselines first, since the others are scored against them; in other processes, where those can make the run
         baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
-        calls = {key: (run, folder, fresh, baselines[run.name, run.trial]) for key, run in runs.items()}
+        here = {key for key, run in runs.items() if workers == 0 or run.here}
+        calls = {
+            key: (run, folder, fresh, baselines[run.name, run.trial], key not in here) for key, run in runs.items()
+        }
         batches = ({key: calls[key] for key in runs if (key[1] == BASELINE) == first} for first in (True, False))
         limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-        here = {key for key, run in runs.items() if workers == 0 or run.here}
         try:
             run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
         except INTERRUPTS as interrupt:
@@ -141,8 +147,13 @@ def compare(
         return Finished(folder, scores, stored_before, wall_time, interrupted)
 
 
-def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
-    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes a failed run."""
+def run_stored(
+    spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None, apart: bool = False
+) -> tuple[Score, bool]:
+    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes a failed run.
+
+    With ``apart`` a custom law runs in a process of its own.
+    """
 
     def scored(record: RunRecord) -> Score:
         # the baseline of an earlier comparison does not count
@@ -157,27 +168,34 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
     try:
         # an older trajectory is removed, however this run ends
         path.unlink(missing_ok=True)
-        record = _simulated(spec)
+        record = _simulated(spec, apart and spec.controller.apart)
         result = scored(record)
-        record.save(path)
+        if record.fingerprint != NOT_STORED:
+            record.save(path)
     except Exception as error:  # this is where one run ends and the others begin
         result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
     return result, False
 
 
-def _simulated(spec: RunSpec) -> RunRecord:
+def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
     files: Files = {}
     # own parts may change the working directory
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
         try:
             files = digests(spec.files)
-            record = perform(spec, by_public_call=True, to_the_goal=True).record
+            record = perform(spec, by_public_call=True, to_the_goal=True, apart=apart).record
+        except LawProcessLostError as lost:
+            return RunRecord.failed(str(lost), NOT_STORED)
+        except LawFailedError as failure:
+            record = RunRecord.failed(str(failure), spec.fingerprint)
         except INTERRUPTS:  # of this process, where it runs here
             raise
         except BaseException as error:  # even SystemExit
             record = RunRecord.failed(described(error), spec.fingerprint)
-    # of several readings the first: what was there before an edit is never taken for what is there after it
-    return replace(record, files={**read, **files, **(imported() if spec.has_own_parts else {})})
+    # of several readings the first: what was there before an edit is never taken for what is there after it; a process
+    # of a law has read some files before
+    found = {**files, **read} if apart else {**read, **files}
+    return replace(record, files={**found, **(imported() if spec.has_own_parts else {})})
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:

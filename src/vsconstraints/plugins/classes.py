@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import chdir, contextmanager
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
@@ -66,10 +67,23 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
     for name in names:
         if ":" in name:
             file, module = plugin_file(name, folder), _parts(name)[0]
-            spec = importlib.util.find_spec(module) if file is None and module != IN_SESSION else None
+            spec = _spec_of(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
             files += [Path(path) for path in (file, origin) if path is not None]
     return files
+
+
+def _spec_of(module: str) -> ModuleSpec | None:
+    """As ``importlib.util.find_spec``, which imports the packages that a module lies in: here no code is run."""
+    name, path, spec = "", None, None
+    for part in module.split("."):
+        name = f"{name}.{part}" if name else part
+        found = (finder.find_spec(name, path) for finder in sys.meta_path)
+        spec = next((each for each in found if each is not None), None)
+        if spec is None:
+            return None
+        path = spec.submodule_search_locations
+    return spec
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:

@@ -6,7 +6,6 @@ SIGTERM and SIGHUP do what Ctrl-C does: what was finished is kept, and the exit 
 from __future__ import annotations
 
 import ctypes
-import faulthandler
 import multiprocessing
 import os
 import signal
@@ -15,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 
 #: What asks a command to stop: Ctrl-C, the system, and a terminal that is closed.
@@ -22,7 +22,9 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 PR_SET_PDEATHSIG = 1  #: of Linux' prctl: the signal that a process gets when its parent ends
 SAME_REQUEST = 2.0  # signals within this time of one that was obeyed [s] mean the same: closing terminals send several
-SLACK = 1.0  # a step may take so much longer than its limit [s]: setting the clock takes a share of a short one
+SLACK = 1.0  # a step may take so much longer than its limit [s]: its watcher looks rarely
+TICK = 0.5  # how often the watcher of a process looks at its stopwatch [s]
+LONGEST_TICK = 2.0  # a longer time between two looks [s] means that the watcher was stopped
 
 
 class Stopped(BaseException):
@@ -88,29 +90,81 @@ def signals_held() -> Iterator[None]:
             raise Stopped(waiting)
 
 
+class Stopwatch:
+    """Time that a process had for something, without the time during which it or its watcher was stopped.
+
+    A process is stopped by a signal, by a batch system, or with the whole machine. Who watches it counts in short
+    ticks: of a tick that lasts longer than :data:`LONGEST_TICK`, the watcher itself was stopped for the rest.
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at zero."""
+        self.seconds = 0.0
+        self._counted = time.monotonic()
+
+    def tick(self, process: int | None = None) -> None:
+        """Count the time since the last tick, unless the process with this id, if it is another one, is stopped now."""
+        now = time.monotonic()
+        passed = min(now - self._counted, LONGEST_TICK)
+        self._counted = now
+        if process is None or not is_stopped(process):
+            self.seconds += passed
+
+
+def is_stopped(process: int) -> bool:
+    """Return True if a process is stopped by a signal or a debugger; False also where the system does not say."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    # the state follows the name in parentheses, which may hold anything
+    state = status.rpartition(")")[2].split()[0]
+    return state in ("T", "t")
+
+
 @contextmanager
 def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
     """End this process if a step takes longer than its limit [s], also in compiled code; None is no limit.
 
-    The function that it yields is called where a step begins and the one before has ended.
+    The function that it yields is called where a step begins and the one before has ended. Time during which the
+    process is stopped does not count. A thread ends steps that wait; the system ends those that compute, whether or not
+    they let other threads run.
     """
     if limit is None:
         yield lambda: None
         return
-    last = -float("inf")
-    with open(os.devnull, "w") as nowhere:
+    allowed = limit + SLACK
+    stopwatch = Stopwatch()
+    ended = threading.Event()
 
-        def step() -> None:
-            nonlocal last
-            now = time.monotonic()
-            if now - last > SLACK:
-                last = now
-                faulthandler.dump_traceback_later(limit + SLACK, exit=True, file=nowhere)
+    def watch() -> None:
+        while not ended.wait(TICK):
+            stopwatch.tick()
+            if stopwatch.seconds > allowed:
+                os._exit(1)
 
-        try:
-            yield step
-        finally:
-            faulthandler.cancel_dump_traceback_later()
+    def step() -> None:
+        stopwatch.restart()
+        _limit_processor_time(allowed)
+
+    step()
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield step
+    finally:
+        ended.set()
+        _limit_processor_time(0.0)
+        watcher.join()
+
+
+def _limit_processor_time(limit: float) -> None:
+    """Let the system end this process after so much processor time of its own [s]; 0 is no limit."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, limit)
 
 
 def end_with(parent: int) -> None:

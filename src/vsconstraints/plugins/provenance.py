@@ -77,6 +77,13 @@ def noted() -> Iterator[Files]:
             del files[path]
 
 
+def add_to_notes(files: Files) -> None:
+    """Add files that another process has read, on behalf of this one, to what is being noted here."""
+    for noted_files, _ in _notes:
+        for path, content in files.items():
+            noted_files.setdefault(path, content)
+
+
 @contextmanager
 def noted_import(module: str) -> Iterator[None]:
     """Keep for :func:`imported` what is read while an own module is imported, modules that it imports included."""

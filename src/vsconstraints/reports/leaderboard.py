@@ -24,11 +24,7 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
         known, own = family.tables["frozen"][HALF], study.frozen.get(family.name, {})
         if {key: own.get(key) for key in ("seed", "sha256")} != {key: known[key] for key in ("seed", "sha256")}:
             raise ConfigurationError(f"{where}: {file} of test set {testset.version} is not what it has run")
-        for condition in (name for name in CONDITIONS if name in family.conditions):
-            runs = study.runs[(study.runs["family"] == family.name) & (study.runs[CONDITION] == condition)]
-            missing = len(testset.hashes[file]) - runs["scene"].nunique()
-            if missing:
-                raise ConfigurationError(f"{where}: {missing} {HALF} scenes of {family.name}, {condition}, are missing")
+    _demand_scenes(study, testset, where)
     runs = study.runs.fillna({"violation_fraction": 0.0})  # of a run that failed at once
     wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
     wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (runs["violation_fraction"] <= TOLERANT)
@@ -37,6 +33,30 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
         first = runs[wrong].iloc[0]
         run = f"{first['family']} {first['scene']}, {first[CONDITION]}, {first['controller']}"
         raise ConfigurationError(f"{where}: success, status and violations of {run} contradict each other")
+
+
+def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
+    """Raise ConfigurationError unless all held-out scenes are there, and no scene that the test set does not have."""
+    families = {family.name: family for family in testset.families}
+    groups = study.runs[["family", "half", CONDITION]].drop_duplicates()
+    for family_name, half, condition in groups.itertuples(index=False):
+        family = families.get(family_name)
+        if family is None or half != HALF or condition not in family.conditions:
+            which = f"{half} scenes of {family_name}, {condition}"
+            raise ConfigurationError(f"{where}: test set {testset.version} has no {which}")
+    for family in testset.families:
+        scenes = set(range(len(testset.hashes[FILE.format(family.name, HALF)])))
+        own = study.runs[study.runs["family"] == family.name]
+        for condition in family.conditions:
+            there = set(own.loc[own[CONDITION] == condition, "scene"])
+            which = f"{HALF} scenes of {family.name}, {condition}"
+            if unknown := sorted(there - scenes):
+                raise ConfigurationError(
+                    f"{where}: {len(unknown)} {which}, do not exist, such as scene {unknown[0]}; "
+                    f"they are numbered from 0 to {len(scenes) - 1}"
+                )
+            if condition in CONDITIONS and (missing := sorted(scenes - there)):
+                raise ConfigurationError(f"{where}: {len(missing)} {which}, are missing, such as scene {missing[0]}")
 
 
 def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:

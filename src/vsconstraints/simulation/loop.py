@@ -62,8 +62,13 @@ def simulate(
         prepared = Prepared(setup, controller.factors)
     run = Run(prepared, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
+    return trajectory_of(run, remarks)
+
+
+def trajectory_of(run: Run, remarks: Sequence[str]) -> Trajectory:
+    """What a run left, with these and its own remarks as part of the reason."""
     trajectory = run.trajectory()
-    remarks = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
+    remarks = (*remarks, *hidden_markers(run.setup.scene, trajectory.t, trajectory.q), *run.remarks())
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
 
 
@@ -282,6 +287,10 @@ class Run:
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know."""
+        return [*self.plant.remarks(), *self.sensor.remarks(), *self.law_remarks()]
+
+    def law_remarks(self) -> list[str]:
+        """What a reader should know of the law in this run."""
         remarks = []
         if self.fallbacks:
             remarks.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
@@ -291,7 +300,7 @@ class Run:
             )
         of_law = self.controller.remark(self.setup.constraints.labels)
         of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
-        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), of_law, of_factors, self.controller.unused()]
+        return [*remarks, of_law, of_factors, self.controller.unused()]
 
     def scores(self) -> RunScores:
         """Scores of the run."""

@@ -20,6 +20,7 @@ from ...simulation import Prepared, Setup, simulate, until_settled
 from ..experiment import Entries
 from ..metrics import score
 from ..record import RunRecord
+from ..runs.law_process import LawFailedError, LawRun, simulate_apart
 from ..runs.machine import run_limit
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
@@ -238,7 +239,8 @@ def _json(data: Any) -> str:
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    The setup is used again after runs of the package's own laws, which leave nothing in it, and made anew after others.
+    The setup is used again after runs that leave nothing in it, and made anew after others. Custom laws
+    run in processes of their own.
     """
 
     def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
@@ -260,11 +262,20 @@ class Bench:
                 (prepared, remarks), self._ready = self._ready, None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
-                record = RunRecord.of(setup, simulate(setup, entry.make(), remarks=remarks, prepared=same), "")
+                if entry.apart:
+                    scenario = scene.scenario(self._condition)
+                    law_run = LawRun(scenario, entry, seed=scene.noise, time_limit=prepared.setup.time_limit)
+                    trajectory = simulate_apart(law_run, setup, remarks, same)
+                else:
+                    trajectory = simulate(setup, entry.make(), remarks=remarks, prepared=same)
+                record = RunRecord.of(setup, trajectory, "")
+        except LawFailedError as failure:
+            return RunRecord.failed(str(failure), "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
             return RunRecord.failed(described(error), "")
-        if record.trajectory.status != "failed" and ":" not in entry.law and not own_parts:
+        left_as_it_was = entry.apart or ":" not in entry.law
+        if record.trajectory.status != "failed" and left_as_it_was and not own_parts:
             self._ready = prepared, remarks
         return record

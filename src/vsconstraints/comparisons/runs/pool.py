@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import io
 import math
 import multiprocessing
 import os
@@ -21,7 +22,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
-from ...plugins.processes import SIGNALS, end_with, signals_held
+from ...plugins.processes import SIGNALS, Stopwatch, end_with, signals_held
 from .machine import process_count
 
 Key = TypeVar("Key", bound=Hashable)
@@ -66,12 +67,16 @@ class Pool(Generic[Answer]):
     """Calls one function of a module in several processes, which are started when they are needed.
 
     A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a process dies, its call
-    is made once more when all others are done. A call that takes longer than its limit is ended with its process.
+    is made once more when all others are done. A call that takes longer than its limit is ended with its process; time
+    during which the process or this one is stopped does not count.
     Processes end with the pool, at once if its block is left by an exception, and with the process that started them.
+
+    With ``plain``, the function runs code that is not trusted: its answers may hold plain data alone, such as texts,
+    numbers and bytes, since anything else could run code where it is read, and its processes serve no other pool.
     """
 
-    def __init__(self, function: Callable[..., Answer], processes: int) -> None:
-        self._function, self._max_processes = function, max(1, processes)
+    def __init__(self, function: Callable[..., Answer], processes: int, *, plain: bool = False) -> None:
+        self._function, self._max_processes, self._plain = function, max(1, processes), plain
         self._workers: list[_Worker] = []
         self._failed_starts = 0
 
@@ -80,7 +85,7 @@ class Pool(Generic[Answer]):
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         idle = [worker for worker in self._workers if worker.ready and worker.key is None and kind is None]
-        if _handed_on is not None:
+        if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
             self._workers = [worker for worker in self._workers if worker not in idle]
         _end_all(self._workers, PATIENCE if kind is None else 0.0)
@@ -101,7 +106,7 @@ class Pool(Generic[Answer]):
                 repeated.add(waiting[0])
             while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
                 # listed before it starts: it ends with the pool even if its start is interrupted
-                self._workers.append(worker := _handed_on.pop() if _handed_on else _Worker())
+                self._workers.append(worker := _handed_on.pop() if _handed_on and not self._plain else _Worker())
                 worker.serve(self._function)
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
@@ -113,11 +118,12 @@ class Pool(Generic[Answer]):
             nearest = min((worker.remaining() for worker in self._workers), default=CHECK)
             wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
             for worker in list(self._workers):
+                worker.tick()
                 message, key = worker.receive(), worker.key
                 if message is not None:
                     was_ready, worker.ready, worker.key = worker.ready, True, None
                     if was_ready:
-                        yield key, unpacked(message)
+                        yield key, unpacked_plain(message) if self._plain else unpacked(message)
                     else:  # the first message says that it is ready
                         self._failed_starts = 0
                 elif worker.dead:
@@ -210,13 +216,34 @@ def unpacked(packed: bytes) -> Any:
         return Failure.of(error, "the answer cannot be read: ")
 
 
+class _PlainUnpickler(pickle.Unpickler):
+    """Reads data that holds nothing but texts, numbers, bytes, and lists and tables of these, or a Failure.
+
+    Pickled data names classes and functions, which ``find_class`` looks up: here it finds no other.
+    """
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) == (Failure.__module__, Failure.__name__):
+            return Failure
+        raise pickle.UnpicklingError(f"{module}.{name} is no plain data")
+
+
+def unpacked_plain(packed: bytes) -> Any:
+    """As :func:`unpacked`, but only of plain data: no code is run to read it."""
+    try:
+        return _PlainUnpickler(io.BytesIO(packed)).load()
+    except Exception as error:  # damaged data can raise anything
+        return Failure.of(error, "the answer cannot be read: ")
+
+
 class _Worker:
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")  # they start alike on every system and inherit no threads
         self.connection, self._theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
         self.key: Any = None
-        self.limit, self._begun = math.inf, 0.0
+        self.limit = math.inf
+        self._stopwatch = Stopwatch()
         self.ready = self.dead = False
 
     def serve(self, function: Callable[..., object]) -> None:
@@ -232,7 +259,8 @@ class _Worker:
         self._send(pickle.dumps(function))
 
     def begin(self, key: Hashable, packed: bytes, limit: float) -> None:
-        self.key, self.limit, self._begun = key, limit, time.monotonic()
+        self.key, self.limit = key, limit
+        self._stopwatch.restart()
         self._send(packed)
 
     def _send(self, packed: bytes) -> None:
@@ -249,8 +277,13 @@ class _Worker:
         self.dead = not alive
         return None
 
+    def tick(self) -> None:
+        """Count the time of the call that it is at."""
+        if self.key is not None:
+            self._stopwatch.tick(self.process.pid)
+
     def remaining(self) -> float:
-        return math.inf if self.key is None else self._begun + self.limit - time.monotonic()
+        return math.inf if self.key is None else self.limit - self._stopwatch.seconds
 
     def end(self, patience: float) -> None:
         if self.process.pid is not None:

@@ -113,6 +113,11 @@ class ControllerSpec:
         return False
 
     @property
+    def apart(self) -> bool:
+        """True if it is a custom law that another process can make: it runs in a process of its own."""
+        return ":" in self.law and not self.here
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """Files that an own one is defined in."""
         return tuple(module_files([self.law], self.folder))

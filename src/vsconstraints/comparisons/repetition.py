@@ -1,0 +1,148 @@
+"""Repeat a share of a study's runs, and compare what comes of them with what the study says."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from random import Random
+from typing import Any
+
+from ..plugins.classes import untrusted
+from ..scenarios.families import Family
+from .evidence import Batch, scored
+from .evidence.own_files import changed, contents, own_folders
+from .runs.machine import run_limit
+from .runs.pool import Failure, OpenWorkers, processes
+from .runs.spec import BASELINE, ControllerSpec
+from .study import CONDITION, OUTCOME, SCENE, Study
+
+TOLERANCE = 1e-9  #: Relative difference of numbers that are the same on another machine.
+NUDGE = 1e-13  #: Relative change of the start by which it is found whether rounding decides a run.
+MAX_SECRET = 2**32  #: Secret seeds are below this number.
+RUNS_OF_CALL = 4  #: The law and its baseline, and both again from the moved start.
+
+Line = Mapping[str, Any]  #: One run of a study: its values by column.
+ON_ALL_CORES = processes()
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Runs of a study that were made again.
+
+    ``differences`` are sentences on runs that differ, ``by_rounding`` sentences on those that differ because rounding
+    decides them. ``changed_files`` are names of files that own laws have loaded or read and that have another content
+    on this machine than the study was made with.
+    """
+
+    runs: int
+    differences: tuple[str, ...]
+    by_rounding: tuple[str, ...]
+    changed_files: tuple[str, ...] = ()
+
+    @property
+    def agreeing(self) -> int:
+        """Number of repeated runs that are what the study says."""
+        return self.runs - len(self.differences) - len(self.by_rounding)
+
+
+def secret_seed() -> int:
+    """Draw a seed that nobody can know beforehand."""
+    return secrets.randbelow(MAX_SECRET)
+
+
+def drawn_lines(study: Study, share: float, seed: int) -> list[dict[str, Any]]:
+    """Draw a share of a study's runs; the order of the study's lines has no influence."""
+    ordered = study.runs.sort_values([*SCENE, CONDITION, "controller"], kind="stable")
+    lines: list[dict[str, Any]] = ordered.to_dict("records")
+    return Random(seed).sample(lines, math.ceil(share * len(lines)))
+
+
+def repeat(
+    study: Study,
+    families: Mapping[str, Family],
+    share: float,
+    seed: int,
+    *,
+    trust: bool = False,
+    workers: OpenWorkers = ON_ALL_CORES,
+    on_progress: Callable[[int, int], object] = lambda done, total: None,
+) -> Repetition:
+    """Make a share of a study's runs again, drawn by ``seed``, and name those that differ.
+
+    Numbers differ by more than :data:`TOLERANCE`. Rounding decides a run that ends as differently when its start is
+    moved by :data:`NUDGE`. Raises ConfigurationError for laws that do not come with the package, unless they are
+    trusted.
+    """
+    own_laws = [law.law for law in study.laws.values() if ":" in law.law]
+    if own_laws and not trust:
+        raise untrusted("a table of runs", own_laws)
+    lines = drawn_lines(study, share, seed)
+    calls = {}
+    limits = {}
+    for number, line in enumerate(lines):
+        family = families[line["family"]]
+        calls[number] = line, family, study.laws[line["controller"]], study.frozen[family.name]["seed"]
+        limits[number] = RUNS_OF_CALL * run_limit(family.tables)
+    differences: dict[int, str] = {}
+    by_rounding: dict[int, str] = {}
+    on_progress(0, len(lines))
+    with workers(repeat_run) as opened:
+        for done, (number, answer) in enumerate(opened.run(calls, limits), start=1):
+            line = lines[number]
+            where = f"{line['family']} {line['scene']}, {line[CONDITION]}, {line['controller']}"
+            if isinstance(answer, Failure):
+                differences[number] = f"{where}: it cannot be made again: {answer.reason}"
+            elif answer[0]:
+                found, decided_by_rounding = answer
+                by_kind = by_rounding if decided_by_rounding else differences
+                by_kind[number] = f"{where}: {'; '.join(found)}"
+            on_progress(done, len(lines))
+    return Repetition(len(lines), _in_order(differences), _in_order(by_rounding), changed_files(study))
+
+
+def changed_files(study: Study) -> tuple[str, ...]:
+    """Names of the files of own laws whose content here differs from that with which a study was made."""
+    own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
+    if not own_laws:
+        return ()
+    return tuple(changed(study.files, contents(study.files, own_folders(own_laws, ()))))
+
+
+def _in_order(sentences: Mapping[int, str]) -> tuple[str, ...]:
+    return tuple(sentence for _, sentence in sorted(sentences.items()))
+
+
+def repeat_run(line: Line, family: Family, law: ControllerSpec, seed: int) -> tuple[list[str], bool]:
+    """Make the run of a line again; what differs, and whether rounding decides it. Called in workers."""
+    made = _made(line, family, law, seed)
+    found = _differences(line, made)
+    if not found:
+        return [], False
+    return found, bool(_differences(made, _made(line, family, law, seed, NUDGE)))
+
+
+def _made(line: Line, family: Family, law: ControllerSpec, seed: int, nudge: float = 0.0) -> Line:
+    laws = ControllerSpec(BASELINE), law
+    task = Batch(family, (line["scene"],), (line[CONDITION],), laws, line["half"], seed)
+    if nudge:
+        scene = family.scene(line["scene"], line["half"], seed)
+        moved = [(1.0 + nudge) * coordinate for coordinate in scene.scenario().tables["q0"]]
+        tables = {name: {**tables, "q0": moved} for name, tables in scene.tables.items()}
+        task = replace(task, drawn=replace(scene, tables=tables))
+    runs: list[Line] = scored(task).runs.to_pylist()
+    return next(run for run in runs if run["controller"] == law.name)
+
+
+def _differences(one: Line, other: Line) -> list[str]:
+    found = []
+    for column in OUTCOME:
+        a, b = (each[column.name] for each in (one, other))
+        if column.kind == "number":
+            a, b = (math.nan if x is None else x for x in (a, b))
+            same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (math.isnan(a) and math.isnan(b))
+        else:
+            same = a == b
+        found += [] if same else [f"{column.name} is {a!r} and was made {b!r}"]
+    return found

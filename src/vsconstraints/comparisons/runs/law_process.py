@@ -1,0 +1,119 @@
+"""Runs of custom laws, each law in a process of its own, which says what the law commands and nothing else.
+
+The motion that follows from the commands is simulated, judged and scored in the process that asks: it never loads the
+law's code, so that nothing that the law changes in its own process reaches the runs of others or its own scores.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Sequence
+from contextlib import chdir
+from dataclasses import dataclass, replace
+from multiprocessing.util import Finalize
+from typing import Any
+
+from ...errors import described
+from ...plugins.classes import beside
+from ...plugins.provenance import Files, add_to_notes, imported, noted
+from ...scenarios import Scenario
+from ...simulation import Prepared, Setup, Trajectory
+from ...simulation.recorded import Recorded, replay
+from .pool import Failure, Pool
+from .spec import ControllerSpec
+
+MAX_PROCESSES = 8  #: Laws whose processes are kept for further runs; the one that has waited longest ends first.
+EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
+
+_pools: dict[str, Pool[dict[str, Any]]] = {}  #: Processes of laws, by the laws; the one used last comes last.
+_finalizers: list[Finalize] = []
+_read_here: Files = {}  #: In a law's process: what its code has read in all its runs.
+
+
+class LawFailedError(Exception):
+    """The process of a law left no run; the message is the reason."""
+
+
+class LawProcessLostError(LawFailedError):
+    """The process of a law is gone, or cannot be told of the run: another time it may go well."""
+
+
+@dataclass(frozen=True)
+class LawRun:
+    """A run as the process of its law is told of it.
+
+    ``time_limit`` [s] is that of the setup, see :func:`.until_settled`; ``by_public_call`` that of :func:`.simulate`.
+    """
+
+    scenario: Scenario
+    law: ControllerSpec
+    trial: int = 0
+    seed: int = 0
+    time_limit: float | None = None
+    by_public_call: bool = False
+
+
+def simulate_apart(
+    run: LawRun, setup: Setup, remarks: Sequence[str] | None = None, prepared: Prepared | None = None
+) -> Trajectory:
+    """As :func:`.simulate`, with the law in a process of its own; ``setup`` is what the run is scored on.
+
+    Raises LawFailedError if the law's process leaves no run.
+    """
+    answer: object = _asked(run)
+    if isinstance(answer, Failure):
+        raise LawProcessLostError(str(answer.reason))
+    try:
+        if not isinstance(answer, dict):
+            raise TypeError("it is no table")
+        add_to_notes({str(path): str(content) for path, content in answer["files"].items()})
+        reason = answer.get("failed")
+        recorded = None if reason else Recorded.from_plain(answer["recorded"], setup.scene.robot.n)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise LawFailedError(f"the answer of the law's process cannot be used: {described(error)}") from error
+    if recorded is None:
+        raise LawFailedError(str(reason))
+    return replay(setup, recorded, remarks=remarks, prepared=prepared)
+
+
+def record(run: LawRun) -> dict[str, Any]:
+    """Run a law in its process, and say what it commanded, or why it failed, and which files it read."""
+    said: dict[str, Any] = {}
+    with chdir("."), noted() as read:
+        try:
+            with beside(run.scenario.folder, run.law.folder):
+                setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
+                recorded = Recorded.of(run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call)
+                said["recorded"] = recorded.plain()
+        except BaseException as error:  # even SystemExit: this is where a run of the law ends
+            said["failed"] = described(error)
+    _read_here.update(read)
+    said["files"] = {**_read_here, **imported()}
+    return said
+
+
+def _asked(run: LawRun) -> dict[str, Any] | Failure:
+    if not _finalizers:
+        _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
+    try:
+        law = hashlib.sha256(pickle.dumps(run.law)).hexdigest()
+    except Exception as error:  # options and instances of own laws can raise anything when they are pickled
+        return Failure.of(error, "it cannot be sent to a process: ")
+    pool = _pools.pop(law, None) or Pool(record, 1, plain=True)
+    _pools[law] = pool
+    while len(_pools) > MAX_PROCESSES:
+        oldest = next(iter(_pools))
+        _end(_pools.pop(oldest))
+    ((_, answer),) = pool.run({0: (run,)})
+    return answer
+
+
+def end_law_processes() -> None:
+    """End the processes of all laws that this process has started."""
+    while _pools:
+        _end(_pools.popitem()[1])
+
+
+def _end(pool: Pool[Any]) -> None:
+    pool.__exit__(None, None, None)

@@ -1,0 +1,156 @@
+"""Runs in two parts: a law's commands, recorded in one process, and the motion that follows from them in another one.
+
+Nothing that a law does to its own process reaches the process in which its motion is simulated, judged and scored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..controllers import Controller, Tracking
+from ..rows import Array, Rows, Task
+from .image_sensor import ImageSensor
+from .loop import Run, trajectory_of
+from .outcome import Ended
+from .prepared import Prepared
+from .setup import Setup
+from .trajectory import Trajectory
+
+MAX_TEXT = 10_000  #: Characters of a reason or of remarks that are taken from a recording.
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a law commanded in a run of N samples on n joints, and what its process says of it.
+
+    The law's process can say anything, so that nothing but ``qdd`` has an influence on motion and scores.
+    """
+
+    qdd: Array  #: (N, n) the commands.
+    ended: Ended  #: How the run ended early; empty if all its samples were run.
+    reason: str  #: Why, if it did.
+    remarks: tuple[str, ...]  #: What a reader should know of the law in this run.
+    rows_time: Array  #: (N,) wall time of rows and task [s].
+    step_time: Array  #: (N,) wall time of the law's call [s].
+    fallbacks: int  #: How often another QP solver had to answer.
+    compiled: bool  #: Whether rows, task and law all ran compiled.
+
+    @classmethod
+    def of(cls, setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Recorded:
+        """Run a law and record its commands; see :func:`.simulate` for the parameters and what is raised."""
+        run = Run(Prepared(setup, controller.factors), controller, whole=True, by_public_call=by_public_call)
+        run.to_the_end()
+        kept = run.loop.kept
+        N = run.samples
+        return cls(
+            qdd=np.ascontiguousarray(kept.states[:N, -2]),
+            ended=run.ended,
+            reason=run.reason,
+            remarks=tuple(run.law_remarks()),
+            rows_time=kept.rows_time[:N],
+            step_time=kept.step_time[:N],
+            fallbacks=run.fallbacks,
+            compiled=run.compiled,
+        )
+
+    def plain(self) -> dict[str, Any]:
+        """The same as text, numbers and bytes alone, for another process."""
+        values = dict(vars(self))
+        for name in ("qdd", "rows_time", "step_time"):
+            values[name] = np.asarray(values[name], dtype=np.float64).tobytes()
+        return values
+
+    @classmethod
+    def from_plain(cls, values: object, joints: int) -> Recorded:
+        """The inverse of :meth:`plain`; raises ValueError, TypeError or KeyError for what is no recording."""
+        if not isinstance(values, dict):
+            raise TypeError("it is no table")
+        ended = values["ended"]
+        if ended not in ("", "failed", "aborted"):
+            raise ValueError("it does not say how the run ended")
+        qdd = _numbers(values["qdd"]).reshape(-1, joints)
+        rows_time = _numbers(values["rows_time"])
+        step_time = _numbers(values["step_time"])
+        if not len(rows_time) == len(step_time) == len(qdd):
+            raise ValueError("it has not one time for each command")
+        if not np.isfinite(qdd).all():
+            raise ValueError("its commands are not finite")
+        return cls(
+            qdd=qdd,
+            ended=ended,
+            reason=str(values["reason"])[:MAX_TEXT],
+            remarks=tuple(str(remark)[:MAX_TEXT] for remark in values["remarks"]),
+            rows_time=rows_time,
+            step_time=step_time,
+            fallbacks=int(values["fallbacks"]),
+            compiled=bool(values["compiled"]),
+        )
+
+
+def _numbers(data: object) -> Array:
+    if not isinstance(data, bytes):
+        raise TypeError("its numbers are no bytes")
+    return np.frombuffer(data, dtype=np.float64).copy()
+
+
+def replay(
+    setup: Setup,
+    recorded: Recorded,
+    *,
+    remarks: Sequence[str] | None = None,
+    prepared: Prepared | None = None,
+) -> Trajectory:
+    """Simulate the motion that recorded commands lead to; it is judged as that of :func:`.simulate`.
+
+    Motion, rows and status follow from the commands alone. What the recording says of computing times, of its early end
+    and of its law is taken over.
+    """
+    if remarks is None:
+        remarks = setup.check_start()
+    run = _Replay(Prepared(setup) if prepared is None else prepared, recorded)
+    run.to_the_end()
+    trajectory = trajectory_of(run, remarks)
+    N = len(trajectory.t)
+    return replace(
+        trajectory,
+        rows_time=recorded.rows_time[:N],
+        step_time=recorded.step_time[:N],
+        fallbacks=recorded.fallbacks,
+        compiled=recorded.compiled,
+    )
+
+
+class _NoCommandError(Exception):
+    """A recording has no command for a sample."""
+
+
+class _Replay(Run):
+    """A run whose commands are recorded ones."""
+
+    def __init__(self, prepared: Prepared, recorded: Recorded) -> None:
+        self._recorded = recorded
+        # tracking alone is asked for nothing: each sample comes to _ask_law
+        super().__init__(prepared, Tracking(), whole=True, by_public_call=True)
+
+    def to_the_end(self) -> None:
+        """Run all samples, or until something ends the run."""
+        recorded = self._recorded
+        super().to_the_end()
+        if self.ended and self.samples == len(recorded.qdd) and recorded.ended:
+            self.ended, self.reason = recorded.ended, recorded.reason
+
+    def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
+        if k >= len(self._recorded.qdd):
+            raise _NoCommandError("the law's process gave no further commands, though the run is not over")
+        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+            self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
+        else:
+            self.loop.answer.qdd[:] = self._recorded.qdd[k]
+
+    def law_remarks(self) -> list[str]:
+        """See :class:`.Run`."""
+        return list(self._recorded.remarks)
