@@ -2,6 +2,7 @@
 
 SLOW = {
     "test_benchmarks",
+    "test_bounds_checks",
     "test_cli",
     "test_cluster",
     "test_compiler",
@@ -17,8 +18,10 @@ SLOW = {
     "test_first_five_minutes",
     "test_mutated",
     "test_notebooks",
+    "test_nothing_outside_changes",
     "test_on_arm::test_missed_periods_of_a_real_loop_are_a_column",
     "test_pool",
+    "test_portable",
     "test_replay_in_a_browser",
     "test_report_pages",
     "test_reports::test_a_report_of_many_laws_has_figures_and_tables_of_few",
