@@ -268,6 +268,9 @@ def print_laws(folder: Path) -> None:
     console.print(table, crop=False, overflow="ignore")
     why = "the controller failed a run that another one solved, or violated a constraint"
     console.print(f"Timings are not ranked. In parentheses: excluded from the ranking, since {why}.")
+    slow = [name for name in results.competitors if "NumPy" in results.implementation(name)]
+    if slow:
+        console.print(f"In NumPy, not compiled: {', '.join(slow)}. Such runs take some ten times as long.")
 
 
 def _emphasised(text: str) -> Text:
