@@ -2,6 +2,7 @@
 
 SLOW = {
     "test_benchmarks",
+    "test_bounds_checks",
     "test_cli",
     "test_cluster",
     "test_compiler",
@@ -20,8 +21,10 @@ SLOW = {
     "test_leaderboard::test_a_check_says_how_many_runs_it_repeated_by_which_secret_seed",
     "test_mutated",
     "test_notebooks",
+    "test_nothing_outside_changes",
     "test_on_arm::test_missed_periods_of_a_real_loop_are_a_column",
     "test_pool",
+    "test_portable",
     "test_replay_in_a_browser",
     "test_report_pages",
     "test_reports::test_a_report_of_many_laws_has_figures_and_tables_of_few",

@@ -57,6 +57,7 @@ PROMISED_RESULTS = [
     "saturated_time_s",
     "violation_fraction",
     "violated_tolerant",
+    "acceleration_max",
 ]
 PROMISED_CONSTRAINTS = [
     "suite",

@@ -86,6 +86,99 @@ def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
         os.truncate(file, 40)
 
 
+def load_polylines(cache, code="", **variables):
+    """A process that loads one module by a cache: what it writes to its standard error."""
+    code = code or "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone", **variables}
+    environment = {name: value for name, value in environment.items() if value is not None}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    return done.stderr
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_damaged_compiled_file_is_made_again_with_a_note(tmp_path, kind):
+    """Machine code with flipped bits would end every process that runs it, without an error."""
+    load_polylines(tmp_path)
+    (file,) = tmp_path.rglob(f"polylines.search-*.{kind}")
+    whole = bytearray(file.read_bytes())
+    for k in range(10):
+        whole[(2 * k + 1) * len(whole) // 20] ^= 1 << (k % 8)
+    file.write_bytes(whole)
+    told = load_polylines(tmp_path)
+    assert f"{file} is damaged and compiled again" in told
+    assert load_polylines(tmp_path) == ""
+
+
+def test_a_file_whose_checksum_was_not_written_is_made_again_without_a_note(tmp_path):
+    """As where the process was ended in between."""
+    load_polylines(tmp_path)
+    (file,) = tmp_path.rglob("polylines.search-*.nbc.sha256")
+    file.unlink()
+    begun = file.with_suffix("").stat().st_mtime_ns
+    assert "damaged" not in load_polylines(tmp_path)
+    assert file.with_suffix("").stat().st_mtime_ns > begun
+    assert load_polylines(tmp_path) == ""
+
+
+HOMELESS = """
+import os, pwd
+
+def nobody(*arguments):
+    raise KeyError("getpwuid(): uid not found: 12345")
+
+# as in a container whose user has no entry in /etc/passwd
+pwd.getpwuid = pwd.getpwnam = nobody
+from vsconstraints import compiled as kernels
+assert kernels.load("polylines") and kernels.load("compiler").compiles()
+candidates = kernels.load("compiler").cache_candidates()
+del os.environ["NUMBA_CACHE_DIR"]
+beside = kernels.load("compiler").cache_candidates()
+assert len(candidates) == 1 and [folder.name for folder in beside] == ["__pycache__"], (candidates, beside)
+os.environ["XDG_CACHE_HOME"] = "/elsewhere"
+assert str(kernels.load("compiler").cache_candidates()[1]) == "/elsewhere/vsconstraints"
+"""
+
+
+def test_a_user_without_a_home_runs_compiled(tmp_path):
+    told = load_polylines(tmp_path, HOMELESS, HOME=None, XDG_CACHE_HOME=None)
+    assert "without its compiler" not in told
+
+
+def test_that_something_is_compiled_once_is_said_once(tmp_path):
+    """Of the control step at first; a later process names what was not needed before, and the next one is silent."""
+    more = "from vsconstraints.compiled import load; load('polylines'); load('delay')"
+    told = [load_polylines(tmp_path), load_polylines(tmp_path, more), load_polylines(tmp_path, more)]
+    assert [text.count("compiling the control step, once") for text in told] == [1, 0, 0]
+    assert [text.count("which nothing has needed before") for text in told] == [0, 1, 0]
+    assert told[2] == ""
+
+
+NESTED = """
+from vsconstraints.compiled import load
+
+def shaped(x):
+    names = x in {"a", "b", "c", "d", "e"}
+    return sum(map(lambda each: each if names else 2.0 * each, [x]))
+
+print(load("compiler").cache_folder(load("polylines").search, (shaped,)).name)
+"""
+
+
+def test_a_formula_has_the_same_folder_in_every_process(tmp_path):
+    """Also one with functions inside, whose addresses differ, and with sets, whose order does."""
+    names = set()
+    for seed in ("1", "2", "3"):
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONHASHSEED": seed}
+        done = subprocess.run(
+            [sys.executable, "-c", NESTED], env=environment, capture_output=True, text=True, timeout=300, check=True
+        )
+        names.add(done.stdout)
+    assert len(names) == 1
+
+
 def test_a_cache_that_cannot_be_written_is_told_once_and_the_definition_runs(tmp_path):
     expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
     (tmp_path / "file").write_text("not a folder")
@@ -141,7 +234,7 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-PYTHON = {"compiler", "numba_internals"}
+PYTHON = {"checksums", "compiler", "numba_internals"}
 """Modules in which nothing is compiled."""
 
 

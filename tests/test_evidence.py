@@ -235,6 +235,22 @@ def test_a_column_that_is_not_there_is_named(whole: tuple[Campaign, Path], tmp_p
         tables(tmp_path)
 
 
+def test_a_campaign_from_before_a_column_was_added_can_be_read(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
+    """The column is empty; all others are as they were."""
+    small, _ = whole
+    collect(replace(small, scenes=1), tmp_path, HERE)
+    now = Evidence.load(tmp_path).runs
+    (name,) = folders.shard_names(tmp_path)
+    path = folders.shard_file(tmp_path, "runs", name)
+    lines = folders.parquet.read([path], TABLES["runs"])
+    folders.parquet.write(path, lines.drop_columns(["acceleration_max"]), folders.parquet.facts_of(path))
+    (tmp_path / SUMS).unlink()
+    before = Evidence.load(tmp_path).runs
+    assert now["acceleration_max"].gt(0.0).all()
+    assert before["acceleration_max"].isna().all()
+    pd.testing.assert_frame_equal(now.drop(columns="acceleration_max"), before.drop(columns="acceleration_max"))
+
+
 @pytest.mark.parametrize(("before", "after"), [(12, 18), (18, 12), (24, 6)])
 def test_batches_of_another_size_are_gone_on_with(
     whole: tuple[Campaign, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: int, after: int

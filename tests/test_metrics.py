@@ -150,6 +150,7 @@ def test_every_score_of_a_small_run() -> None:
         "saturated_time_s": 0.5,
         "violation_fraction": pytest.approx(0.4 / 2),
         "violated_tolerant": "row 1",
+        "acceleration_max": 3.0,
     }
     first, second = found.constraints
     assert np.isnan(second["share_to_hold"])
@@ -544,7 +545,7 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
 def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
     added = [metric.added for metric in METRICS if metric.added]
     assert len(set(added)) == len(added), "two columns were added at once: which comes first is chance"
-    assert RESULT_COLUMNS[-7:] == (
+    assert RESULT_COLUMNS[-8:] == (
         "compiled",
         "within_band",
         "sliding_lost_s",
@@ -552,7 +553,17 @@ def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
         "saturated_time_s",
         "violation_fraction",
         "violated_tolerant",
+        "acceleration_max",
     )
+
+
+def test_the_largest_acceleration_is_that_of_one_joint_in_one_sample() -> None:
+    """Of either sign; what is not a number is left out, and a run without any has none."""
+    commanded = np.array([[1.0, -2.0], [np.nan, 0.5], [-30.0, 4.0]])
+    result = score(made([[1.0, 1.0, 1.0]], qdd_command=commanded), None).result
+    assert result["acceleration_max"] == 30.0
+    nothing = score(made([[1.0, 1.0]], qdd_command=np.full((2, 2), np.nan)), None).result
+    assert np.isnan(nothing["acceleration_max"])
 
 
 def test_a_depth_is_stored_as_a_share_and_shown_in_per_cent() -> None:

@@ -67,6 +67,21 @@ def result(controller: str, scenario: str = "one", trial: int = 0, **changes: An
     return line | of_depth(line["violation_depth"], line["violated"]) | changes
 
 
+@pytest.mark.parametrize(("largest", "remarked"), [(680.0, True), (99.0, False), (400.0, False)])
+def test_an_acceleration_out_of_proportion_is_remarked(tmp_path: Path, largest: float, remarked: bool) -> None:
+    """From 100 rad/s² on, if it is more than ten times that of any other controller."""
+    others = 50.0 if largest == 400.0 else 5.0
+    lines = [
+        result("tracking", acceleration_max=others, violated="fov[marker 1]", violation_depth=0.1),
+        result("sliding-mode", acceleration_max=largest),
+        result("hierarchical-qp", acceleration_max=0.5 * others),
+    ]
+    text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
+    sentence = "**Out of proportion**: sliding-mode commands up to 680 rad/s² of a joint, 136 times as much"
+    assert (sentence in text) == remarked
+    assert text.count("Out of proportion") == remarked
+
+
 def row(controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any) -> dict[str, Any]:
     """A line of constraints.csv of a challenged row that is kept."""
     line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)

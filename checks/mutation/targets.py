@@ -61,7 +61,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
 NAMED_TOO = ("src/vsconstraints/compiled", "src/vsconstraints/constraints", "src/vsconstraints/qp")
 """Folders of which mutants are named, but no share is asked for."""
 
-COMPILER = ("compiler", "numba_internals", "parts", "scratch", "__init__")
+COMPILER = ("checksums", "compiler", "numba_internals", "parts", "scratch", "__init__")
 """Files of compiled code that say how functions are compiled, which does not happen here."""
 
 

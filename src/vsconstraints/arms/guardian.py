@@ -14,6 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from ..errors import ConfigurationError, described
+from ..plugins import portable
 from ..plugins.processes import SIGNALS
 
 ATTEMPTS = 3  #: How often a stop command is tried.
@@ -107,7 +108,7 @@ class Guardian:
 
 def watch() -> None:
     """What the process does: wait for heartbeats and, where they fail to come, stop the arm."""
-    for number in (*SIGNALS, signal.SIGPIPE):
+    for number in (*SIGNALS, *portable.signals("SIGPIPE")):
         signal.signal(number, signal.SIG_IGN)
     stop = pickle.load(sys.stdin.buffer)
     os.write(1, b"+")

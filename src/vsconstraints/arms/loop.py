@@ -15,6 +15,7 @@ import numpy as np
 from ..controllers import Controller
 from ..controllers.base import restart
 from ..errors import ConfigurationError, SceneError, described, shown
+from ..plugins import portable
 from ..rows import Array, Command
 from ..simulation import Setup
 from ..simulation.loop import loses_rank
@@ -25,7 +26,7 @@ from .guardian import Guardian
 from .images import ImageSource, SimulatedImages
 from .record import ArmLog, Ended
 from .stream import Stream
-from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, demand_start, requests_noted
+from .supervision import Requests, Supervision, Watchdog, demand_start, requests_noted
 
 GUARDED = 2.0  #: Factor by which the guardian waits longer than the watchdog.
 STAMP = 1e-3  #: An image may be so much ahead of now [s]: stamps are often whole milliseconds.
@@ -142,6 +143,8 @@ class _Run:
     @contextmanager
     def _guarded(self) -> Iterator[None]:
         """Run a guardian meanwhile, where time is real and the driver has a stopper."""
+        if not (self.stream.clock.simulated or portable.STOPS_ARMS):
+            raise ConfigurationError("an arm needs Linux or macOS: here no signal interrupts a call that hangs")
         stop = None if self.stream.clock.simulated else self.driver.stopper()
         if stop is None:
             yield
@@ -165,7 +168,7 @@ class _Run:
             self._take_over()
             requests.raising = TakenOver
             if ours is threading.main_thread() and ours.ident is not None:
-                signal.pthread_kill(ours.ident, TAKE_OVER)
+                signal.pthread_kill(ours.ident, portable.TAKE_OVER)
 
         self.watchdog = Watchdog(self._patience, take_over)
         self._alive(self.bounds.begin_s)

@@ -13,6 +13,7 @@ from types import FrameType
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..plugins.portable import TAKE_OVER
 from ..plugins.processes import SIGNALS
 from ..simulation import Setup
 from ..vision.measurement import Plausible
@@ -67,9 +68,6 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     here = replace(setup, q0=state.q.copy(), qd0=np.zeros(n))
     here.check_start()
     return here
-
-
-TAKE_OVER = signal.SIGUSR1  #: Interrupts a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's.
 
 
 class Requests:

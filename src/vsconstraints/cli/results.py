@@ -287,3 +287,6 @@ def print_laws(folder: Path) -> None:
         print_columns(laws.header, laws.lines)
     why = "the controller failed a run that another one solved, or violated a constraint"
     print_paragraph(f"{timings}. In parentheses: excluded from the ranking, since {why}.")
+    slow = [name for name in results.competitors if "NumPy" in results.implementation(name)]
+    if slow:
+        print_paragraph(f"In NumPy, not compiled: {', '.join(slow)}. Such runs take some ten times as long.")

@@ -119,6 +119,10 @@ class Measured:
         worst = np.nanargmax(bands / bounds)
         return float(bands[worst]), float(bounds[worst])
 
+    def largest_acceleration(self) -> float:
+        """Return the largest acceleration commanded of one joint in any sample; NaN if there is none."""
+        return over(np.abs(self.run.qdd_command).ravel(), np.fmax.reduce)
+
     def sliding_lost(self) -> float:
         """Time for which some row's φ stays at or above zero for longer than a sliding mode does, beyond T_s u⁺ [s]."""
         lost = np.zeros(len(self.run.t), dtype=np.bool_)
@@ -213,6 +217,7 @@ class Metric:
     ``value`` is that of a run or, in constraints.csv, of each of its rows; None for the ratio ``column / over``.
     ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number that differs from run to run on the same
     machine. Columns stand in the order in which they were ``added``: a new one has a greater number than all others.
+    Tables of earlier versions can be read without it if it is a number.
 
     In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a scenario, ``overall`` in
     the tables over all scenarios, where runs are ``condensed``: to the median of those that converged, of a time of
@@ -293,6 +298,7 @@ METRICS = _described("run", (
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5),
     Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), added=6),
     Metric("violated_tolerant", kind="text", added=7, value=lambda m: m.named(m.fraction - TOLERANT)),
+    Metric("acceleration_max", Measured.largest_acceleration, added=8),
 ))  # fmt: skip
 #: Of each row of a run.
 ROW_METRICS = _described("row", (
@@ -322,6 +328,9 @@ RUN = ("suite", "scenario", "controller", "trial")  #: columns of both files tha
 STORED = tuple(sorted((metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added))
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
+#: Columns that tables of earlier versions may lack: they then read as empty. Only numbers can,
+#: since an empty text says something.
+LATER_COLUMNS = tuple(each.column for each in STORED if each.added and each.kind in ("number", "time"))
 #: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")
 #: What the scores mean, and words that this uses: the one source of reports and documentation.

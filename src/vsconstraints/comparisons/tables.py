@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import ConfigurationError, shown
 from ..plugins.regular_files import demand_regular
 from ..simulation.trajectory import Outcome
-from .metrics import METRICS, ROW_METRICS, RUN
+from .metrics import LATER_COLUMNS, METRICS, ROW_METRICS, RUN
 from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
@@ -61,21 +61,27 @@ def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, A
 
 
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
-    """Lines of a table: text, flags and floats, NaN where empty; raises ConfigurationError with file and line."""
+    """Return the lines of a table: text, flags and floats, NaN where empty.
+
+    Columns that earlier versions did not write are empty. Raises ConfigurationError with file and
+    line.
+    """
     lines = []
     try:
         demand_regular(path)
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
-            if missing := [name for name in columns if header.count(name) != 1]:
+            later = [name for name in columns if name in LATER_COLUMNS and name not in header]
+            if missing := [name for name in columns if header.count(name) != 1 and name not in later]:
                 why = "or more than one; another version may have written it"
                 raise ValueError(f"it has no column {shown(missing[0])}, {why}")
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-                lines.append({name: _parsed(name, text, where) for name, text in zip(header, cells, strict=True)})
+                line = {name: _parsed(name, text, where) for name, text in zip(header, cells, strict=True)}
+                lines.append(line | dict.fromkeys(later, math.nan))
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     return lines

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import hashlib
 import inspect
 import math
+import multiprocessing
 import os
 import re
 import shutil
@@ -20,13 +20,15 @@ from functools import cache, wraps
 from importlib import import_module
 from numbers import Real
 from pathlib import Path
-from types import SimpleNamespace
+from types import CodeType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from ..formulas import FORMULAS
+from ..plugins import portable
 from . import COMPLAINT, MODULES, VARIABLE
+from .checksums import remove_damaged, seal
 
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
@@ -193,15 +195,11 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
         config.CACHE_DIR, config.LOOP_VECTORIZE = str(folder), 0
         try:
             with compile_lock(folder):
-                try:
-                    return _compile_or_read(jit, function)
-                except Exception:  # a file that was cut short, for example on a full disk, can raise anything
-                    kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
-                    if not kept:
-                        raise
-                    for file in kept:
-                        file.unlink()
-                    return _compile_or_read(jit, function)
+                pattern = f"*.{function.__name__}-*.nb[ci]"
+                remove_damaged([*folder.rglob(pattern)])
+                result = _compile_or_read(jit, function)
+                seal([*folder.rglob(pattern)])
+                return result
         finally:
             config.CACHE_DIR, config.LOOP_VECTORIZE = before
 
@@ -224,7 +222,7 @@ def compile_lock(folder: Path) -> Iterator[None]:
     with ExitStack() as stack:
         # where files cannot be locked each compiles for itself
         with suppress(OSError):
-            fcntl.flock(stack.enter_context((folder / "lock").open("w")), fcntl.LOCK_EX)
+            portable.lock(stack.enter_context((folder / "lock").open("w")), wait=True)
         yield
 
 
@@ -258,15 +256,48 @@ def _state() -> bytes:
     """Differs with the code of this package, the compiler, Python and the processor."""
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     texts = b"".join(file.read_bytes() for file in sources())
-    return hashlib.sha256(texts + f"{numba.__version__} {sys.version} {processor}".encode()).digest()
+    made_by = f"{numba.__version__} {sys.version} {processor} {internals.CHECKS_BOUNDS}"
+    return hashlib.sha256(texts + made_by.encode()).digest()
+
+
+def _meaning(code: CodeType) -> bytes:
+    """Return bytes that differ with what a function does, and are the same in every process.
+
+    The ``repr`` of its constants is not: inner functions show their addresses there, and sets of
+    texts their order.
+    """
+    constants = []
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            constants.append(_meaning(constant))
+        elif isinstance(constant, frozenset):
+            constants.append(repr(sorted(map(repr, constant))).encode())
+        else:
+            constants.append(repr(constant).encode())
+    return b"\0".join([code.co_code, *constants])
+
+
+def cache_candidates() -> list[Path]:
+    """List where compiled code may be kept.
+
+    That is ``NUMBA_CACHE_DIR`` if it is set, or else beside the code or in the user's cache, which
+    a user without a home does not have.
+    """
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return [Path(chosen)]
+    beside = Path(__file__).parent / "__pycache__"
+    users = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    # without a home the text stays as it is
+    return [beside] if users.startswith("~") else [beside, Path(users) / "vsconstraints"]
 
 
 def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
     """Where a compiled function is kept: one folder for each state of its code, the compiler, Python and the processor.
 
     Numba by itself would compare the file of a function, and not see that one it calls has changed. The folder is made
-    within ``NUMBA_CACHE_DIR`` if that is set, or else beside the code, or in the user's cache where that cannot be
-    written. One that cannot be written but holds the function is as good.
+    in the first of :func:`cache_candidates` that can be written. One that cannot be written but
+    holds the function is as good.
 
     Raises
     ------
@@ -278,12 +309,10 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
         # the module of an own one may hold whatever it calls
         with suppress(OSError):
             state.update(Path(inspect.getsourcefile(formula) or "").read_bytes())
-        state.update(formula.__code__.co_code + repr(formula.__code__.co_consts).encode())
+        state.update(_meaning(formula.__code__))
     made_for = "".join(f".{formula.__name__}" for formula in formulas)
     name = f"{function.__module__.rpartition('.')[2]}{made_for}-{state.hexdigest()[:HASH]}"
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    candidates = [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", caches / "vsconstraints"]
+    candidates = cache_candidates()
     for folder in candidates:
         with suppress(OSError):
             (folder / name).mkdir(parents=True, exist_ok=True)
@@ -291,29 +320,39 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
             return folder / name
         if next((folder / name).rglob(f"*.{function.__name__}-*.nbi"), None) is not None:
             return folder / name
-    raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
+    refused = " or ".join(map(str, candidates))
+    raise OSError(f"no folder to keep compiled code in: cannot write {refused}; NUMBA_CACHE_DIR names another one")
 
 
 _helpers: list[subprocess.Popen[bytes]] = []  #: Kept, since the end of a process that nobody holds is complained about.
-ANNOUNCED = "VSCONSTRAINTS_COMPILING_IN"  #: Where this process, or one that started it, keeps what it now compiles.
+_announced: set[Path] = set()  #: Caches of which this process has said that it fills them.
 
 
 def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
-    """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
+    """Return the cache folder, and remove old ones; say so if the function has to be compiled."""
     folder = cache_folder(function, formulas)
     with suppress(OSError):
         os.utime(folder)
         states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
         for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT_PARTS if formulas else KEPT :]:
             shutil.rmtree(old, ignore_errors=True)
-    kept_in = str(folder.parent)
-    if os.environ.get(ANNOUNCED) != kept_in and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
-        os.environ[ANNOUNCED] = kept_in
-        text = f"vsconstraints: compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
-        print(text, file=sys.stderr, flush=True)
+    missing = next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None
+    # the workers of a command compile what it has announced
+    if missing and folder.parent not in _announced and multiprocessing.parent_process() is None:
+        _announced.add(folder.parent)
+        part = folder.name.rpartition("-")[0]
+        print(f"vsconstraints: {_announcement(part, folder.parent)}", file=sys.stderr, flush=True)
         own = function.__module__.rpartition(".")[2]
         _share(name for name in reversed(MODULES) if name != own)
     return folder
+
+
+def _announcement(part: str, kept_in: Path) -> str:
+    """Return what is compiled: the control step if nothing is there yet, or what it lacks."""
+    state = hashlib.sha256(_state()).hexdigest()[:HASH]
+    if next(kept_in.glob(f"*-{state}/**/*.nbi"), None) is None:
+        return f"compiling the control step, once, for 10 to 30 s; kept in {kept_in}"
+    return f"compiling more, from {part} on, which nothing has needed before; kept in {kept_in}"
 
 
 def _share(modules: Iterable[str]) -> None:

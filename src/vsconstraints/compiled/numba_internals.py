@@ -15,9 +15,16 @@ import numpy as np
 
 numba = import_module("numba")  # not typed
 codegen = import_module("numba.core.codegen")
+machinery = import_module("numba.core.compiler_machinery")
+ir = import_module("numba.core.ir")
+ir_utils = import_module("numba.core.ir_utils")
+untyped_passes = import_module("numba.core.untyped_passes")
 
 if numba.config.DISABLE_JIT:
     raise RuntimeError("NUMBA_DISABLE_JIT is set")
+
+#: Whether ``NUMBA_BOUNDSCHECK`` asks for an IndexError where code would leave an array.
+CHECKS_BOUNDS = bool(numba.config.BOUNDSCHECK)
 
 VOID, INT, FLOAT = numba.types.void, numba.types.int64, numba.types.float64
 VECTOR, MATRIX = FLOAT[::1], FLOAT[:, ::1]
@@ -43,14 +50,68 @@ class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         self._final_module = whole
 
 
+def where(condition: Any, x: Any, y: Any) -> Any:
+    """``np.where``, of which compiled code makes no arrays for single numbers."""
+    return np.where(condition, x, y)
+
+
+@numba.extending.overload(where)  # type: ignore[untyped-decorator]
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    def choose(condition: Any, x: Any, y: Any) -> Any:
+        return x if condition else y
+
+    def as_numpy(condition: Any, x: Any, y: Any) -> Any:
+        return np.where(condition, x, y)
+
+    numbers = numba.types.Boolean, numba.types.Number
+    return choose if all(isinstance(each, numbers) for each in (condition, x, y)) else as_numpy
+
+
+@machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class WhereOfNumbers(machinery.FunctionPass):  # type: ignore[misc, name-defined]
+    """Replace ``np.where`` by :func:`where` in the functions of this package alone.
+
+    Another overload of ``np.where`` itself would change what functions of others return.
+    """
+
+    _name = "where_of_numbers"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        """Return whether anything was replaced."""
+        code = state.func_ir
+        replaced = False
+        for block in code.blocks.values():
+            for assignment in block.find_insts(ir.Assign):
+                if _is_where(code, assignment.value):
+                    assignment.value = ir.Global("where", where, assignment.loc)
+                    code._definitions[assignment.target.name] = [assignment.value]
+                    replaced = True
+        return replaced
+
+
+def _is_where(code: Any, value: Any) -> bool:
+    """Return whether a value is ``np.where``, as an attribute of NumPy or imported by name."""
+    if isinstance(value, ir.Expr) and value.op == "getattr" and value.attr == "where":
+        module = ir_utils.guard(ir_utils.get_definition, code, value.value)
+        return getattr(module, "value", None) is np
+    return isinstance(value, (ir.Global, ir.FreeVar)) and value.value is np.where
+
+
 class PartCompiler(import_module("numba.core.compiler").Compiler):  # type: ignore[misc]
-    """Compiles with a :class:`Library`."""
+    """Compiles with a :class:`Library`, and with :class:`WhereOfNumbers`."""
 
     def define_pipelines(self) -> Any:
-        """As numba does, but for the library."""
+        """As numba does, but for the library and the pass."""
         state = self.state
         state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
-        return super().define_pipelines()
+        pipelines = super().define_pipelines()
+        for pipeline in pipelines:
+            pipeline.add_pass_after(WhereOfNumbers, untyped_passes.IRProcessing)
+            pipeline.finalize()
+        return pipelines
 
 
 def part_of_others(function: Callable[..., Any], options: dict[str, Any]) -> None:
@@ -84,17 +145,6 @@ def intrinsic(function: Callable[..., Any], prefer_literal: bool = False) -> Cal
         templates.infer_global(function, numba.types.Function(template))
 
     return decorate
-
-
-@numba.extending.overload(np.where)  # type: ignore[untyped-decorator]
-def _where(condition: Any, x: Any, y: Any) -> Any:
-    """``np.where`` of single numbers makes no arrays."""
-
-    def choose(condition: Any, x: Any, y: Any) -> Any:
-        return x if condition else y
-
-    numbers = numba.types.Boolean, numba.types.Number
-    return choose if all(isinstance(each, numbers) for each in (condition, x, y)) else None
 
 
 class Stored(numba.types.Type):  # type: ignore[misc, name-defined]
@@ -159,7 +209,11 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
                 unpacked.append(value)
             kind = context.call_conv.get_function_type(result, types)
             pointer = builder.inttoptr(values[0], kind.as_pointer())
-            _, answer = context.call_conv.call_function(builder, pointer, result, types, unpacked)
+            status, answer = context.call_conv.call_function(builder, pointer, result, types, unpacked)
+            # nothing else raises in compiled code
+            if CHECKS_BOUNDS:
+                with builder.if_then(status.is_error):
+                    context.call_conv.return_status_propagate(builder, status)
             return context.get_dummy_value() if result == VOID else answer
 
         return result(address, arguments), generate

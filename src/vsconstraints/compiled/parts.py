@@ -61,7 +61,7 @@ def matrix_at(numbers: Array, at: int, rows: int, columns: int) -> Array:
 
 def monotonic(scratch: IntArray) -> float:
     """Time of a clock that only goes forward [s]; ``scratch`` (2,) is for compiled code."""
-    return time.clock_gettime(time.CLOCK_MONOTONIC)
+    return time.monotonic()
 
 
 def struct_loader(example: Any) -> Callable[[int], Any]:
@@ -80,7 +80,7 @@ if compiler.internals is not None:
     compiler.internals.call_as(call_int_pointer, INT)
     compiler.internals.fixed_tuple_as(to_fixed_tuple)
     compiler.internals.matrix_at_as(matrix_at)
-    compiler.internals.monotonic_as(monotonic, time.CLOCK_MONOTONIC)
+    compiler.internals.monotonic_as(monotonic, getattr(time, "CLOCK_MONOTONIC", 1))
 
 
 def checked(*kinds: type) -> Callable[[Any], Any]:

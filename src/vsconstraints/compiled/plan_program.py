@@ -404,7 +404,8 @@ def state_row(cost: Cost, factor: Factor, limits: Limits, space: Space, row: int
         X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
     length = math.sqrt(dot(X, NEW, X, NEW, START, space.p))
-    if length <= ZERO_GRADIENT * limits.scale[row % m]:
+    # rows of the box have no gradient that could vanish, and there may be no others
+    if row < limits.left.size and length <= ZERO_GRADIENT * limits.scale[row % m]:
         return math.nan
     for j in range(space.p):
         X[NEW, j] /= length
@@ -451,6 +452,8 @@ def search(
         if row < 0:
             return SOLVED, q
         side = state_row(cost, factor, limits, space, row, penalty)
+        if math.isnan(side) and row >= limits.left.size:
+            return FAILED, q
         if math.isnan(side):
             # what no plan changes is slack, whatever it costs
             space.slack[row % m] = max(space.slack[row % m], excess(limits, space, row))

@@ -17,8 +17,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
+from . import portable
+
 #: What asks a command to stop: Ctrl-C, the system, and a terminal that is closed.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = portable.signals("SIGINT", "SIGTERM", "SIGHUP")
 
 PR_SET_PDEATHSIG = 1  #: of Linux' prctl: the signal that a process gets when its parent ends
 SAME_REQUEST = 2.0  # signals within this time of one that was obeyed [s] mean the same: closing terminals send several
@@ -56,7 +58,7 @@ def obey_signals() -> None:
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal obeyed
-        if number == signal.SIGHUP:
+        if number == portable.HANGUP:
             # what is written to a terminal that was closed would raise in the middle of keeping results
             nowhere = os.open(os.devnull, os.O_WRONLY)
             for terminal in terminals:
@@ -78,13 +80,14 @@ def obey_signals() -> None:
 @contextmanager
 def signals_held() -> Iterator[None]:
     """What arrives meanwhile is delivered at the end; a process that is started inherits that it is held."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    _Held.depth += 1
     try:
-        yield
+        with portable.blocked(SIGNALS):
+            _Held.depth += 1
+            try:
+                yield
+            finally:
+                _Held.depth -= 1
     finally:
-        _Held.depth -= 1
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         waiting, _Held.waiting = _Held.waiting, 0
         if waiting:
             raise Stopped(waiting)

@@ -32,6 +32,10 @@ FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s"
 AT_THE_END = 0.5  #: A row that acted within this time before the end counts as acting at the end [s].
 
 
+UNUSUAL = 100.0  #: A largest acceleration below this one is never out of proportion [rad/s²].
+OUT_OF_PROPORTION = 10.0  #: So many times that of any other controller it has to be.
+
+
 def robot_name(scenario: Scenario) -> str:
     """The name of a scenario's robot."""
     robot = scenario.tables.get("robot")
@@ -57,6 +61,30 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
             columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
     empty = group != "outcome" and 1 + len(columns) == text
     return Table(["controller"], []) if empty else columns_table("controller", names, columns, text)
+
+
+def acceleration_remarks(results: Results, scenario: str) -> list[str]:
+    """Name controllers that command accelerations out of proportion to those of all others.
+
+    Where a row leaves hardly any of the task's null space, one sample can command what no arm can
+    follow.
+    """
+    largest = {}
+    for name in results.controllers:
+        values = [run["acceleration_max"] for run in results.runs(scenario, name)]
+        known = [value for value in values if math.isfinite(value)]
+        if known:
+            largest[name] = max(known)
+    remarks = []
+    for name, value in largest.items():
+        others = max((other for own, other in largest.items() if own != name), default=math.inf)
+        if value >= UNUSUAL and value > OUT_OF_PROPORTION * others:
+            remarks.append(
+                f"**Out of proportion**: {plain(name)} commands up to {number(value)} rad/s² "
+                f"of a joint, {number(value / others)} times as much as any other controller; "
+                "an arm would do something else. Give joints limits of acceleration."
+            )
+    return remarks
 
 
 def metric_text(metric: Metric, runs: Sequence[Line]) -> str:

@@ -12,7 +12,15 @@ from typing import Any, Literal, NamedTuple
 from ...errors import ConfigurationError, one_line
 from ...plugins.extras import demand
 from ...plugins.regular_files import demand_regular
-from ..metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, ROW_METRICS, RUN, TIMING_COLUMNS
+from ..metrics import (
+    CONSTRAINT_COLUMNS,
+    LATER_COLUMNS,
+    METRICS,
+    RESULT_COLUMNS,
+    ROW_METRICS,
+    RUN,
+    TIMING_COLUMNS,
+)
 from ..runs.files import replaced
 
 demand("evidence")
@@ -118,7 +126,11 @@ def line_count(path: Path) -> int:
 
 
 def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None) -> Any:
-    """One table of the lines of all files, of the named columns or all; ConfigurationError if one cannot be read."""
+    """Return one table of the lines of all files, of the named columns or all.
+
+    Columns that earlier versions did not write are empty. Raises ConfigurationError if a file
+    cannot be read.
+    """
     wanted = schema([column for column in columns if names is None or column.name in names])
     tables = [wanted.empty_table()]
     for path in paths:
@@ -130,6 +142,9 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
                 raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
             lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
+            for name in LATER_COLUMNS:
+                if name in wanted.names and name not in lines.column_names:
+                    lines = lines.append_column(name, pa.nulls(len(lines), pa.float64()))
             if missing := [name for name in wanted.names if name not in lines.column_names]:
                 raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
             tables.append(lines.select(wanted.names).cast(wanted))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar, cast, get_args
 
 from ...errors import ConfigurationError, FolderTaken, unknown_name
+from ...plugins import portable
 from ...plugins.classes import code_named, untrusted
 from ...plugins.regular_files import read_regular
 from ...scenarios.reading import NOTHING, Table, checked, demand_table
@@ -54,7 +54,7 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         raise ConfigurationError(f"results cannot be stored in {folder}: {error}") from error
     with lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            portable.lock(lock, wait=False)
         except BlockingIOError:
             lock.seek(0)
             storing = f"process {lock.read().strip() or 'unknown'} is storing results in {folder}"

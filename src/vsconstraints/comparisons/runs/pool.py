@@ -22,6 +22,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
+from ...plugins import portable
 from ...plugins.processes import SIGNALS, Stopwatch, end_with, signals_held
 from .machine import process_count
 
@@ -309,7 +310,7 @@ def _serve(connection: Connection, parent: int) -> None:
     end_with(parent)
     warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool handles it: Ctrl-C reaches all processes of a terminal
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    portable.unblock(SIGNALS)
     with suppress(EOFError, OSError):  # the pool is gone
         while True:
             message = connection.recv_bytes()

@@ -1,0 +1,58 @@
+"""Checksums beside compiled files.
+
+A process that runs damaged machine code ends at once, without an error. A file without a checksum
+was not finished. Both kinds are removed, so that they are made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+SUFFIX = ".sha256"  #: What is added to a file's name.
+
+
+def _sum_file(file: Path) -> Path:
+    return file.with_name(file.name + SUFFIX)
+
+
+def _sum_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _written_sum(file: Path) -> str:
+    return _sum_file(file).read_text("ascii", "replace")
+
+
+def remove_damaged(files: Sequence[Path]) -> None:
+    """Remove the files of one function unless all are as they were written.
+
+    A note says so where one is damaged.
+    """
+    sums = [_sum_file(file) for file in files]
+    if all(sum_file.is_file() for sum_file in sums):
+        damaged = [file for file in files if _sum_of(file) != _written_sum(file)]
+        if not damaged:
+            return
+        note = f"vsconstraints: {damaged[0]} is damaged and compiled again"
+        print(note, file=sys.stderr, flush=True)
+    for path in (*files, *sums):
+        path.unlink(missing_ok=True)
+
+
+def seal(files: Sequence[Path]) -> None:
+    """Write the checksums of files that have none.
+
+    Where they cannot be written, the files are made again next time.
+    """
+    for file in files:
+        sum_file = _sum_file(file)
+        if not sum_file.exists():
+            part = sum_file.with_name(f"{sum_file.name}.{os.getpid()}")
+            with suppress(OSError):
+                part.write_text(_sum_of(file), "ascii")
+                part.replace(sum_file)
