@@ -162,8 +162,9 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         README,
-        "leaves speed rows only in {:.0f} % of its runs without disturbances. Without these rows it would succeed in "
-        "{:.0f} %, at 1 % of L in {:.0f} %, and with rows that look one sampling period ahead in {:.0f} %.",
+        "leaves speed rows only in {:.0f} % of its runs without disturbances, mostly by less than u⁺ in one sampling "
+        "period. Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in {:.0f} %, with rows that "
+        "look one period ahead in {:.0f} %.",
         lambda: [
             paper_speeds(),
             paper_without_speeds(),
@@ -178,8 +179,8 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         WHICH,
-        "Without these rows it would succeed in {:.0f} %; at 1 % of L it does in {:.0f} %, and with rows that look one "
-        "sampling period ahead (`sliding-mode-ahead`) in {:.0f} %.",
+        "Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in {:.0f} %, with rows that look one "
+        "period ahead (`sliding-mode-ahead`) in {:.0f} %.",
         lambda: [paper_without_speeds(), rate(PAPER, "nominal", "tolerant_success"), rate(AHEAD, "nominal")],
     ),
     (
