@@ -8,7 +8,7 @@ and the median and the 95 % quantile of the final errors of their successes.
 The default table is of disturbed scenes of test set v1. With ``--of`` a table is made anew, of the
 folder of a campaign:
 
-    vsconstraints testset run --laws comparisons/verdict.toml --scenes 40 \
+    vsconstraints testset run --laws comparisons/verdict.toml --scenes 12 \
       --set "conditions=['disturbed']" --out FOLDER
 
 or, for ``--table comparisons/arms-with-mass.parquet``:
@@ -47,10 +47,10 @@ COLUMNS = (
 )
 
 
-def keep(folder: Path, table: Path) -> None:
-    """Write the table of a campaign's runs of laws."""
+def keep(folder: Path, table: Path, scenes: int) -> None:
+    """Write the table of a campaign's runs of laws in the first ``scenes`` of each family."""
     runs = Evidence.load(folder).runs
-    runs = runs[runs["controller"] != BASELINE]
+    runs = runs[(runs["controller"] != BASELINE) & (runs["scene"] < scenes)]
     runs = runs.assign(
         success=OUTCOMES["success"].flag(runs),
         tolerant_success=OUTCOMES["tolerant success"].flag(runs),
@@ -109,9 +109,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = ArgumentParser(prog="python -m checks.final_errors", description=__doc__)
     parser.add_argument("--table", type=Path, default=TABLE)
     parser.add_argument("--of", type=Path, help="folder of a campaign, of which the table is made")
+    parser.add_argument("--scenes", type=int, default=12, help="of each family, in that table")
     asked = parser.parse_args(arguments)
     if asked.of is not None:
-        keep(asked.of, asked.table)
+        keep(asked.of, asked.table, asked.scenes)
     runs = pd.read_parquet(asked.table)
     for condition, own in runs.groupby("condition", sort=False):
         print(f"{condition}, {own.groupby(SCENE).ngroups} scenes\n")
