@@ -266,7 +266,7 @@ def without(successes: dict[str, str]) -> dict[str, Finding]:
 def test_the_best_of_laws_without_the_drift_is_told_where_it_is_behind() -> None:
     found = without({"qp": "+" * 30, "sliding": "+" * 15 + "t" * 15, "additive": "t" * 30})
     sentence = found["without L_fφ"]
-    assert sentence.text.startswith("Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 %")
+    assert sentence.text.startswith("Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 points")
     assert sentence.text.endswith("less than qp.")
     assert sentence.numbers["difference"] == 0.5
     assert set(found) == {"without L_fφ"}  # that qp needs no model goes without saying
