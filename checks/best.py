@@ -32,7 +32,7 @@ from vsconstraints.constraints import FieldOfView, ImageConstraint, Trace
 from vsconstraints.errors import ConfigurationError, SceneError
 from vsconstraints.robots.geometry import distances
 from vsconstraints.rows import Array, BoolArray
-from vsconstraints.scenarios.families import Drawn
+from vsconstraints.scenarios.families import Drawn, Family
 from vsconstraints.scenarios.families.family import LIMITED, NOMINAL, SHIPPED
 from vsconstraints.scenarios.families.frozen import TestSet
 from vsconstraints.simulation import Setup
@@ -385,6 +385,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m checks.best", description=__doc__)
     parser.add_argument("--scenes", type=int, default=10, help="of each family, from the first one")
     parser.add_argument("--family", action="append", default=[], help="one of several; all if not given")
+    parser.add_argument("--scene", action="append", default=[], help="FAMILY:NUMBER, instead of --scenes")
     parser.add_argument("--half", default="held-out")
     parser.add_argument("--laws", default=LAWS, help="in the order in which they are run")
     parser.add_argument("--seconds", type=float, default=30.0, help="of optimal control for each scene; 0: laws only")
@@ -404,8 +405,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("optimal control needs CasADi: pip install 'vsconstraints[best]'; --seconds 0 does without it")
     planner = Planner(asked.seconds, asked.compiled) if asked.seconds > 0.0 else None
     chosen = test_set.chosen(asked.family, asked.half, asked.scenes, None)
+    wanted = list(product(range(asked.scenes), chosen["families"]))
+    if asked.scene:
+        wanted = [named_scene(text, test_set) for text in asked.scene]
     there = {key(line) for line in lines if not (asked.again and line["outcome"] == UNKNOWN)}
-    for number, family in product(range(asked.scenes), chosen["families"]):
+    for number, family in wanted:
         if (family.name, asked.half, number) not in there:
             line = line_of(*family.set_up(number, asked.half), asked.laws.split(","), planner)
             lines = sorted([line, *(other for other in lines if key(other) != key(line))], key=key)
@@ -417,6 +421,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
     print("\n".join(summary(lines)))
     return 0
+
+
+def named_scene(text: str, test_set: TestSet) -> tuple[int, Family]:
+    """Return the number and the family that ``FAMILY:NUMBER`` names; raises ConfigurationError."""
+    name, _, number = text.partition(":")
+    families = {family.name: family for family in test_set.families}
+    if name not in families or not number.isdecimal():
+        raise ConfigurationError(f"--scene takes FAMILY:NUMBER, such as {next(iter(families))}:3, not {text!r}")
+    return int(number), families[name]
 
 
 def key(line: Mapping[str, Any]) -> tuple[str, str, int]:

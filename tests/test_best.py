@@ -151,3 +151,12 @@ def test_the_table_that_comes_with_the_package() -> None:
     said = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
     for row in best.summary(lines):
         assert row in said
+
+
+def test_a_scene_is_named_by_its_family_and_number() -> None:
+    test_set = TestSet.load()
+    number, family = best.named_scene("eye-to-hand:88", test_set)
+    assert (number, family.name) == (88, "eye-to-hand")
+    for text in ("eye-to-hand", "eye-to-hand:x", "nobody:3"):
+        with pytest.raises(ConfigurationError, match="FAMILY:NUMBER"):
+            best.named_scene(text, test_set)

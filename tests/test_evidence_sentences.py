@@ -67,6 +67,7 @@ def clopper_pearson(count: int, of: int) -> tuple[float, float]:
 def test_digits_are_those_that_an_interval_can_tell_apart() -> None:
     assert Share(0.9312, 0.9151, 0.9448).text == "93.1 % (91.5–94.5 %)"
     assert Share(0.25, 0.16, 0.36).text == "25 % (16–36 %)"
+    assert Share(0.017, 0.006, 0.03).points == "1.7 points (0.6–3.0)"
     assert Share(0.041, 0.026, 0.056).text == "4.1 % (2.6–5.6 %)"
     assert Share(-0.01, -0.03, 0.02).cell == "−1.0 (−3.0 to 2.0)"
     assert Share(0.0, 0.0, 3.7e-4).text == "0 % (0–0.037 %)"
@@ -265,7 +266,7 @@ def without(successes: dict[str, str]) -> dict[str, Finding]:
 def test_the_best_of_laws_without_the_drift_is_told_where_it_is_behind() -> None:
     found = without({"qp": "+" * 30, "sliding": "+" * 15 + "t" * 15, "additive": "t" * 30})
     sentence = found["without L_fφ"]
-    assert sentence.text.startswith("Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 %")
+    assert sentence.text.startswith("Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 points")
     assert sentence.text.endswith("less than qp.")
     assert sentence.numbers["difference"] == 0.5
     assert set(found) == {"without L_fφ"}  # that qp needs no model goes without saying
@@ -298,8 +299,8 @@ def test_an_order_that_turns_over_is_said_and_one_that_does_not_is_not() -> None
     (sentence,) = reversals(over)
     assert sentence.numbers["difference[nominal]"] == 12 / 20
     assert sentence.numbers["difference[disturbed]"] == 12 / 20
-    assert sentence.text.startswith("Rank reversal: without disturbances, a succeeds more often than b by 60 %")
-    assert "with disturbances, b more often than a by 60 %" in sentence.text
+    assert sentence.text.startswith("Rank reversal: without disturbances, a succeeds more often than b by 60 points")
+    assert "with disturbances, b more often than a by 60 points" in sentence.text
     assert "more pair" not in sentence.text
     same = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead, "b": behind}})
     assert list(reversals(same)) == []
@@ -340,8 +341,8 @@ def test_what_tuning_gains_is_told_law_by_law() -> None:
     assert sentence.numbers["difference[b]"] == -0.75
     assert sentence.numbers["low[b]"] == pytest.approx(-sentence.numbers["high[a]"])
     assert sentence.numbers["high[b]"] == pytest.approx(-sentence.numbers["low[a]"])
-    assert "more successful: a by 75 %" in sentence.text
-    assert "less successful: b by 75 % (16–95 %)" in sentence.text
+    assert "more successful: a by 75 points" in sentence.text
+    assert "less successful: b by 75 points (16–95)" in sentence.text
     assert "no significant difference: c (20 held-out scenes)" in sentence.text
     assert tuning_gain(material({"nominal": {"a": "+"}})) is None
 

@@ -95,7 +95,7 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive(tmp_path: Path) -> No
     text = report.with_name("details.md").read_text(encoding="utf-8")
     table = text.partition("### Success\n\n")[2].partition("\n\n")[0]
     assert [line.split(" | ")[3:] for line in table.splitlines() if line.startswith("| a ")] == [
-        ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
+        ["holds, 60.0 points", "**reversed**, −60.0 points", "inconclusive", "inconclusive |"]
     ]
     assert pairs(made_up, MEASURES[1]) == {}
 

@@ -116,22 +116,6 @@ def cells(line: str) -> list[str]:
     return [cell.strip(" *") for cell in line.strip("|").split("|")]
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/which-law.md"])
-def test_the_tables_of_success_are_those_of_the_kept_study(page: str) -> None:
-    claims = json.loads((ROOT / "reports" / "evidence" / "claims.json").read_text(encoding="utf-8"))["table"]
-    known = {line["law"]: line for line in claims}
-    text = (ROOT / page).read_text(encoding="utf-8")
-    part = text.partition("| law | without disturbances | with disturbances |")[2].partition("\n\n")[0]
-    lines = [cells(line) for line in part.splitlines() if line.startswith("| `")]
-    assert len(lines) >= 7
-    for named, *numbers in lines:
-        law = re.findall(r"`(.+?)`", named)[0]
-        for cell, column in zip(numbers, ("nominal", "disturbed", "limited"), strict=False):
-            assert float(cell.rstrip(" %")) == pytest.approx(100.0 * known[law][column], abs=0.6), (law, cell)
-        if len(numbers) > 3:
-            assert float(numbers[3]) == pytest.approx(known[law]["call"], rel=0.05)
-
-
 def test_what_the_page_says_of_tuning_and_disturbances_is_what_the_kept_study_says() -> None:
     claims = json.loads((ROOT / "reports" / "evidence" / "claims.json").read_text(encoding="utf-8"))["table"]
     lost = [100.0 * (line["nominal"] - line["disturbed"]) for line in claims]
@@ -182,9 +166,6 @@ def test_what_the_page_says_of_what_changed_is_what_the_kept_runs_say(study: Any
     ):
         own = disturbed[disturbed["family"] == family]
         assert words.format(success(own, "predictive"), success(own, ROBUST)) in page
-    seven = disturbed[~disturbed["family"].str.startswith("ladder") & (disturbed["scene"] < 100)]
-    tie = f"in seven families ({success(seven, 'predictive')} against {success(seven, ROBUST)} %, a tie)"
-    assert tie in page
     rungs = study[study["family"].str.startswith("ladder") & (study["scene"] < 40)]
     slow, fast, late = (rungs[rungs["condition"] == name] for name in ("nominal", "fast", "late-36"))
     assert f"falls from {success(slow, 'hierarchical-qp')} to {success(late, 'hierarchical-qp')} %" in page

@@ -90,6 +90,11 @@ class Share(NamedTuple):
         """``93.0 % (91.2–94.6 %)``."""
         return "{} % ({} %)".format(*self._texts())
 
+    @property
+    def points(self) -> str:
+        """``1.7 points (0.6–3.0)``, of a difference of two shares."""
+        return "{} points ({})".format(*self._texts())
+
     def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
         """The three numbers by these names, of a controller if one is named."""
         of = f"[{law}]" if law else ""

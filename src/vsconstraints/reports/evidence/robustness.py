@@ -34,7 +34,7 @@ class Measure(NamedTuple):
 
     def text(self, pair: PairVerdict) -> str:
         """The difference, for a table's cell."""
-        return f"× {number(pair.difference)}" if self.ratio else f"{percentage(pair.difference, 1)} %"
+        return f"× {number(pair.difference)}" if self.ratio else f"{percentage(pair.difference, 1)} points"
 
 
 #: What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
