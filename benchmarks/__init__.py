@@ -1,1 +1,3 @@
-"""How long a control step takes, beside other ways to compute one: ``python -m benchmarks`` (see ``__main__``)."""
+"""How long a control step takes, beside other ways to compute one: ``python -m benchmarks`` (see
+``__main__``).
+"""

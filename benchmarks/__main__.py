@@ -1,4 +1,6 @@
-"""``python -m benchmarks [--quick] [--out FOLDER] [--part NAME]``: measure, and write FOLDER/benchmarks.md."""
+"""``python -m benchmarks [--quick] [--out FOLDER] [--part NAME]``: measure, and write
+FOLDER/benchmarks.md.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +40,21 @@ PARTS: dict[str, Callable[[Effort], Part]] = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the parts and write the report; 1 if a part failed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure control steps.")
-    parser.add_argument("--quick", action="store_true", help="fewer scenarios and samples: about a minute")
-    parser.add_argument("--out", type=Path, default=Path("reports"), help="folder for benchmarks.md (default: reports)")
-    parser.add_argument("--part", action="append", choices=list(PARTS), help="only this part; can be repeated")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description="Measure control steps."
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="fewer scenarios and samples: about a minute"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports"),
+        help="folder for benchmarks.md (default: reports)",
+    )
+    parser.add_argument(
+        "--part", action="append", choices=list(PARTS), help="only this part; can be repeated"
+    )
     chosen = parser.parse_args(arguments)
     effort = QUICK if chosen.quick else FULL
     started = perf_counter()

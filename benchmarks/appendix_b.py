@@ -1,7 +1,9 @@
-"""The paper's Appendix B for its case study, in plain NumPy and written out on its own: what a control step costs so.
+"""The paper's Appendix B for its case study, in plain NumPy and written out on its own: what a
+control step costs so.
 
-It shares nothing with the package but the scenario's numbers: kinematics, image, constraints and the two
-pseudoinverses of eq. (15) are written here a second time, line by line as in the paper, for clarity and not for speed.
+It shares nothing with the package but the scenario's numbers: kinematics, image, constraints and
+the two pseudoinverses of eq. (15) are written here a second time, line by line as in the paper, for
+clarity and not for speed.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 RCOND = 1e-6
-"""Singular values below this fraction of the largest count as zero: "a tolerance to set [them] to zero"."""
+"""Singular values below this fraction of the largest count as zero: "a tolerance to set [them] to
+zero".
+"""
 
 # Table 2: θ offset, d, a, α
 TABLE_2 = [
@@ -42,16 +46,28 @@ class AppendixB:
         self.focal = np.array(tables["camera"]["focal_px"])
         size = np.array(tables["camera"]["size_px"])
         fov, joint_range, joint_speed, sphere = tables["constraints"]
-        self.ellipse, self.n = 0.5 * size * (1.0 - fov["margin"]), fov["n"]
-        self.K_V, self.K_q, self.K_o = fov["K"], joint_range["K"], sphere["K"]
+        self.ellipse = 0.5 * size * (1.0 - fov["margin"])
+        self.n = fov["n"]
+        self.K_V = fov["K"]
+        self.K_q = joint_range["K"]
+        self.K_o = sphere["K"]
         self.gains = [table["switching_gain"] for table in (fov, joint_range, joint_speed, sphere)]
-        low, high = joint_range["lower"][0], joint_range["upper"][0]
-        self.range_joint, self.middle, self.half = joint_range["joints"][0] - 1, 0.5 * (low + high), 0.5 * (high - low)
-        self.speed_joint, self.speed = joint_speed["joints"][0] - 1, joint_speed["upper"][0]
-        self.centre, self.radius = np.array(sphere["centre"]), sphere["radius"]
+        low = joint_range["lower"][0]
+        high = joint_range["upper"][0]
+        self.range_joint = joint_range["joints"][0] - 1
+        self.middle = 0.5 * (low + high)
+        self.half = 0.5 * (high - low)
+        self.speed_joint = joint_speed["joints"][0] - 1
+        self.speed = joint_speed["upper"][0]
+        self.centre = np.array(sphere["centre"])
+        self.radius = sphere["radius"]
         task = tables["task"]
-        self.Kp0, self.slope = task["Kp0"], task["Kp_slope"]
-        self.goals = [(goal.get("from_time", 0.0), kinematics(np.array(goal["camera_at_q"]))) for goal in task["goals"]]
+        self.Kp0 = task["Kp0"]
+        self.slope = task["Kp_slope"]
+        self.goals = [
+            (goal.get("from_time", 0.0), kinematics(np.array(goal["camera_at_q"])))
+            for goal in task["goals"]
+        ]
         self.goal = -1
         self.s_prev: Array = np.zeros(6)
         self.J_prev: Array = np.zeros((6, 6))
@@ -62,7 +78,8 @@ class AppendixB:
         J_camera = np.vstack((R.T @ J_base[:3], R.T @ J_base[3:]))
 
         goal = max(i for i, (from_time, _) in enumerate(self.goals) if from_time <= t + 1e-9)
-        first, self.goal = goal != self.goal, goal
+        first = goal != self.goal
+        self.goal = goal
         R_goal, p_goal, _ = self.goals[goal][1]
         relative = R_goal.T @ R
         u = rotation_vector(relative)
@@ -78,8 +95,12 @@ class AppendixB:
 
         phi, K_gradient, gain = self.constraints(q, qd, R, p, J_base, J_camera)
         active = phi >= 0.0
-        A1, b1 = K_gradient[active], -gain[active]  # lines 7 and 8, eq. (40)
-        A2, b2 = J_s, s_c - J_dot @ qd  # lines 9 and 10, eq. (41)
+        # lines 7 and 8, eq. (40)
+        A1 = K_gradient[active]
+        b1 = -gain[active]
+        # lines 9 and 10, eq. (41)
+        A2 = J_s
+        b2 = s_c - J_dot @ qd
         if len(A1):  # line 11, eq. (15)
             A1_inverse = np.linalg.pinv(A1, rcond=RCOND)
             level_1 = A1_inverse @ b1
@@ -87,15 +108,21 @@ class AppendixB:
             qdd = level_1 + np.linalg.pinv(projected, rcond=RCOND) @ (b2 - A2 @ level_1)
         else:
             qdd = np.linalg.pinv(A2, rcond=RCOND) @ b2
-        self.s_prev, self.J_prev = s, J_s  # lines 12 and 15
+        # lines 12 and 15
+        self.s_prev = s
+        self.J_prev = J_s
         return np.asarray(qdd)
 
     def constraints(
         self, q: Array, qd: Array, R: Array, p: Array, J_base: Array, J_camera: Array
     ) -> tuple[Array, Array, Array]:
-        """φ (9,), its gradient with respect to q̇ (9, 6), and u⁺ (9,): markers, joint 6, joint 2, the sphere."""
+        """φ (9,), its gradient with respect to q̇ (9, 6), and u⁺ (9,): markers, joint 6, joint 2,
+        the sphere.
+        """
         P = (self.markers - p) @ R
-        x, y, Z = P[:, 0] / P[:, 2], P[:, 1] / P[:, 2], P[:, 2]
+        x = P[:, 0] / P[:, 2]
+        y = P[:, 1] / P[:, 2]
+        Z = P[:, 2]
         # eq. (24)
         L = np.zeros((len(Z), 2, 6))
         L[:, 0] = np.column_stack((-1.0 / Z, 0.0 * Z, x / Z, x * y, -1.0 - x * x, y))
@@ -119,7 +146,9 @@ class AppendixB:
         sigma_o = np.array([self.radius - distance])  # eq. (47)
         gradient_o = -(away / distance)[None] @ J_base[:3]  # eq. (48)
 
-        K_gradient = np.vstack((self.K_V * gradient_V, self.K_q * gradient_q, gradient_s, self.K_o * gradient_o))
+        K_gradient = np.vstack(
+            (self.K_V * gradient_V, self.K_q * gradient_q, gradient_s, self.K_o * gradient_o)
+        )
         phi = np.concatenate((
             sigma_V + self.K_V * gradient_V @ qd,
             sigma_q + self.K_q * gradient_q @ qd,
@@ -130,15 +159,24 @@ class AppendixB:
 
 
 def kinematics(q: Array) -> tuple[Array, Array, Array]:
-    """Attitude and position of the camera, which is at the tip, and the (6, 6) Jacobian of its twist: base frame."""
+    """Attitude and position of the camera, which is at the tip, and the (6, 6) Jacobian of its
+    twist: base frame.
+    """
     T = np.eye(4)
-    axes, origins = [], []
+    axes = []
+    origins = []
     for angle, (theta, d, a, alpha) in zip(q, TABLE_2, strict=True):
         axes.append(T[:3, 2])
         origins.append(T[:3, 3])
-        c, s, ca, sa = np.cos(angle + theta), np.sin(angle + theta), np.cos(alpha), np.sin(alpha)
-        T = T @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
-    z, o = np.array(axes), np.array(origins)
+        c = np.cos(angle + theta)
+        s = np.sin(angle + theta)
+        ca = np.cos(alpha)
+        sa = np.sin(alpha)
+        T = T @ np.array(
+            [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        )
+    z = np.array(axes)
+    o = np.array(origins)
     return T[:3, :3], T[:3, 3], np.vstack((np.cross(z, T[:3, 3] - o).T, z.T))
 
 

@@ -29,7 +29,8 @@ limits are violated already; TSID solves inverse dynamics, and placo velocities,
 """
 
 PYTHON = "VSCONSTRAINTS_PEERS_PYTHON"
-"""Environment variable: other interpreters, separated as in PATH, of which each peer runs in the first that has it.
+"""Environment variable: other interpreters, separated as in PATH, of which each peer runs in the
+first that has it.
 
 TSID and placo want other versions of Pinocchio than this package.
 """
@@ -61,14 +62,23 @@ def measure(effort: Effort) -> Part:
         for what, (median, p99, longest, its_unit) in found["times"].items():
             part.numbers[f"{name}, {what}: ratio"] = median / its_unit
             shares = " / ".join(digits(value / its_unit) for value in (median, p99, longest))
-            lines.append([f"{name}, {what}", microseconds(median, p99, longest), shares, f"version {found['version']}"])
+            lines.append(
+                [
+                    f"{name}, {what}",
+                    microseconds(median, p99, longest),
+                    shares,
+                    f"version {found['version']}",
+                ]
+            )
     table = Table(["step", "µs: median / p99 / max", "ratio", "note"], lines)
     part.tables.append(table)
     return part
 
 
 def peer(name: str, turns: int) -> dict[str, Any]:
-    """What :mod:`benchmarks.peers` printed; RuntimeError with the reasons if no interpreter could measure."""
+    """What :mod:`benchmarks.peers` printed; RuntimeError with the reasons if no interpreter could
+    measure.
+    """
     reasons = []
     for python in (sys.executable, *filter(None, os.environ.get(PYTHON, "").split(os.pathsep))):
         try:
@@ -95,6 +105,8 @@ def _measured(python: str, name: str, turns: int) -> dict[str, Any]:
         words = ended.stderr.strip().splitlines()
         last = words[-1] if words else "no message"
         raise RuntimeError(
-            last if ended.returncode > 0 else f"its process was ended by signal {-ended.returncode}: {last}"
+            last
+            if ended.returncode > 0
+            else f"its process was ended by signal {-ended.returncode}: {last}"
         )
     return dict(json.loads(ended.stdout.strip().splitlines()[-1]))

@@ -42,13 +42,17 @@ def _steps(part: Part) -> plt.Figure:
         if match:
             found.setdefault(match[2], {})[match[1]] = value
     scenarios = list(dict.fromkeys(name for values in found.values() for name in values))
-    figure, axes = plt.subplots(figsize=(10.0, 1.6 + (0.1 + 0.05 * len(found)) * len(scenarios)), layout="constrained")
+    figure, axes = plt.subplots(
+        figsize=(10.0, 1.6 + (0.1 + 0.05 * len(found)) * len(scenarios)), layout="constrained"
+    )
     for i, (law, look) in enumerate(looks(list(found)).items()):
         # one below the other, since times of several laws are the same
         at = [scenarios.index(name) + 0.8 * ((i + 0.5) / len(found) - 0.5) for name in found[law]]
         # hollow where a law differs from another one by its line
         face = {"mec": "w", "mew": 0.5} if look.line == "-" else {"mfc": "w", "mew": 1.2}
-        axes.plot(list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, label=law, **face)
+        axes.plot(
+            list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, label=law, **face
+        )
     for row in range(1, len(scenarios)):
         axes.axhline(row - 0.5, color="0.85", linewidth=0.6, zorder=0)
     axes.set_yticks(range(len(scenarios)), scenarios)
@@ -78,9 +82,12 @@ def _growth(part: Part) -> plt.Figure:
         for name in sorted(curves, key=lambda name: [*laws].index(name.partition(",")[0])):
             law, _, kind = name.partition(", ")
             line, label = ("--", f"{law}, image task") if kind == "image" else ("-", law)
-            look, curve = line + laws[law].marker, curves[name]
+            look = line + laws[law].marker
+            curve = curves[name]
             # hollow markers, since times of two laws can be the same
-            (entries[label],) = axes.loglog(list(curve), list(curve.values()), look, color=laws[law].colour, mfc="none")
+            (entries[label],) = axes.loglog(
+                list(curve), list(curve.values()), look, color=laws[law].colour, mfc="none"
+            )
         sizes = list(next(iter(curves.values())))
         least = min(curve[sizes[0]] for curve in curves.values())
         linear = [least * size / sizes[0] for size in sizes]

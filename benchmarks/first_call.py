@@ -1,4 +1,6 @@
-"""Run in a process of its own: what the first call of each controller named costs; times [s] as JSON."""
+"""Run in a process of its own: what the first call of each controller named costs; times [s] as
+JSON.
+"""
 
 from __future__ import annotations
 

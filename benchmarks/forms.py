@@ -60,7 +60,9 @@ def measure(effort: Effort) -> Part:
 def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Subject:
     """Times of the transcription along the run."""
     law = AppendixB(scenario.tables)
-    states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
+    states = [
+        (float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)
+    ]
     places = np.linspace(0, len(states) - 1, turns).astype(int)
 
     def turn(number: int) -> float:
@@ -73,7 +75,9 @@ def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Subject:
 
 
 def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float, Array, Array]]:
-    """Rows and task where most rows act, with the three greatest φ lifted to zero or above; and that sample."""
+    """Rows and task where most rows act, with the three greatest φ lifted to zero or above; and
+    that sample.
+    """
     k = int(np.argmax(run.active.sum(axis=1)))
     state = (float(run.t[k]), run.q[k].copy(), run.qd[k].copy())
     step = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(*state)
@@ -89,7 +93,9 @@ def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float
     phi[chosen] = np.maximum(phi[chosen], 0.0)
     others = np.setdiff1d(np.arange(len(phi)), chosen)
     phi[others] = np.minimum(phi[others], -1e-3)
-    rows = Rows(phi, step.rows.Lg, step.rows.Lf, step.rows.switching_gain, step.rows.labels, step.rows.scale)
+    rows = Rows(
+        phi, step.rows.Lg, step.rows.Lf, step.rows.switching_gain, step.rows.labels, step.rows.scale
+    )
     return rows, step.task, state
 
 
@@ -97,10 +103,21 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     rows, task, (t, q, qd) = three_active(setup, run)
     control, both = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
     to_command = ControlStep(setup.scene, setup.constraints, setup.task).bind(SlidingMode())
-    law, hierarchy, field, tracking = SlidingMode(), hierarchical_qp("auto"), PotentialField(), Tracking()
-    m, n = len(rows.labels), task.J.shape[1]
-    phi, Lg, Lf, gain, scale, J, b = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b
-    qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
+    law = SlidingMode()
+    hierarchy = hierarchical_qp("auto")
+    field = PotentialField()
+    tracking = Tracking()
+    m = len(rows.labels)
+    n = task.J.shape[1]
+    phi = rows.phi
+    Lg = rows.Lg
+    Lf = rows.Lf
+    gain = rows.switching_gain
+    scale = rows.scale
+    J = task.J
+    b = task.b
+    qdd = np.empty(n)
+    acted = np.empty(m, dtype=np.bool_)
     labels = rows.labels
     subjects: dict[str, Callable[[], object]] = {}
     bound_step = control.bound()
@@ -122,5 +139,9 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     lines = []
     for name in subjects:
         part.keep(name, times[name])
-        lines.append([name, median_p99_max(times[name]), ratios(times[name]), digits(times[name].spread)])
-    return Table([f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines)
+        lines.append(
+            [name, median_p99_max(times[name]), ratios(times[name]), digits(times[name].spread)]
+        )
+    return Table(
+        [f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines
+    )

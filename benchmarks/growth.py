@@ -30,7 +30,9 @@ four markers, range and speed rows for every joint.
 """
 
 LINEAR = 1.1
-"""Slope between the two greatest sizes above which growth counts as worse than linear: what noise leaves of 1."""
+"""Slope between the two greatest sizes above which growth counts as worse than linear: what noise
+leaves of 1.
+"""
 
 SUBJECTS: dict[str, Callable[[], Controller]] = {
     "sliding-mode": SlidingMode,
@@ -46,14 +48,20 @@ def measure(effort: Effort) -> Part:
     """See the module."""
     part = Part("Growth", TEXT, figure="growth.png")
     turns = max(effort.turns // 2, 1)
-    families: list[tuple[str, Sequence[int], Callable[[int], Mapping[str, Callable[[], object]]]]] = [
+    families: list[
+        tuple[str, Sequence[int], Callable[[int], Mapping[str, Callable[[], object]]]]
+    ] = [
         ("markers", effort.markers, with_markers),
         ("rows", effort.rows, with_rows),
         ("joints", effort.joints, with_joints),
     ]
     for what, sizes, make in families:
         # all sizes in turn: a slow moment of the machine hits them alike
-        named = {f"{name}, {size}": (name, size, step) for size in sizes for name, step in make(size).items()}
+        named = {
+            f"{name}, {size}": (name, size, step)
+            for size in sizes
+            for name, step in make(size).items()
+        }
         times = compare({key: step for key, (_, _, step) in named.items()}, turns)
         curves: Curves = {}
         for key, (name, size, _) in named.items():
@@ -62,8 +70,11 @@ def measure(effort: Effort) -> Part:
         lines = []
         for name, curve in curves.items():
             slope, last = slopes(curve)
-            part.numbers[f"{what}, {name}: slope"], part.numbers[f"{what}, {name}: last slope"] = slope, last
-            lines.append([name, *(digits(curve[size]) for size in sizes), f"{slope:.2f}", f"{last:.2f}"])
+            part.numbers[f"{what}, {name}: slope"] = slope
+            part.numbers[f"{what}, {name}: last slope"] = last
+            lines.append(
+                [name, *(digits(curve[size]) for size in sizes), f"{slope:.2f}", f"{last:.2f}"]
+            )
             if what == "joints" and {6, 7} <= {*sizes}:
                 part.numbers[f"{what}, {name}: 7 over 6"] = curve[7] / curve[6]
         part.tables.append(Table([what, *map(str, sizes), "slope", "last"], lines))
@@ -71,14 +82,18 @@ def measure(effort: Effort) -> Part:
 
 
 def slopes(curve: Mapping[int, float]) -> tuple[float, float]:
-    """Slope of log ratio over log size: of the line through all, and between the two greatest sizes."""
-    x, y = np.log(list(curve)), np.log(list(curve.values()))
+    """Slope of log ratio over log size: of the line through all, and between the two greatest
+    sizes.
+    """
+    x = np.log(list(curve))
+    y = np.log(list(curve.values()))
     return float(np.polyfit(x, y, 1)[0]), float((y[-1] - y[-2]) / (x[-1] - x[-2]))
 
 
 def with_markers(count: int) -> dict[str, Callable[[], object]]:
     """Steps with that many markers."""
-    robot, camera = viper_s650(), Camera((402.5, 402.5), (512.0, 512.0))
+    robot = viper_s650()
+    camera = Camera((402.5, 402.5), (512.0, 512.0))
     q = np.array([0.1, -0.4, -0.5, -0.9, 1.3, 0.1])
     qd = np.full(6, 0.01)
     rng = np.random.default_rng(count)
@@ -99,12 +114,14 @@ def with_rows(count: int) -> dict[str, Callable[[], object]]:
     phi[:3] = 0.01
     Lg = rng.normal(size=(count, 6))
     Lg /= np.linalg.norm(Lg, axis=1, keepdims=True)
-    J, b = np.eye(6) + 0.3 * rng.normal(size=(6, 6)), rng.normal(size=6)
+    J = np.eye(6) + 0.3 * rng.normal(size=(6, 6))
+    b = rng.normal(size=6)
     tracking = np.linalg.solve(J, b)
     # the first three are in the way of tracking
     Lg[:3] *= np.where(Lg[:3] @ tracking < 0.0, -1.0, 1.0)[:, None]
     labels = tuple(f"row {i}" for i in range(count))
-    rows, task = Rows(phi, Lg, np.zeros(count), np.ones(count), labels), Task(J, b)
+    rows = Rows(phi, Lg, np.zeros(count), np.ones(count), labels)
+    task = Task(J, b)
 
     def subject(law: Controller) -> Callable[[], object]:
         return lambda: law.command(rows, task)
@@ -124,7 +141,8 @@ def with_joints(count: int) -> dict[str, Callable[[], object]]:
         JointSpeed(robot, switching_gain=1.0),
     ]
     pixels = np.array([[250.0, 10.0], [100.0, -90.0], [-110.0, 95.0], [-85.0, -105.0]])
-    q, qd = np.linspace(0.1, 0.6, count), np.full(count, 0.01)
+    q = np.linspace(0.1, 0.6, count)
+    qd = np.full(count, 0.01)
     return _steps(robot, camera, pixels, constraints, CameraPose(), q, qd, "pose")
 
 
@@ -138,7 +156,9 @@ def _steps(
     qd: np.ndarray,
     what: str,
 ) -> dict[str, Callable[[], object]]:
-    """State in, command out, for markers seen at these pixels at ``q``, and a goal a little away."""
+    """State in, command out, for markers seen at these pixels at ``q``, and a goal a little
+    away.
+    """
     there = robot.pose(q)
     depth = np.linspace(0.5, 0.7, len(pixels))[:, None]
     markers = there.act(np.concatenate((camera.normalised(pixels) * depth, depth), axis=1))

@@ -1,10 +1,21 @@
-"""Every demand with the resolvers of the paper's law and of the hierarchical QP; every resolver with the barrier."""
+"""Every demand with the resolvers of the paper's law and of the hierarchical QP; every resolver
+with the barrier.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsconstraints.controllers import DEMANDS, RESOLVERS, Barrier, Hierarchy, Law, Priority, Resolver, SlidingMode
+from vsconstraints.controllers import (
+    DEMANDS,
+    RESOLVERS,
+    Barrier,
+    Hierarchy,
+    Law,
+    Priority,
+    Resolver,
+    SlidingMode,
+)
 from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -33,7 +44,9 @@ def measure(effort: Effort) -> Part:
         for demand in reversed(DEMANDS)
         for resolver in REFERENCES
     }
-    shared = {f"{Barrier.name}, {resolver.name}": Law(Barrier(), resolver()) for resolver in RESOLVERS}
+    shared = {
+        f"{Barrier.name}, {resolver.name}": Law(Barrier(), resolver()) for resolver in RESOLVERS
+    }
     laws = {**{name: law for name, law in shared.items() if name not in laws}, **laws}
     setup = scenario.setup()
     run = simulate(setup, SlidingMode())
@@ -49,22 +62,34 @@ def measure(effort: Effort) -> Part:
             name = f"{demand.name}, {resolver.name}"
             part.numbers[f"{name}: median"] = median[name]
             part.numbers[f"{name}: ratio"] = median[name] / unit
-            part.numbers[f"{name}: extra"] = (median[name] - median[f"{reference}, {resolver.name}"]) / unit
+            part.numbers[f"{name}: extra"] = (
+                median[name] - median[f"{reference}, {resolver.name}"]
+            ) / unit
     names = [resolver.name for resolver in REFERENCES]
     for resolver in names:
-        beyond = {demand.name: part.numbers[f"{demand.name}, {resolver}: extra"] for demand in DEMANDS}
+        beyond = {
+            demand.name: part.numbers[f"{demand.name}, {resolver}: extra"] for demand in DEMANDS
+        }
         most = max(beyond, key=lambda name: beyond[name])
         part.numbers[f"{resolver}: extra"] = beyond[most]
-        part.text += f"With `{resolver}` `{most}` takes most, {digits(beyond[most])} units beyond.\n"
+        part.text += (
+            f"With `{resolver}` `{most}` takes most, {digits(beyond[most])} units beyond.\n"
+        )
 
     def cell(name: str) -> str:
         return f"{microseconds(median[name])} ({part.numbers[f'{name}: extra']:+.3f})"
 
-    lines = [[demand.name, *(cell(f"{demand.name}, {resolver}") for resolver in names)] for demand in DEMANDS]
+    lines = [
+        [demand.name, *(cell(f"{demand.name}, {resolver}") for resolver in names)]
+        for demand in DEMANDS
+    ]
     part.tables.append(Table(["demand", *(f"{resolver}, µs" for resolver in names)], lines))
     lines = []
     for name, law in shared.items():
-        part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = median[name], median[name] / unit
+        part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = (
+            median[name],
+            median[name] / unit,
+        )
         lines.append([law.resolver.name, microseconds(median[name]), digits(median[name] / unit)])
     part.tables.append(Table(["resolver", "µs", "ratio"], lines))
     return part

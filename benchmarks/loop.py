@@ -1,4 +1,6 @@
-"""The closed loop: simulated steps per second, with all that is kept or scores alone, and trials per second."""
+"""The closed loop: simulated steps per second, with all that is kept or scores alone, and trials
+per second.
+"""
 
 from __future__ import annotations
 
@@ -44,9 +46,14 @@ UNIT_CALLS = 200
 def measure(effort: Effort) -> Part:
     """Simulated steps per second."""
     part = Part("Closed loop", TEXT)
-    case_study, ur5 = (shortened(Scenario.load(name), effort.duration) for name in (CASE_STUDY, "ur5-fov"))
+    case_study, ur5 = (
+        shortened(Scenario.load(name), effort.duration) for name in (CASE_STUDY, "ur5-fov")
+    )
     runs = {name: (case_study.setup(), law) for name, law in controllers().items()}
-    runs |= {f"{name}, UR5": (ur5.setup(), make_controller(name)) for name in ("sliding-mode", "hierarchical-qp")}
+    runs |= {
+        f"{name}, UR5": (ur5.setup(), make_controller(name))
+        for name in ("sliding-mode", "hierarchical-qp")
+    }
     for setup, law in runs.values():
         simulate(setup, law)
         score_run(setup, law)
@@ -54,7 +61,8 @@ def measure(effort: Effort) -> Part:
     steps: dict[str, list[float]] = {name: [] for name in runs}
     scored: dict[str, list[float]] = {name: [] for name in runs}
     units: list[float] = []
-    unit, samples = unit_subject(), dict.fromkeys(runs, 0)
+    unit = unit_subject()
+    samples = dict.fromkeys(runs, 0)
     with without_old_garbage():
         for _ in range(effort.repeats):
             for name, (setup, law) in runs.items():
@@ -73,8 +81,10 @@ def measure(effort: Effort) -> Part:
         step = float(np.median(walls[name])) / samples[name]
         inside = float(np.median(steps[name]))
         alone = float(np.median(scored[name])) / samples[name]
-        part.numbers[f"{name}, scores: median"], part.numbers[f"{name}, scores: ratio"] = alone, alone / of_unit
-        part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = step, step / of_unit
+        part.numbers[f"{name}, scores: median"] = alone
+        part.numbers[f"{name}, scores: ratio"] = alone / of_unit
+        part.numbers[f"{name}: median"] = step
+        part.numbers[f"{name}: ratio"] = step / of_unit
         lines.append(
             [
                 name,
@@ -103,7 +113,8 @@ def measure(effort: Effort) -> Part:
 
 def measure_scenes(effort: Effort) -> Part:
     """Time of a drawn scene with all laws of the default comparison."""
-    part, campaign = Part("Drawn scenes", SCENES), Campaign.load().changed(conditions=("nominal",))
+    part = Part("Drawn scenes", SCENES)
+    campaign = Campaign.load().changed(conditions=("nominal",))
     (family,) = (family for family in campaign.families if family.name == "ur5")
     times = []
     for number in range(2 + effort.trials // 4):
@@ -127,13 +138,17 @@ def measure_trials(effort: Effort) -> Part:
         # spawned, as comparisons do
         context = get_context("spawn")
         ready = context.Barrier(count + 1)
-        with ProcessPoolExecutor(count, mp_context=context, initializer=_get_ready, initargs=(ready,)) as pool:
+        with ProcessPoolExecutor(
+            count, mp_context=context, initializer=_get_ready, initargs=(ready,)
+        ) as pool:
             for _ in range(count):
                 # a worker is started for each task that finds none idle
                 pool.submit(int)
             ready.wait(timeout=120.0)
             started = perf_counter()
-            found = list(pool.map(partial(_trial, duration=effort.duration), range(1, effort.trials + 1)))
+            found = list(
+                pool.map(partial(_trial, duration=effort.duration), range(1, effort.trials + 1))
+            )
             rate = len(found) / (perf_counter() - started)
         part.numbers[f"{count} cores: trials per second"] = rate
         efficiency = rate / count / part.numbers["1 cores: trials per second"]

@@ -38,13 +38,20 @@ class MeasuredWalk(Walk):
         for k in self.places:
             t, q, qd = self.states[k]
             state = setup.scene.evaluate(t, q, qd)
-            every = {"pixels": state.pixels.position + 0.5, "depth": state.depth.copy(), "taken": t - 0.002}
+            every = {
+                "pixels": state.pixels.position + 0.5,
+                "depth": state.depth.copy(),
+                "taken": t - 0.002,
+            }
             self.measured[k] = {name: every[name] for name in given}
 
     def in_one(self, turn: int) -> float:
         """Time of both [ns]."""
-        clock, to_command, place = perf_counter_ns, self.to_command, self.places[turn]
-        (t, q, qd), measured = self.states[place], self.measured[place]
+        clock = perf_counter_ns
+        to_command = self.to_command
+        place = self.places[turn]
+        t, q, qd = self.states[place]
+        measured = self.measured[place]
         started = clock()
         to_command(t, q, qd, **measured)
         return clock() - started
@@ -57,7 +64,10 @@ def measure(effort: Effort) -> Part:
     for name in SCENARIOS:
         scenario = shortened(Scenario.load(name), effort.duration)
         run = simulate(scenario.setup(), SlidingMode())
-        walks = {what: MeasuredWalk(scenario.setup(), run, effort.turns, given) for what, given in GIVEN.items()}
+        walks = {
+            what: MeasuredWalk(scenario.setup(), run, effort.turns, given)
+            for what, given in GIVEN.items()
+        }
         times = in_turn({what: walk.in_one for what, walk in walks.items()}, effort.turns)
         unit = float(np.median(times[UNIT]))
         without = Times(times["nothing measured"], unit).ratio

@@ -41,7 +41,9 @@ Number = float
 
 
 class Disc(ImageConstraint):
-    """Markers stay out of a disc, as of :class:`vsconstraints.constraints.Occlusion` by a circle."""
+    """Markers stay out of a disc, as of :class:`vsconstraints.constraints.Occlusion` by a
+    circle.
+    """
 
     kind = "disc"
 
@@ -50,9 +52,12 @@ class Disc(ImageConstraint):
         self.parameters = (30.0, 5.0, 7.0)
 
     @staticmethod
-    def formula(u: Number, v: Number, r: Number, a: Number, b: Number) -> tuple[Number, Number, Number]:
+    def formula(
+        u: Number, v: Number, r: Number, a: Number, b: Number
+    ) -> tuple[Number, Number, Number]:
         """The value, positive inside, and its derivatives."""
-        x, y = u - a, v - b
+        x = u - a
+        y = v - b
         return 1.0 - (x * x + y * y) / (r * r), -2.0 * x / (r * r), -2.0 * y / (r * r)
 
 
@@ -81,7 +86,9 @@ class Ball(PointConstraint):
         x: Number, y: Number, z: Number, r: Number, a: Number, b: Number, c: Number
     ) -> tuple[Number, Number, Number, Number]:
         """The value, positive inside, and its derivatives."""
-        x, y, z = x - a, y - b, z - c
+        x = x - a
+        y = y - b
+        z = z - c
         d = np.sqrt(x * x + y * y + z * z + 1e-12)
         return r - d, -x / d, -y / d, -z / d
 
@@ -91,16 +98,29 @@ class CurvedBall(Ball):
 
     @staticmethod
     def curvature_formula(  # the compiler wants numbers one by one
-        x: Number, y: Number, z: Number, r: Number, a: Number, b: Number, c: Number, u: Number, v: Number, w: Number
+        x: Number,
+        y: Number,
+        z: Number,
+        r: Number,
+        a: Number,
+        b: Number,
+        c: Number,
+        u: Number,
+        v: Number,
+        w: Number,
     ) -> Number:
         """ẏᵀHẏ."""
-        x, y, z = x - a, y - b, z - c
+        x = x - a
+        y = y - b
+        z = z - c
         d = np.sqrt(x * x + y * y + z * z + 1e-12)
         n = (x * u + y * v + z * w) / d
         return float((n * n - (u * u + v * v + w * w)) / d)
 
 
-BUILT_IN, CURVED, PLAIN = "built in", "own, with curvature", "own, without"
+BUILT_IN = "built in"
+CURVED = "own, with curvature"
+PLAIN = "own, without"
 
 
 def pairs() -> dict[str, dict[str, Constraint]]:
@@ -116,15 +136,21 @@ def pairs() -> dict[str, dict[str, Constraint]]:
 def measure(effort: Effort) -> Part:
     """See the module."""
     part = Part("A constraint of one's own", TEXT)
-    setup, rows = Scenario.load("ur5-fov").setup(), repeated_rows()
-    q, qd = setup.q0, np.full(setup.scene.robot.n, 0.1)
+    setup = Scenario.load("ur5-fov").setup()
+    rows = repeated_rows()
+    q = setup.q0
+    qd = np.full(setup.scene.robot.n, 0.1)
     subjects: dict[str, Subject] = {}
     for where, constraints in pairs().items():
         for whose, constraint in constraints.items():
-            scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers, constraint.points)
+            scene = Scene(
+                setup.scene.robot, setup.scene.camera, setup.scene.markers, constraint.points
+            )
             limits = ConstraintSet([constraint], scene)
             step = ControlStep(scene, limits, setup.task).bind(SlidingMode())
-            subjects[f"{where}, {whose}: whole step"] = each_call(lambda step=step: step(0.0, q, qd))  # type: ignore[misc]
+            subjects[f"{where}, {whose}: whole step"] = each_call(
+                lambda step=step: step(0.0, q, qd)
+            )  # type: ignore[misc]
             if rows is not None:
                 packed = Packed(scene, limits, setup.task)
                 load("step").evaluate_step(packed.workspace, 0.0, q, qd)
@@ -139,7 +165,9 @@ def measure(effort: Effort) -> Part:
                 if f"{where}, {whose}: {what}" not in times:
                     line += ["–", "–"]
                     continue
-                median, of_built_in = (float(np.median(times[f"{where}, {who}: {what}"])) for who in (whose, BUILT_IN))
+                median, of_built_in = (
+                    float(np.median(times[f"{where}, {who}: {what}"])) for who in (whose, BUILT_IN)
+                )
                 part.numbers[f"{where}, {whose}, {what}: median"] = median
                 part.numbers[f"{where}, {whose}, {what}: ratio"] = median / unit
                 part.numbers[f"{where}, {whose}, {what}: over built-in"] = median / of_built_in
@@ -151,8 +179,11 @@ def measure(effort: Effort) -> Part:
 
 
 def repeated_rows() -> Callable[[Packed], Subject] | None:
-    """Makes subjects that call the rows of a step's only constraint; None where there is no compiler."""
-    parts, compiler = load("parts"), load("compiler")
+    """Makes subjects that call the rows of a step's only constraint; None where there is no
+    compiler.
+    """
+    parts = load("parts")
+    compiler = load("compiler")
     if not available():
         return None
     call = parts.call_void_pointer

@@ -107,7 +107,8 @@ class Part:
     tables
         Its tables.
     numbers
-        What verdicts and later readers need, by name; times in seconds unless the name says otherwise.
+        What verdicts and later readers need, by name; times in seconds unless the name says
+        otherwise.
     figure
         File name of its figure; empty if it has none.
     """
@@ -139,7 +140,9 @@ LONG_PLANS = {f"predictive-{horizon}": ("predictive", {"horizon": horizon}) for 
 
 
 def controllers(scenario: str = "") -> dict[str, Controller]:
-    """New controllers of the default comparison, and other forms of them that are timed on a scenario, by name."""
+    """New controllers of the default comparison, and other forms of them that are timed on a
+    scenario, by name.
+    """
     forms = {**OTHER_FORMS, **(LONG_PLANS if scenario == CASE_STUDY else {})}
     others = {name: make_controller(law, options) for name, (law, options) in forms.items()}
     return {entry.name: entry.make() for entry in _default_suite().controllers} | others

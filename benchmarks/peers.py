@@ -1,6 +1,8 @@
-"""Other packages' steps on a UR5. Run in a process of its own, which may have an environment of its own.
+"""Other packages' steps on a UR5. Run in a process of its own, which may have an environment of its
+own.
 
-``python -m benchmarks.peers NAME TURNS URDF`` prints times [s] as JSON; without the package it ends with the reason.
+``python -m benchmarks.peers NAME TURNS URDF`` prints times [s] as JSON; without the package it ends
+with the reason.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ SAMPLING_TIME = 0.002
 
 
 def pink(urdf: str) -> dict[str, Callable[[], object]]:
-    """Differential kinematics as one QP: joint ranges and speeds, one frame task, solved by daqp."""
+    """Differential kinematics as one QP: joint ranges and speeds, one frame task, solved by
+    daqp.
+    """
     import pinocchio as pin
     from pink import Configuration, solve_ik
     from pink.limits import ConfigurationLimit, VelocityLimit
@@ -35,7 +39,8 @@ def pink(urdf: str) -> dict[str, Callable[[], object]]:
     def solve() -> Any:
         return solve_ik(configuration, [task], SAMPLING_TIME, solver="daqp", limits=limits)
 
-    sign, speed = 1.0, solve()
+    sign = 1.0
+    speed = solve()
 
     def step() -> None:
         # there and back, so that no call starts where the last one did, and none at rest
@@ -48,7 +53,9 @@ def pink(urdf: str) -> dict[str, Callable[[], object]]:
 
 
 def tsid(urdf: str) -> dict[str, Callable[[], object]]:
-    """Inverse dynamics as a hierarchy of two levels: joint ranges, speeds and accelerations; one SE3 task; damping."""
+    """Inverse dynamics as a hierarchy of two levels: joint ranges, speeds and accelerations; one
+    SE3 task; damping.
+    """
     import numpy as np
     import tsid as t
 
@@ -129,7 +136,8 @@ def _ur5(urdf: str) -> tuple[Any, Any, Any, str]:
     import numpy as np
     import pinocchio as pin
 
-    model, frame = pin.buildModelFromUrdf(urdf), "tool0"
+    model = pin.buildModelFromUrdf(urdf)
+    frame = "tool0"
     q = np.array([0.664, -1.778, 1.729, -1.729, -1.935, -0.151])
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
@@ -146,7 +154,11 @@ def main(name: str, turns: int, urdf: str) -> None:
     except ImportError as error:
         raise SystemExit(f"{type(error).__name__}: {error}") from None
     times = compare(subjects, turns)
-    found = {key: [value.median, value.p99, value.max, value.unit] for key, value in times.items() if key in subjects}
+    found = {
+        key: [value.median, value.p99, value.max, value.unit]
+        for key, value in times.items()
+        if key in subjects
+    }
     print(json.dumps({"version": version(package), "times": found}))
 
 

@@ -29,7 +29,9 @@ everywhere, nor always on one machine: where a ratio decides, the time in µs st
 """
 
 
-def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, command: str, wall: float) -> Path:
+def write(
+    parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, command: str, wall: float
+) -> Path:
     """Write ``benchmarks.md`` and its folder to ``out``."""
     folder = out / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
@@ -38,8 +40,10 @@ def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, com
     packages = package_versions()
     sections = [
         "# Benchmarks",
-        f"Made by `{command}` in {wall:.0f} s, {datetime.now(UTC):%Y-%m-%d}, vsconstraints {__version__} "
-        f"({git_commit() or 'no commit'}), {where['processor']}, {where['cores']} cores, {where['system']}, "
+        f"Made by `{command}` in {wall:.0f} s, {datetime.now(UTC):%Y-%m-%d}, vsconstraints "
+        f"{__version__} "
+        f"({git_commit() or 'no commit'}), {where['processor']}, {where['cores']} cores, "
+        f"{where['system']}, "
         f"{where['python']}, NumPy {packages['numpy']}, load at the end {load}.",
         "## What it must show",
         _table(judged(parts)),
@@ -57,11 +61,16 @@ def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, com
         if part.figure:
             sections.append(f"![{part.title}](benchmarks/{part.figure})")
     if failures:
-        sections += ["## What failed", *(f"- {name}: {plain(why)}" for name, why in failures.items())]
+        sections += [
+            "## What failed",
+            *(f"- {name}: {plain(why)}" for name, why in failures.items()),
+        ]
     report = out / "benchmarks.md"
     report.write_text("\n\n".join(filter(None, sections)) + "\n", encoding="utf-8")
     numbers = {name: part.numbers for name, part in parts.items()}
-    (folder / "numbers.json").write_text(json.dumps(numbers, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    (folder / "numbers.json").write_text(
+        json.dumps(numbers, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
     return report
 
 
@@ -74,6 +83,7 @@ def _unit(parts: Mapping[str, Part]) -> str:
     if "unit: median" not in numbers:
         return ""
     return (
-        f"The unit took {1e6 * numbers['unit: median']:.1f} µs (median on the case study); its own p99 was "
+        f"The unit took {1e6 * numbers['unit: median']:.1f} µs (median on the case study); its "
+        f"own p99 was "
         f"{numbers['unit: p99/median']:.2f} times that, which on an idle machine is below 1.5."
     )

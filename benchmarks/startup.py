@@ -1,4 +1,6 @@
-"""What comes before the first step: start-up, imports, the first compilation; and whole processes."""
+"""What comes before the first step: start-up, imports, the first compilation; and whole
+processes.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def command(*arguments: str) -> list[str]:
     return [*([str(script)] if script.exists() else [sys.executable, "-c", COMMAND]), *arguments]
 
 
-def run(arguments: Sequence[str], environment: dict[str, str] | None = None, folder: Path | None = None) -> str:
+def run(
+    arguments: Sequence[str], environment: dict[str, str] | None = None, folder: Path | None = None
+) -> str:
     """What a process printed; raises RuntimeError with its last words if it fails."""
     ended = subprocess.run(
         arguments,
@@ -56,7 +60,9 @@ def run(arguments: Sequence[str], environment: dict[str, str] | None = None, fol
         check=False,
     )
     if ended.returncode:
-        raise RuntimeError(f"{' '.join(arguments)}: {(ended.stderr or ended.stdout).strip()[-500:]}")
+        raise RuntimeError(
+            f"{' '.join(arguments)}: {(ended.stderr or ended.stdout).strip()[-500:]}"
+        )
     return ended.stdout
 
 
@@ -103,14 +109,22 @@ def measure_first_calls(effort: Effort) -> Part:
                 environment["NUMBA_CACHE_DIR"] = str(Path(folder) / cache)
             if kind == "compiling alone":
                 environment["VSCONSTRAINTS_COMPILE"] = "alone"
-            kinds[kind] = json.loads(run([sys.executable, str(HERE / "first_call.py"), *LAWS], environment))
+            kinds[kind] = json.loads(
+                run([sys.executable, str(HERE / "first_call.py"), *LAWS], environment)
+            )
     steps = ["rows", *LAWS]
     for kind, found in kinds.items():
         part.numbers[f"{kind}: all first calls"] = sum(found[name] for name in steps)
     names = ["imports", "setup", *steps, "rows again"]
     titles = {"rows": "first rows and task", "rows again": "second rows and task"}
-    lines = [[titles.get(name, name), *(digits(1e3 * found[name]) for found in kinds.values())] for name in names]
-    total = ["all first calls", *(digits(1e3 * part.numbers[f"{kind}: all first calls"]) for kind in kinds)]
+    lines = [
+        [titles.get(name, name), *(digits(1e3 * found[name]) for found in kinds.values())]
+        for name in names
+    ]
+    total = [
+        "all first calls",
+        *(digits(1e3 * part.numbers[f"{kind}: all first calls"]) for kind in kinds),
+    ]
     part.tables.append(Table(["ms", *kinds], [*lines, total]))
     return part
 
@@ -121,22 +135,35 @@ def measure_default_comparison(effort: Effort) -> Part:
     if not effort.long:
         part.text += "\nNot measured in the quick form.\n"
         return part
-    lines, cpu = [], {}
+    lines = []
+    cpu = {}
     # a second process may still be compiling when the folder is removed
     with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for kind in ("first ever", "alone", "cached"):
-            environment = {"NUMBA_CACHE_DIR": str(Path(folder) / ("first" if kind == "first ever" else "code"))}
+            environment = {
+                "NUMBA_CACHE_DIR": str(Path(folder) / ("first" if kind == "first ever" else "code"))
+            }
             environment |= {"VSCONSTRAINTS_COMPILE": "alone"} if kind == "alone" else {}
-            started, before = perf_counter(), _cpu_of_children()
+            started = perf_counter()
+            before = _cpu_of_children()
             run(command("compare", "--out", kind), environment, Path(folder))
-            wall, cpu[kind] = perf_counter() - started, _cpu_of_children() - before
-            manifest = json.loads((Path(folder) / kind / "manifest.json").read_text(encoding="utf-8"))
+            wall = perf_counter() - started
+            cpu[kind] = _cpu_of_children() - before
+            manifest = json.loads(
+                (Path(folder) / kind / "manifest.json").read_text(encoding="utf-8")
+            )
             simulating = manifest["wall_time_s"]
             part.numbers[f"whole process, {kind}"] = wall
             lines.append([kind, *map(digits, (wall, simulating, wall - simulating, cpu[kind]))])
     part.numbers.update({"runs": manifest["runs"], "compiling: CPU": cpu["alone"] - cpu["cached"]})
     part.text += f"\nRuns: {manifest['runs']}; cores: {os.cpu_count() or 1}.\n"
-    header = ["code", "whole process s", "simulating and scoring s", "start, report and figures s", "CPU s"]
+    header = [
+        "code",
+        "whole process s",
+        "simulating and scoring s",
+        "start, report and figures s",
+        "CPU s",
+    ]
     part.tables.append(Table(header, lines))
     return part
 

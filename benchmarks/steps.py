@@ -12,7 +12,18 @@ from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
-from .part import CASE_STUDY, LONG_PLANS, Effort, Part, Table, controllers, digits, median_p99_max, microseconds, ratios
+from .part import (
+    CASE_STUDY,
+    LONG_PLANS,
+    Effort,
+    Part,
+    Table,
+    controllers,
+    digits,
+    median_p99_max,
+    microseconds,
+    ratios,
+)
 from .timing import UNIT, Subject, Times, in_turn
 
 TEXT = """
@@ -28,14 +39,23 @@ so long that the others would find the caches emptied.
 
 
 class Walk:
-    """Times steps of a controller along a run of it, one at each turn; :meth:`in_one` or :meth:`in_two`."""
+    """Times steps of a controller along a run of it, one at each turn; :meth:`in_one` or
+    :meth:`in_two`.
+    """
 
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
         self.controller = controller
-        self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
+        self.states = [
+            (float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)
+        ]
         last = len(self.states) - 1
-        consecutive = "model" in controller.uses  # a law that carries on its last plan would find that of another place
-        self.places = np.minimum(np.arange(turns), last) if consecutive else np.linspace(0, last, turns).astype(int)
+        # a law that carries on its last plan would find that of another place
+        consecutive = "model" in controller.uses
+        self.places = (
+            np.minimum(np.arange(turns), last)
+            if consecutive
+            else np.linspace(0, last, turns).astype(int)
+        )
         restart(controller, setup.Ts)
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
@@ -51,7 +71,9 @@ class Walk:
 
     def in_two(self, turn: int) -> tuple[float, float]:
         """Times of rows and command [ns]."""
-        clock, evaluate, command = perf_counter_ns, self.control.evaluate, self.controller.command
+        clock = perf_counter_ns
+        evaluate = self.control.evaluate
+        command = self.controller.command
         t, q, qd = self.states[self.places[turn]]
         started = clock()
         step = evaluate(t, q, qd)
@@ -61,7 +83,8 @@ class Walk:
 
     def in_one(self, turn: int) -> float:
         """Time of both [ns]."""
-        clock, to_command = perf_counter_ns, self.to_command
+        clock = perf_counter_ns
+        to_command = self.to_command
         t, q, qd = self.states[self.places[turn]]
         started = clock()
         to_command(t, q, qd)
@@ -76,28 +99,56 @@ def measure(effort: Effort) -> Part:
         scenario = shortened(Scenario.load(name), effort.duration)
         for looking_ahead in (False, True):
             lines += timed_in_turn(scenario, looking_ahead, effort.turns, part)
-    header = ["scenario", "controller", "rows are", "m", "rows", "command", "total", "ratio", "p99/median", "first"]
+    header = [
+        "scenario",
+        "controller",
+        "rows are",
+        "m",
+        "rows",
+        "command",
+        "total",
+        "ratio",
+        "p99/median",
+        "first",
+    ]
     part.tables.append(Table(header, lines, text_columns=3))
-    other = ("unit", *(f"{CASE_STUDY}, {law}" for law in LONG_PLANS))  # no law comes with so long a plan
-    spreads = {name.removesuffix(": p99/median"): value for name, value in part.numbers.items() if "p99/med" in name}
-    part.numbers["greatest p99/median"] = max(value for name, value in spreads.items() if name not in other)
+    # no law comes with so long a plan
+    other = ("unit", *(f"{CASE_STUDY}, {law}" for law in LONG_PLANS))
+    spreads = {
+        name.removesuffix(": p99/median"): value
+        for name, value in part.numbers.items()
+        if "p99/med" in name
+    }
+    part.numbers["greatest p99/median"] = max(
+        value for name, value in spreads.items() if name not in other
+    )
     return part
 
 
-def timed_in_turn(scenario: Scenario, looking_ahead: bool, turns: int, part: Part) -> list[list[str]]:
-    """Lines of the table for laws that look ahead or for those that do not; their numbers are kept in the part."""
+def timed_in_turn(
+    scenario: Scenario, looking_ahead: bool, turns: int, part: Part
+) -> list[list[str]]:
+    """Lines of the table for laws that look ahead or for those that do not; their numbers are kept
+    in the part.
+    """
     laws, others = (
-        {law: own for law, own in controllers(scenario.name).items() if ("model" in own.uses) == looking_ahead}
+        {
+            law: own
+            for law, own in controllers(scenario.name).items()
+            if ("model" in own.uses) == looking_ahead
+        }
         for _ in range(2)
     )
-    walks, halves = {}, {}
+    walks = {}
+    halves = {}
     # a task remembers its last sample: each walk has its own
     setups = {law: scenario.setup() for law in laws}
     runs = {law: simulate(setups[law], controller) for law, controller in laws.items()}
     if looking_ahead:
         turns = min(4 * turns, *(len(run.t) for run in runs.values()))
     for law, controller in laws.items():
-        setup, run = setups[law], runs[law]
+        setup = setups[law]
+        run = runs[law]
         walks[law] = Walk(setup, controller, run, turns)
         halves[f"{law}, in two"] = Walk(scenario.setup(), others[law], run, turns)
     subjects: dict[str, Subject] = {law: walk.in_one for law, walk in walks.items()}

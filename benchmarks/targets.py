@@ -13,7 +13,9 @@ from .part import CASE_STUDY, Part, Table, digits, microseconds
 ALL = list(GIVEN)[-1]
 
 BUSY = 1.5
-"""p99 / median of the unit above which a machine is not idle, and tails say nothing about the code."""
+"""p99 / median of the unit above which a machine is not idle, and tails say nothing about the
+code.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,49 +48,129 @@ COMMAND_ALONE = 0.15
 """Of laws that are closed forms, for rows and task that are there already."""
 
 TARGETS = (
-    Target("sliding mode, case study, state in, command out", "steps", f"{CASE_STUDY}, sliding-mode: ratio", 0.22),
+    Target(
+        "sliding mode, case study, state in, command out",
+        "steps",
+        f"{CASE_STUDY}, sliding-mode: ratio",
+        0.22,
+    ),
     Target("potential field, the same", "steps", f"{CASE_STUDY}, potential-field: ratio", 0.22),
-    Target("potential field with priority, the same", "steps", f"{CASE_STUDY}, potential-field-priority: ratio", 0.22),
+    Target(
+        "potential field with priority, the same",
+        "steps",
+        f"{CASE_STUDY}, potential-field-priority: ratio",
+        0.22,
+    ),
     Target("sliding mode, UR5, the same", "steps", "ur5-fov, sliding-mode: ratio", 0.18),
     Target("hierarchical QP, UR5, the same", "steps", "ur5-fov, hierarchical-qp: ratio", 0.22),
     Target("CBF filter, UR5, the same", "steps", "ur5-fov, cbf-filter: ratio", 0.20),
-    Target("hierarchical QP, 30 joints, the same", "growth", "joints, hierarchical-qp, pose, 30: ratio", 1.5),
-    Target("hierarchical QP, 7 joints", "growth", "joints, hierarchical-qp, pose: 7 over 6", 1.3, "× 6 joints"),
-    Target("hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.35),
-    Target("hierarchical QP, active rows, the same", "steps", f"{CASE_STUDY}, hierarchical-qp-active: ratio", 0.35),
-    Target("predictive control, 10 blocks, the same", "steps", f"{CASE_STUDY}, predictive: ratio", 4.0),
-    Target("predictive control, 30 blocks, the same", "steps", f"{CASE_STUDY}, predictive-30: ratio", 12.0),
-    Target("predictive control, 50 blocks, the same", "steps", f"{CASE_STUDY}, predictive-50: ratio", 25.0),
+    Target(
+        "hierarchical QP, 30 joints, the same",
+        "growth",
+        "joints, hierarchical-qp, pose, 30: ratio",
+        1.5,
+    ),
+    Target(
+        "hierarchical QP, 7 joints",
+        "growth",
+        "joints, hierarchical-qp, pose: 7 over 6",
+        1.3,
+        "× 6 joints",
+    ),
+    Target(
+        "hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.35
+    ),
+    Target(
+        "hierarchical QP, active rows, the same",
+        "steps",
+        f"{CASE_STUDY}, hierarchical-qp-active: ratio",
+        0.35,
+    ),
+    Target(
+        "predictive control, 10 blocks, the same", "steps", f"{CASE_STUDY}, predictive: ratio", 4.0
+    ),
+    Target(
+        "predictive control, 30 blocks, the same",
+        "steps",
+        f"{CASE_STUDY}, predictive-30: ratio",
+        12.0,
+    ),
+    Target(
+        "predictive control, 50 blocks, the same",
+        "steps",
+        f"{CASE_STUDY}, predictive-50: ratio",
+        25.0,
+    ),
     Target("goal governor, the same", "steps", f"{CASE_STUDY}, goal-governor: ratio", 4.0),
     Target("any demand with priority: beyond the paper's law", "laws", "priority: extra", 0.05),
-    Target("any demand with hierarchy: beyond the hierarchical QP", "laws", "hierarchy: extra", 0.05),
-    Target("measured pixels, depth and time: beyond without", "measured", f"{CASE_STUDY}, {ALL}: extra", 0.05),
+    Target(
+        "any demand with hierarchy: beyond the hierarchical QP", "laws", "hierarchy: extra", 0.05
+    ),
+    Target(
+        "measured pixels, depth and time: beyond without",
+        "measured",
+        f"{CASE_STUDY}, {ALL}: extra",
+        0.05,
+    ),
     Target("the same, image task of the UR5", "measured", f"ur5-image, {ALL}: extra", 0.05),
     *(
-        Target(f"own {what} constraint, {done}", "own", f"{what}, {CURVED}, {done}: over built-in", 1.2, "× built-in")
+        Target(
+            f"own {what} constraint, {done}",
+            "own",
+            f"{what}, {CURVED}, {done}: over built-in",
+            1.2,
+            "× built-in",
+        )
         for what in ("image", "robot point")
         for done in ("rows", "whole step")
     ),
     *(
-        Target(f"{law}, command alone, three active rows", "forms", f"{law}.command: ratio", COMMAND_ALONE)
+        Target(
+            f"{law}, command alone, three active rows",
+            "forms",
+            f"{law}.command: ratio",
+            COMMAND_ALONE,
+        )
         for law in ("SlidingMode", "PotentialField", "Tracking")
     ),
     Target("HierarchicalQP, the same", "forms", "HierarchicalQP.command: ratio", 0.35),
-    Target("one step of the closed loop, scores only, sliding mode", "loop", "sliding-mode, scores: ratio", 0.12),
+    Target(
+        "one step of the closed loop, scores only, sliding mode",
+        "loop",
+        "sliding-mode, scores: ratio",
+        0.12,
+    ),
     Target("the same, UR5", "loop", "sliding-mode, UR5, scores: ratio", 0.2),
-    Target("one simulated step, logging included, sliding mode", "loop", "sliding-mode: ratio", 0.4),
+    Target(
+        "one simulated step, logging included, sliding mode", "loop", "sliding-mode: ratio", 0.4
+    ),
     Target("`vsconstraints --help`", "startup", "vsconstraints --help: median", 0.4, "s"),
     Target("drawn scene of the UR5, all default laws", "scenes", "ur5: median", 0.2, "s"),
     Target("default comparison, whole process", "comparison", "whole process, cached", 12.0, "s"),
-    Target("the same, nothing compiled before", "comparison", "whole process, first ever", 35.0, "s"),
+    Target(
+        "the same, nothing compiled before", "comparison", "whole process, first ever", 35.0, "s"
+    ),
     Target("CPU spent compiling for it", "comparison", "compiling: CPU", 20.0, "s"),
     *(
-        Target(f"growth with {what}, {law}{kind}", "growth", f"{what}, {law}{kind}: last slope", LINEAR, "slope")
+        Target(
+            f"growth with {what}, {law}{kind}",
+            "growth",
+            f"{what}, {law}{kind}: last slope",
+            LINEAR,
+            "slope",
+        )
         for what, kinds in (("rows", ("",)), ("markers", (", pose", ", image")))
         for kind in kinds
         for law in ("sliding-mode", "potential-field", "hierarchical-qp")
     ),
-    Target("p99 / median, every law and scenario", "steps", "greatest p99/median", 3.0, "× median", tail=True),
+    Target(
+        "p99 / median, every law and scenario",
+        "steps",
+        "greatest p99/median",
+        3.0,
+        "× median",
+        tail=True,
+    ),
 )
 
 

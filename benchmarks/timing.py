@@ -21,7 +21,9 @@ UNIT = "numpy.linalg.pinv of 8×6"
 """What every time is divided by, in the same run."""
 
 Subject = Callable[[int], float | tuple[float, ...]]
-"""Given the number of its turn, makes one call and gives its time [ns], or the times of its parts."""
+"""Given the number of its turn, makes one call and gives its time [ns], or the times of its
+parts.
+"""
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,8 @@ def each_call(function: Callable[[], object]) -> Subject:
 def in_turn(subjects: Mapping[str, Subject], turns: int) -> dict[str, Array]:
     """Times [s] of every subject and of :data:`UNIT`, (turns,) or (turns, parts) each.
 
-    One call of each, then the next call of each: no call finds the caches as its own last one has left them, as it
-    would where it is repeated at once. A turn of each goes before, unmeasured.
+    One call of each, then the next call of each: no call finds the caches as its own last one has
+    left them, as it would where it is repeated at once. A turn of each goes before, unmeasured.
     """
     everything = {UNIT: unit_subject(), **subjects}
     for subject in everything.values():

@@ -1,1 +1,3 @@
-"""Checks of the project that take longer than tests: each is a command, ``python -m checks.NAME``."""
+"""Checks of the project that take longer than tests: each is a command, ``python -m
+checks.NAME``.
+"""

@@ -1,11 +1,14 @@
-"""What following the advice costs in scenes that it knows nothing of: ``python -m checks.advice [STUDY]``.
+"""What following the advice costs in scenes that it knows nothing of: ``python -m checks.advice
+[STUDY]``.
 
-Each family is left out in turn, and advice is taken from the others for each of its scenes and conditions. Regret is
-the success, in points, that this loses against the one law that succeeds most often in that family and condition, which
-nobody knows beforehand. Beside it stand the regret of advice by other rules, of always taking the law that succeeds
-most often in the other families, and of a law drawn at random; how often advice names a law without a model, and how
-often it calls a scene unlike anything in the study. The exit code is 1 if advice may lose more than half a point
-(:data:`ALLOWED`) against always the same law, with 95 % confidence: naming laws that require less costs success.
+Each family is left out in turn, and advice is taken from the others for each of its scenes and
+conditions. Regret is the success, in points, that this loses against the one law that succeeds most
+often in that family and condition, which nobody knows beforehand. Beside it stand the regret of
+advice by other rules, of always taking the law that succeeds most often in the other families, and
+of a law drawn at random; how often advice names a law without a model, and how often it calls a
+scene unlike anything in the study. The exit code is 1 if advice may lose more than half a point
+(:data:`ALLOWED`) against always the same law, with 95 % confidence: naming laws that require less
+costs success.
 """
 
 from __future__ import annotations
@@ -25,29 +28,40 @@ from vsconstraints.comparisons.advice import MARGIN, Advice, advise
 from vsconstraints.comparisons.statistics import mcnemar
 from vsconstraints.comparisons.study import SHIPPED, Situation, Study
 
-ADVICE, ALWAYS = "advice", "always the same law"
+ADVICE = "advice"
+ALWAYS = "always the same law"
 RULES = {ADVICE: MARGIN, "most success": 0.0, "least required of all ties": 1e9}
 BY = ["family", "condition"]
 ALLOWED = 0.005  #: Success that advice may lose against always the same law.
 
 
 def followed(study: Study, family: str) -> list[dict[str, Any]]:
-    """Success of the laws that are taken, and of all laws, in each scene and condition of a family."""
-    own, rest = study.runs[study.runs["family"] == family], study.runs[study.runs["family"] != family]
+    """Success of the laws that are taken, and of all laws, in each scene and condition of a
+    family.
+    """
+    own = study.runs[study.runs["family"] == family]
+    rest = study.runs[study.runs["family"] != family]
     others = replace(study, runs=rest)
     always = rest.groupby("controller")["success"].mean().idxmax()
-    success = own.astype({"success": float}).pivot(index=["scene", "condition"], columns="controller", values="success")
+    success = own.astype({"success": float}).pivot(
+        index=["scene", "condition"], columns="controller", values="success"
+    )
     known: dict[Situation, dict[str, Advice]] = {}
     lines = []
     for scene in study.scenes[study.scenes["family"] == family].to_dict("records"):
         situation = Situation(**{name: scene[name] for name in vars(Situation())})
         laws = success.loc[scene["scene"], scene["condition"]]
         if situation not in known:
-            known[situation] = {rule: advise(others, situation, margin=margin) for rule, margin in RULES.items()}
+            known[situation] = {
+                rule: advise(others, situation, margin=margin) for rule, margin in RULES.items()
+            }
         advices = known[situation]
         taken = {rule: laws[advice.laws[0].law.name] for rule, advice in advices.items()}
         first = advices[ADVICE].laws[0]
-        told = {"unlike": float(bool(advices[ADVICE].unlike)), "no model": float("model" not in first.requires)}
+        told = {
+            "unlike": float(bool(advices[ADVICE].unlike)),
+            "no model": float("model" not in first.requires),
+        }
         told |= {ALWAYS: laws[always], "any law": laws.mean()}
         lines.append({**{name: scene[name] for name in BY}, **told, **taken, **laws})
     return lines
@@ -70,9 +84,13 @@ def main(arguments: Sequence[str]) -> int:
     print("\nall: " + "; ".join(f"{name} {100.0 * share:.1f}" for name, share in mean.items()))
     lines["regret"] = best.reindex(pd.MultiIndex.from_frame(lines[BY])).to_numpy() - lines[ADVICE]
     for flag, regret in lines.groupby("unlike")["regret"]:
-        print(f"regret where {'unlike' if flag else 'like'} the study: {100.0 * regret.mean():.1f} ({len(regret)})")
+        print(
+            f"regret where {'unlike' if flag else 'like'} the study: {100.0 * regret.mean():.1f} "
+            f"({len(regret)})"
+        )
     pair = mcnemar(lines[ADVICE], lines[ALWAYS])
-    low, high = 100.0 * pair.low, 100.0 * pair.high
+    low = 100.0 * pair.low
+    high = 100.0 * pair.high
     print(f"advice less {ALWAYS}: {100.0 * pair.difference:.1f} ({low:.1f} to {high:.1f}) points")
     return int(pair.low < -ALLOWED)
 

@@ -1,8 +1,8 @@
 """``python -m checks.bands``: how wide the band is in which laws hold φ, against the sampling time.
 
-Theory says which power of T_s the band grows with: the first for a switch and for implicit laws that know no drift, the
-second for those that learn it. It is asked of the first example while a marker slides. The exit code is 1 if a law does
-otherwise.
+Theory says which power of T_s the band grows with: the first for a switch and for implicit laws
+that know no drift, the second for those that learn it. It is asked of the first example while a
+marker slides. The exit code is 1 if a law does otherwise.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ NEAR = 0.05
 """|φ| at most while the marker slides."""
 
 SETTLED = 0.4
-"""How long after contact the band is that of a law that has learnt what it can, and how long before it is lost [s]."""
+"""How long after contact the band is that of a law that has learnt what it can, and how long before
+it is lost [s].
+"""
 
 DOUBT = 0.3
 """By which an order may differ from that of theory, which is of a period that goes to zero."""
@@ -41,25 +43,35 @@ DOUBT = 0.3
 
 def run_of(law: Controller, period: float) -> tuple[Array, Array]:
     """Times [s] and φ of the second marker in the first example (N,)."""
-    run = simulate(Scenario.load("example-2d-fov").with_override("sampling_time", period).setup(), law)
+    run = simulate(
+        Scenario.load("example-2d-fov").with_override("sampling_time", period).setup(), law
+    )
     return run.t, run.phi[:, run.labels.index("fov[marker 2]")]
 
 
 def sliding() -> list[tuple[float, float]]:
-    """From when to when the marker slides along the image's border [s], by the barrier, which all other laws follow."""
+    """From when to when the marker slides along the image's border [s], by the barrier, which all
+    other laws follow.
+    """
     t, phi = run_of(HierarchicalQP(), PERIODS[-1])
     near = np.concatenate(([False], np.abs(phi) <= NEAR, [False]))
-    begins, ends = np.flatnonzero(~near[:-1] & near[1:]), np.flatnonzero(near[:-1] & ~near[1:]) - 1
-    spans = [(float(t[a]) + SETTLED, float(t[b]) - SETTLED) for a, b in zip(begins, ends, strict=True)]
+    begins = np.flatnonzero(~near[:-1] & near[1:])
+    ends = np.flatnonzero(near[:-1] & ~near[1:]) - 1
+    spans = [
+        (float(t[a]) + SETTLED, float(t[b]) - SETTLED) for a, b in zip(begins, ends, strict=True)
+    ]
     return [(begin, end) for begin, end in spans if begin < end]
 
 
 def bands(name: str, periods: Sequence[float] = PERIODS) -> list[float]:
     """The greatest |φ| of a law while the marker slides, for each period."""
-    found, spans = [], sliding()
+    found = []
+    spans = sliding()
     for period in periods:
         t, phi = run_of(make_controller(name, LAWS[name][0]), period)
-        found.append(max(float(np.abs(phi[(begin <= t) & (t <= end)]).max()) for begin, end in spans))
+        found.append(
+            max(float(np.abs(phi[(begin <= t) & (t <= end)]).max()) for begin, end in spans)
+        )
     return found
 
 
@@ -71,13 +83,19 @@ def order(found: Sequence[float], periods: Sequence[float] = PERIODS) -> float:
 def main() -> int:
     """Print a line for each law; 1 if an order is not that of theory."""
     wrong = 0
-    print(f"band of φ at T_s = {', '.join(f'{1e3 * period:g}' for period in PERIODS)} ms; power of T_s; theory's")
+    print(
+        f"band of φ at T_s = {', '.join(f'{1e3 * period:g}' for period in PERIODS)} ms; power of "
+        f"T_s; theory's"
+    )
     for name, (_, theory) in LAWS.items():
         found = bands(name)
         other = not abs(order(found) - theory) <= DOUBT
         wrong += other
         cells = "  ".join(f"{band:.2e}" for band in found)
-        print(f"{name:<28}{cells}  {order(found):.2f}  {theory:g}{', otherwise than theory' if other else ''}")
+        print(
+            f"{name:<28}{cells}  {order(found):.2f}  "
+            f"{theory:g}{', otherwise than theory' if other else ''}"
+        )
     return int(wrong > 0)
 
 

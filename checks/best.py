@@ -1,10 +1,13 @@
-"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``: what can be done at all.
+"""``python -m checks.best [--scenes N] [--family F] [--laws NAMES] [--seconds S]``: what can be
+done at all.
 
-Says of scenes of test set v1 whether they are *reachable* (a motion is known that satisfies all rows and settles at the
-goal), *separated* (it is proved that there is none) or *unknown*, and the best known motion, by when it settles. These
-are motions of laws and, beginning with them, of optimal control (``pip install 'vsconstraints[best,evidence]'``), which
-are judged by the package's own rows, close together. Scenes that are in the table are not done again, unless
-``--again`` says so of the unknown ones. ``--verify`` judges all motions in the table once more, which needs no solver.
+Says of scenes of test set v1 whether they are *reachable* (a motion is known that satisfies all
+rows and settles at the goal), *separated* (it is proved that there is none) or *unknown*, and the
+best known motion, by when it settles. These are motions of laws and, beginning with them, of
+optimal control (``pip install 'vsconstraints[best,evidence]'``), which are judged by the package's
+own rows, close together. Scenes that are in the table are not done again, unless ``--again`` says
+so of the unknown ones. ``--verify`` judges all motions in the table once more, which needs no
+solver.
 """
 
 from __future__ import annotations
@@ -40,37 +43,49 @@ from vsconstraints.vision.features import CameraPose
 
 TABLE = SHIPPED / "testset-v1-best.parquet"  #: that comes with the package
 LAWS = "predictive,robust-hierarchical-qp,hierarchical-qp,cbf-filter"
-OPTIONS: Mapping[str, Mapping[str, Any]] = {"hierarchical-qp": {"rows": "barrier"}}  #: as in the default comparison
+#: as in the default comparison
+OPTIONS: Mapping[str, Mapping[str, Any]] = {"hierarchical-qp": {"rows": "barrier"}}
 
-REACHABLE, SEPARATED, UNKNOWN = "reachable", "separated", "unknown"
+REACHABLE = "reachable"
+SEPARATED = "separated"
+UNKNOWN = "unknown"
 LAWS_ONLY = "laws only"
 COLUMNS = (
     Column("family", "text", category=True),
     Column("half", "text", category=True),
     Column("scene", "whole"),
     Column("outcome", "text", category=True),
-    Column("known_by", "text", category=True),  # "law NAME", "optimal control" or "proof: …", of the best motion
+    # "law NAME", "optimal control" or "proof: …", of the best motion
+    Column("known_by", "text", category=True),
     Column("best_time_s", "number"),
     Column("law", "text", category=True),  # that settles soonest of those that succeed
     Column("law_time_s", "number"),
     Column("law_space", "number"),  # the greatest utilization of the laws that succeed
     Column("optimal_time_s", "number"),
-    Column("acceleration", "text", category=True),  # what limits |q̈| of optimal control, or why there is none
-    Column("least_time_s", "number"),  # that the slowest joint by itself needs, with the limits of actuators
+    # what limits |q̈| of optimal control, or why there is none
+    Column("acceleration", "text", category=True),
+    # that the slowest joint by itself needs, with the limits of actuators
+    Column("least_time_s", "number"),
     Column("solve_s", "number"),
     Column("motion", "text"),  # of optimal control
 )
 
-PARTS, PERIOD = 20, 1e-3  #: a motion is judged as often in each interval, and at least once in so many seconds
+PARTS = 20  #: a motion is judged as often in each interval, and at least once in so many seconds
+PERIOD = 1e-3
 DIGITS = 4  #: of accelerations, in the table
-MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}  #: that rows are kept at first between nodes, by their units
-ROUNDS = 3  #: how often a motion is sought, with a larger margin where it turns out to be outside between its nodes
+#: that rows are kept at first between nodes, by their units
+MARGIN = {"px": 0.5, "m": 1e-3, "rad": 2e-3}
+#: how often a motion is sought, with a larger margin where it turns out to be outside between its
+#: nodes
+ROUNDS = 3
 SLACK = 0.75  #: half the diagonal of a pixel, and the depth that counts as none [px]
 STARTS = 2  #: valid motions from different guesses, of which the best one counts
 
 
 class Motion(NamedTuple):
-    """Accelerations (K, n), each held for an interval (K,) [s], from a setup's start; then the arm stands still."""
+    """Accelerations (K, n), each held for an interval (K,) [s], from a setup's start; then the arm
+    stands still.
+    """
 
     intervals: Array
     qdd: Array
@@ -78,15 +93,22 @@ class Motion(NamedTuple):
     def states(self, q0: Array, qd0: Array, until: float = 0.0) -> tuple[Array, Array, Array]:
         """Times (S,), q and q̇ (S, n), close together; as far as ``until`` [s] at least."""
         h = np.append(self.intervals, max(until - self.intervals.sum(), 0.0))
-        qdd, begin, q, qd, t = np.vstack((self.qdd, 0.0 * q0)), 0.0, q0, qd0, []
+        qdd = np.vstack((self.qdd, 0.0 * q0))
+        begin = 0.0
+        q = q0
+        qd = qd0
+        t = []
         states = []
         for duration, a in zip(h, qdd, strict=True):
             parts = max(PARTS, int(np.ceil(duration / PERIOD)))
             s = np.arange(parts)[:, None] * duration / parts
             t.append(begin + s[:, 0])
             states.append((q + s * qd + 0.5 * s**2 * a, qd + s * a))
-            q, qd, begin = q + duration * qd + 0.5 * duration**2 * a, qd + duration * a, begin + duration
-        t, states = [*t, [begin]], [*states, (q[None], qd[None])]
+            q = q + duration * qd + 0.5 * duration**2 * a
+            qd = qd + duration * a
+            begin = begin + duration
+        t = [*t, [begin]]
+        states = [*states, (q[None], qd[None])]
         return np.concatenate(t), *(np.concatenate(each) for each in zip(*states, strict=True))
 
     def text(self) -> str:
@@ -104,7 +126,9 @@ class Motion(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """How deep a motion is outside each row (m,), as a fraction of L, and when it has settled [s], NaN if not."""
+    """How deep a motion is outside each row (m,), as a fraction of L, and when it has settled [s],
+    NaN if not.
+    """
 
     depth: Array
     settled: float
@@ -116,17 +140,26 @@ class Judgement(NamedTuple):
 
 
 def judged(setup: Setup, motion: Motion) -> Judgement:
-    """The motion by the package's own rows and scores; a marker behind the camera is as deep outside as can be."""
-    constraints, goal, world = setup.constraints, setup.task.goals[0], setup.world()
+    """The motion by the package's own rows and scores; a marker behind the camera is as deep
+    outside as can be.
+    """
+    constraints = setup.constraints
+    goal = setup.task.goals[0]
+    world = setup.world()
     follows = setup.scene.motion is not None
-    end = (setup.samples - 1) * setup.Ts if follows else motion.intervals.sum() + setup.tolerances.dwell_s
+    end = (
+        (setup.samples - 1) * setup.Ts
+        if follows
+        else motion.intervals.sum() + setup.tolerances.dwell_s
+    )
     t, q, qd = motion.states(setup.q0, setup.qd0, end)
     try:
         steps = [world.evaluate(*at) for at in zip(t.tolist(), q, qd, strict=True)]
     except SceneError:
         return Judgement(np.full(len(constraints.labels), np.inf), np.nan)
     pixels, points, R, p = (
-        np.stack([getattr(step, name) for step in steps]) for name in ("pixels", "points", "camera_R", "camera_t")
+        np.stack([getattr(step, name) for step in steps])
+        for name in ("pixels", "points", "camera_R", "camera_t")
     )
     trace = Trace(t, q, qd, pixels, points, setup.scene.camera.size, setup.scene)
     depth = -constraints.clearance(trace) / constraints.characteristic_length
@@ -140,15 +173,23 @@ def judged(setup: Setup, motion: Motion) -> Judgement:
 
 
 def separated(setup: Setup) -> str:
-    """Why no motion can solve a scene: the marker that rows close off from its goal in the image; empty if none is.
+    """Why no motion can solve a scene: the marker that rows close off from its goal in the image;
+    empty if none is.
 
-    A marker's path in the image is continuous, whatever moves. A pixel counts as allowed if any point of its square may
-    be, so that the path leads through allowed pixels that touch each other. Closed off is a marker of which no pixel at
-    a pose within the goal's tolerances is connected to the first one. Rows that move, and tasks in several goals or
-    with distortion, prove nothing here; nor does a field of view alone, nor an obstacle that nothing keeps it near.
+    A marker's path in the image is continuous, whatever moves. A pixel counts as allowed if any
+    point of its square may be, so that the path leads through allowed pixels that touch each other.
+    Closed off is a marker of which no pixel at a pose within the goal's tolerances is connected to
+    the first one. Rows that move, and tasks in several goals or with distortion, prove nothing
+    here; nor does a field of view alone, nor an obstacle that nothing keeps it near.
     """
-    scene, goal, (distance, angle, near, _) = setup.scene, setup.task.goals[0], setup.goal_tolerances[0]
-    rows = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint) and c.motion is None]
+    scene = setup.scene
+    goal = setup.task.goals[0]
+    distance, angle, near, _ = setup.goal_tolerances[0]
+    rows = [
+        c
+        for c in setup.constraints.constraints
+        if isinstance(c, ImageConstraint) and c.motion is None
+    ]
     if len(setup.task.goals) != 1 or scene.camera.distortion is not None:
         return ""
     half = np.ceil(0.5 * np.asarray(scene.camera.size)) + 2.0
@@ -164,7 +205,11 @@ def separated(setup: Setup) -> str:
         if isinstance(setup.task.feature, CameraPose) and goal.camera is not None:
             x, y, z = goal.camera.inverse.act(scene.markers)[i]
             off = distance + angle * np.linalg.norm((x, y, z))
-            near = max(scene.camera.focal) * off * (1.0 + np.hypot(x, y) / z) / (z - off) if z > off else np.inf
+            near = (
+                max(scene.camera.focal) * off * (1.0 + np.hypot(x, y) / z) / (z - off)
+                if z > off
+                else np.inf
+            )
         there = np.hypot(U - goal.pixels[i, 0], V - goal.pixels[i, 1]) <= near + SLACK
         if parts[row, column] and parts[row, column] not in parts[there]:
             return f"marker {i + 1} is closed off from its goal in the image"
@@ -172,11 +217,15 @@ def separated(setup: Setup) -> str:
 
 
 def _perhaps_allowed(constraint: ImageConstraint, u: Array, v: Array) -> BoolArray:
-    """(b, a) whether a pixel around (u, v) may have an allowed point, of u (a,) and v (b,), by the mean value theorem.
+    """(b, a) whether a pixel around (u, v) may have an allowed point, of u (a,) and v (b,), by the
+    mean value theorem.
 
-    The gradient is longest at a corner of the pixel if its length is convex, as that of circles and hyperellipses is.
+    The gradient is longest at a corner of the pixel if its length is convex, as that of circles and
+    hyperellipses is.
     """
-    corners = np.stack(np.meshgrid(np.append(u, u[-1] + 1.0) - 0.5, np.append(v, v[-1] + 1.0) - 0.5), axis=-1)
+    corners = np.stack(
+        np.meshgrid(np.append(u, u[-1] + 1.0) - 0.5, np.append(v, v[-1] + 1.0) - 0.5), axis=-1
+    )
     steep = np.linalg.norm(constraint.gradient(corners), axis=-1)
     steepest = np.maximum.reduce([steep[:-1, :-1], steep[:-1, 1:], steep[1:, :-1], steep[1:, 1:]])
     allowed: BoolArray = constraint.sigma(np.stack(np.meshgrid(u, v), axis=-1)) <= SLACK * steepest
@@ -198,7 +247,8 @@ class Known(NamedTuple):
     @property
     def until(self) -> float:
         """When it has settled, or ends [s]."""
-        late, t = np.flatnonzero(~self.record.settled), self.record.trajectory.t
+        late = np.flatnonzero(~self.record.settled)
+        t = self.record.trajectory.t
         return float(t[min(late[-1] + 1, len(t) - 1)] if len(late) else t[-1])
 
     @property
@@ -217,12 +267,19 @@ def runs_of(bench: Bench, laws: Sequence[str]) -> list[Known]:
         record = bench.run(ControllerSpec(law, options=OPTIONS.get(law, {})))
         runs.append(Known(law, record, score(record, baseline).result))
     runs.append(Known(BASELINE, baseline, score(baseline, baseline).result))
-    order = {id(run): (not run.success, np.nan_to_num(run.result["settling_time_s"], nan=1e3)) for run in runs}
-    return sorted((run for run in runs if len(run.record.trajectory.t) > 1), key=lambda run: order[id(run)])
+    order = {
+        id(run): (not run.success, np.nan_to_num(run.result["settling_time_s"], nan=1e3))
+        for run in runs
+    }
+    return sorted(
+        (run for run in runs if len(run.record.trajectory.t) > 1), key=lambda run: order[id(run)]
+    )
 
 
 class Found(NamedTuple):
-    """A valid motion, when it settles [s], and what limits |q̈|; none, NaN, and why there is none."""
+    """A valid motion, when it settles [s], and what limits |q̈|; none, NaN, and why there is
+    none.
+    """
 
     motion: Motion | None
     settled: float
@@ -235,7 +292,9 @@ class Planner:
     def __init__(self, seconds: float, compiled: bool = False) -> None:
         from . import optimal  # CasADi is needed here only
 
-        self.optimal, self.seconds, self.compiled = optimal, seconds, compiled
+        self.optimal = optimal
+        self.seconds = seconds
+        self.compiled = compiled
         self.programs: dict[str, Any] = {}
 
     def best(self, setup: Setup, limited: Setup | None, runs: Sequence[Known]) -> Found:
@@ -248,28 +307,42 @@ class Planner:
             scene = self.optimal.written(setup)
         except self.optimal.NotCovered as what:
             return Found(None, np.nan, f"{LAWS_ONLY}: {what}")
-        n, until = setup.scene.robot.n, perf_counter() + self.seconds
+        n = setup.scene.robot.n
+        until = perf_counter() + self.seconds
         if scene.likeness not in self.programs:
             follows = setup.scene.motion is not None
-            self.programs[scene.likeness] = self.optimal.Program(scene, n, follows, self.seconds, self.compiled)
+            self.programs[scene.likeness] = self.optimal.Program(
+                scene, n, follows, self.seconds, self.compiled
+            )
             until = perf_counter() + self.seconds
-        limits = {} if limited is None else {"actuators": limited.limits.of_joint("acceleration", n)}
+        limits = (
+            {} if limited is None else {"actuators": limited.limits.of_joint("acceleration", n)}
+        )
         if not limits or not runs[0].success:
             limits["best run"] = runs[0].largest
         found: list[Found] = []
-        for (said, limit), guess in product(limits.items(), guesses(self.optimal.Guess, setup, runs)):
+        for (said, limit), guess in product(
+            limits.items(), guesses(self.optimal.Guess, setup, runs)
+        ):
             if len(found) == STARTS or (found and found[0].limit != said) or perf_counter() > until:
                 break
-            motion, settled = self.refined(self.programs[scene.likeness], setup, scene, limit, guess, until)
+            motion, settled = self.refined(
+                self.programs[scene.likeness], setup, scene, limit, guess, until
+            )
             if motion is not None:
                 found.append(Found(motion, settled, said))
-        return min(found, key=lambda each: each.settled, default=Found(None, np.nan, "nothing found"))
+        return min(
+            found, key=lambda each: each.settled, default=Found(None, np.nan, "nothing found")
+        )
 
     def refined(
         self, program: Any, setup: Setup, scene: Any, limit: Array, guess: Any, until: float
     ) -> tuple[Motion | None, float]:
-        """A valid motion, with larger margins where one turns out to be outside between its nodes."""
-        constraints, length = setup.constraints, setup.constraints.characteristic_length
+        """A valid motion, with larger margins where one turns out to be outside between its
+        nodes.
+        """
+        constraints = setup.constraints
+        length = setup.constraints.characteristic_length
         margin = np.array([MARGIN.get(unit, 0.0) for unit in constraints.units])
         margin = np.minimum(margin, 0.5 * room(setup))
         for _ in range(ROUNDS):
@@ -291,27 +364,40 @@ class Planner:
 def room(setup: Setup) -> Array:
     """(m,) clearance of each row at the start, at rest."""
     pixels, points = setup.scene.glance(setup.q0)
-    trace = Trace(np.zeros(1), setup.q0[None], setup.qd0[None], pixels[None], points[None], setup.scene.camera.size)
+    trace = Trace(
+        np.zeros(1),
+        setup.q0[None],
+        setup.qd0[None],
+        pixels[None],
+        points[None],
+        setup.scene.camera.size,
+    )
     return np.maximum(setup.constraints.clearance(trace)[0], 0.0)
 
 
 def guesses(kind: Any, setup: Setup, runs: Sequence[Known]) -> list[Any]:
-    """Where optimal control begins: the best run, the straight line to its end, and the other runs."""
+    """Where optimal control begins: the best run, the straight line to its end, and the other
+    runs.
+    """
     begin = []
     for run in runs:
         path = run.record.trajectory
         begin.append(kind(path.t, path.q, path.qd, run.until))
         if run is runs[0] and setup.scene.motion is None:
             s = np.linspace(0.0, 1.0, 101)[:, None]
-            q, t = setup.q0 + (3.0 - 2.0 * s) * s**2 * (path.q[-1] - setup.q0), run.until * s[:, 0]
+            q = setup.q0 + (3.0 - 2.0 * s) * s**2 * (path.q[-1] - setup.q0)
+            t = run.until * s[:, 0]
             begin.append(kind(t, q, np.gradient(q, t, axis=0), run.until))
     return begin
 
 
-def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], planner: Planner | None) -> dict[str, Any]:
+def line_of(
+    scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], planner: Planner | None
+) -> dict[str, Any]:
     """The table's line of a scene, with its setups by condition."""
     runs = runs_of(Bench(scene, NOMINAL), laws)
-    good, began = [run for run in runs if run.success], perf_counter()
+    good = [run for run in runs if run.success]
+    began = perf_counter()
     law = good[0] if good else None
     times = [run.result["settling_time_s"] for run in good]
     proof = "" if good else separated(setups[NOMINAL])
@@ -340,11 +426,17 @@ def line_of(scene: Drawn, setups: Mapping[str, Setup], laws: Sequence[str], plan
 
 
 def read(table: Path, test_set: TestSet) -> list[dict[str, Any]]:
-    """The lines of a table, numbers that do not exist as NaN; ConfigurationError if it is not of this test set."""
+    """The lines of a table, numbers that do not exist as NaN; ConfigurationError if it is not of
+    this test set.
+    """
     if (known := parquet.facts_of(table).get("sha256")) != test_set.sha256:
-        raise ConfigurationError(f"{table} is of the test set {known}, not of {test_set.sha256}: give another --table")
+        raise ConfigurationError(
+            f"{table} is of the test set {known}, not of {test_set.sha256}: give another --table"
+        )
     lines = parquet.read([table], COLUMNS).to_pylist()
-    return [{name: np.nan if value is None else value for name, value in line.items()} for line in lines]
+    return [
+        {name: np.nan if value is None else value for name, value in line.items()} for line in lines
+    ]
 
 
 def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str]:
@@ -353,10 +445,14 @@ def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str
     for line in lines:
         if line["motion"]:
             setups = families[line["family"]].set_up(line["scene"], line["half"])[1]
-            motion, scene = Motion.read(line["motion"]), " ".join(map(str, key(line)))
+            motion = Motion.read(line["motion"])
+            scene = " ".join(map(str, key(line)))
             found = judged(setups[NOMINAL], motion)
             if not (found.valid and abs(found.settled - line["optimal_time_s"]) < PERIOD):
-                yield f"{scene}: settled after {found.settled:.4g} s, {found.depth.max():.2g} L outside"
+                yield (
+                    f"{scene}: settled after {found.settled:.4g} s, {found.depth.max():.2g} L "
+                    f"outside"
+                )
             if line["acceleration"] == "actuators":
                 limit = setups[LIMITED].limits.of_joint("acceleration", motion.qdd.shape[1])
                 if (np.abs(motion.qdd) > limit + 10.0**-DIGITS).any():
@@ -364,9 +460,14 @@ def wrong(lines: Sequence[Mapping[str, Any]], test_set: TestSet) -> Iterator[str
 
 
 def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """How many scenes there are of each outcome, and the best motions beside the best laws and the slowest joints."""
+    """How many scenes there are of each outcome, and the best motions beside the best laws and the
+    slowest joints.
+    """
     names = (REACHABLE, SEPARATED, UNKNOWN)
-    yield f"| family | scenes | {' | '.join(names)} | solved | sooner | to best law | to least time | solve [s] |"
+    yield (
+        f"| family | scenes | {' | '.join(names)} | solved | sooner | to best law | to least "
+        f"time | solve [s] |"
+    )
     yield "|---|" + "---:|" * 9
     for family in [*dict.fromkeys(line["family"] for line in lines), "all"]:
         own = [line for line in lines if family in (line["family"], "all")]
@@ -375,34 +476,56 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         to_least = np.array([line["optimal_time_s"] / line["least_time_s"] for line in own_limits])
         counts = [len(own), *(sum(line["outcome"] == name for line in own) for name in names)]
         counts += [sum(bool(line["motion"]) for line in own), int((to_law < 1.0).sum())]
-        ratios = [f"{np.median(of):.2f}" if len(of := each[np.isfinite(each)]) else "" for each in (to_law, to_least)]
+        ratios = [
+            f"{np.median(of):.2f}" if len(of := each[np.isfinite(each)]) else ""
+            for each in (to_law, to_least)
+        ]
         seconds = f"{np.median([line['solve_s'] for line in own]):.1f}"
         yield f"| {' | '.join([family, *map(str, counts), *ratios, seconds])} |"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print what the module's docstring says; the exit code is 1 if a motion of the table is not what it says."""
+    """Print what the module's docstring says; the exit code is 1 if a motion of the table is not
+    what it says.
+    """
     parser = argparse.ArgumentParser(prog="python -m checks.best", description=__doc__)
     parser.add_argument("--scenes", type=int, default=10, help="of each family, from the first one")
-    parser.add_argument("--family", action="append", default=[], help="one of several; all if not given")
-    parser.add_argument("--scene", action="append", default=[], help="FAMILY:NUMBER, instead of --scenes")
+    parser.add_argument(
+        "--family", action="append", default=[], help="one of several; all if not given"
+    )
+    parser.add_argument(
+        "--scene", action="append", default=[], help="FAMILY:NUMBER, instead of --scenes"
+    )
     parser.add_argument("--half", default="held-out")
     parser.add_argument("--laws", default=LAWS, help="in the order in which they are run")
-    parser.add_argument("--seconds", type=float, default=30.0, help="of optimal control for each scene; 0: laws only")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=30.0,
+        help="of optimal control for each scene; 0: laws only",
+    )
     parser.add_argument("--table", type=Path, default=TABLE)
-    parser.add_argument("--compiled", action="store_true", help="with a C compiler: for many scenes")
+    parser.add_argument(
+        "--compiled", action="store_true", help="with a C compiler: for many scenes"
+    )
     parser.add_argument("--again", action="store_true", help="scenes whose outcome is unknown")
     parser.add_argument(
-        "--verify", action="store_true", help="judge all motions in the table once more, and do nothing else"
+        "--verify",
+        action="store_true",
+        help="judge all motions in the table once more, and do nothing else",
     )
-    asked, test_set = parser.parse_args(arguments), TestSet.load()
+    asked = parser.parse_args(arguments)
+    test_set = TestSet.load()
     lines = read(asked.table, test_set) if asked.table.exists() else []
     if asked.verify:
         problems = list(wrong(lines, test_set))
         print("\n".join([*summary(lines), *problems]))
         return 1 if problems else 0
     if asked.seconds > 0.0 and find_spec("casadi") is None:
-        parser.error("optimal control needs CasADi: pip install 'vsconstraints[best]'; --seconds 0 does without it")
+        parser.error(
+            "optimal control needs CasADi: pip install 'vsconstraints[best]'; --seconds 0 does "
+            "without it"
+        )
     planner = Planner(asked.seconds, asked.compiled) if asked.seconds > 0.0 else None
     chosen = test_set.chosen(asked.family, asked.half, asked.scenes, None)
     wanted = list(product(range(asked.scenes), chosen["families"]))
@@ -416,7 +539,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             facts = {"version": test_set.version, "sha256": test_set.sha256}
             parquet.write(asked.table, parquet.table(COLUMNS, lines), facts)
             print(
-                f"{family.name} {number}: {line['outcome']}, {line['known_by']}, {line['best_time_s']:.3f} s",
+                f"{family.name} {number}: {line['outcome']}, {line['known_by']}, "
+                f"{line['best_time_s']:.3f} s",
                 flush=True,
             )
     print("\n".join(summary(lines)))
@@ -428,7 +552,9 @@ def named_scene(text: str, test_set: TestSet) -> tuple[int, Family]:
     name, _, number = text.partition(":")
     families = {family.name: family for family in test_set.families}
     if name not in families or not number.isdecimal():
-        raise ConfigurationError(f"--scene takes FAMILY:NUMBER, such as {next(iter(families))}:3, not {text!r}")
+        raise ConfigurationError(
+            f"--scene takes FAMILY:NUMBER, such as {next(iter(families))}:3, not {text!r}"
+        )
     return int(number), families[name]
 
 

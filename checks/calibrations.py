@@ -1,9 +1,11 @@
-"""``python -m checks.calibrations [--files N] [--seed S]``: calibration files as nobody would write them.
+"""``python -m checks.calibrations [--files N] [--seed S]``: calibration files as nobody would write
+them.
 
-Files of OpenCV and ROS with a few things changed, most of them for the worse, are read as scenarios have them read.
-Each has to give a camera, or an error of this package that shows nothing of what other files may hold; within a time
-limit, and without anything being run, imported or opened besides. What does otherwise is printed with the file's
-number, and the exit code is 1. The same seed gives the same files.
+Files of OpenCV and ROS with a few things changed, most of them for the worse, are read as scenarios
+have them read. Each has to give a camera, or an error of this package that shows nothing of what
+other files may hold; within a time limit, and without anything being run, imported or opened
+besides. What does otherwise is printed with the file's number, and the exit code is 1. The same
+seed gives the same files.
 """
 
 from __future__ import annotations
@@ -57,16 +59,20 @@ FILES = (
     + "distortion_coefficients: !!opencv-matrix\n"
     + MATRIX.format(1, 5, LENS).replace("  data", "  dt: d\n  data"),
     # as ROS does, in a file and on a terminal
-    f"{HEAD}camera_name: {SECRET}\ncamera_matrix:\n{MATRIX.format(3, 3, ENTRIES)}distortion_model: plumb_bob\n"
+    f"{HEAD}camera_name: "
+    f"{SECRET}\ncamera_matrix:\n{MATRIX.format(3, 3, ENTRIES)}distortion_model: plumb_bob\n"
     f"distortion_coefficients:\n{MATRIX.format(1, 5, LENS)}",
-    f"header:\n  stamp:\n    secs: 0\n  frame_id: '{SECRET}'\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n"
-    f"D: [{LENS}]\nK: [{ENTRIES}]\nbinning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n---\n",
+    f"header:\n  stamp:\n    secs: 0\n  frame_id: '{SECRET}'\nheight: 480\nwidth: "
+    f"640\ndistortion_model: plumb_bob\n"
+    f"D: [{LENS}]\nK: [{ENTRIES}]\nbinning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: "
+    f"0\n  height: 0\n---\n",
     # as OpenCV does in XML, and as Kalibr does
     f'<?xml version="1.0"?>\n<opencv_storage>\n<calibration_time>"{SECRET}"</calibration_time>\n'
     "<image_width>640</image_width>\n<image_height>480</image_height>\n"
     '<camera_matrix type_id="opencv-matrix">\n<rows>3</rows>\n<cols>3</cols>\n<dt>d</dt>\n'
     f"<data>{ENTRIES.replace(',', '')}</data></camera_matrix>\n"
-    '<distortion_coefficients type_id="opencv-matrix">\n<rows>1</rows>\n<cols>5</cols>\n<dt>d</dt>\n'
+    "<distortion_coefficients "
+    'type_id="opencv-matrix">\n<rows>1</rows>\n<cols>5</cols>\n<dt>d</dt>\n'
     f"<data>{LENS.replace(',', '')}</data></distortion_coefficients>\n</opencv_storage>\n",
     f"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [{LENS}]\n  distortion_model: radtan\n"
     f"  intrinsics: [603.2, 601.8, 322.4, 236.1]\n  resolution: [640, 480]\n  rostopic: {SECRET}\n",
@@ -76,7 +82,8 @@ FILES = (
 )
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n" for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
+    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
 )
 
 VALUES = (
@@ -84,12 +91,16 @@ VALUES = (
     ".inf", "-.Inf", ".nan", "inf", "nan", "0x10", "0o7", "1_000", "1:30:00", "2026-13-45", "2026-11-22",
     "2026-11-22T25:61:61Z", "9" * 5000, "x" * 100_000, "words", "'", '"', "|", ">", "%", "@", "`", "&a", "*a",
     "!!int x", "!!float y", "!!binary z", "!!timestamp 1", "!!set {a}", "!!omap [a: 1]", "!!null x", "!", "!<>",
-    "!!python/object/apply:os.system ['touch owned']", "!!python/name:os.system", "!!python/module:antigravity",
-    "!!python/object/new:subprocess.Popen [['touch', 'owned']]", "{<<: [x]}", "? [a]\n: b", "{[a]: b}", "{{a: b}: c}",
+    "!!python/object/apply:os.system ['touch "
+    "owned']", "!!python/name:os.system", "!!python/module:antigravity",
+    "!!python/object/new:subprocess.Popen [['touch', "
+    "'owned']]", "{<<: [x]}", "? [a]\n: b", "{[a]: b}", "{{a: b}: c}",
     "[]", "[[]]", "{}", "[1, [2, 3]]", "[640, 480]", "{rows: 3, cols: 3, data: x}", "{rows: 1e9, cols: 1e9, data: []}",
-    "{rows: -1, cols: -9, data: [1, 2, 3, 4, 5, 6, 7, 8, 9]}", "[" * 500 + "]" * 500, "[" * 100_000, "{a: " * 5000,
+    "{rows: -1, cols: -9, data: [1, 2, 3, 4, 5, 6, 7, 8, "
+    "9]}", "[" * 500 + "]" * 500, "[" * 100_000, "{a: " * 5000,
     "- " * 5000, "\n ? " * 3000, "[" + "1, " * 50_000 + "1]", "fisheye", "equidistant", "rational_polynomial", "\x00",
-    "<!DOCTYPE a [<!ENTITY b SYSTEM 'file:///etc/passwd'>]>", "&b;", "<", "<_/>", "<a>" * 1000, "none",
+    "<!DOCTYPE a [<!ENTITY b SYSTEM "
+    "'file:///etc/passwd'>]>", "&b;", "<", "<_/>", "<a>" * 1000, "none",
     "opencv_fisheye", "\x85", "\u2028", "\ud800", "\ufeff", "\t", "---", "...", "%YAML:1.0", "%TAG ! x",
 )  # fmt: skip
 """What takes the place of a value, or stands in between."""
@@ -134,7 +145,9 @@ def _bomb(text: str, chance: random.Random) -> str:
 def _bytes(data: bytes, chance: random.Random) -> bytes:
     at = chance.randrange(len(data) + 1)
     flipped = bytes([data[at] ^ 1 << chance.randrange(8)]) if at < len(data) else b""
-    return chance.choice((data[:at] + flipped + data[at + 1 :], data[:at], data[at:], data[:at] + data[at + 3 :]))
+    return chance.choice(
+        (data[:at] + flipped + data[at + 1 :], data[:at], data[at:], data[:at] + data[at + 3 :])
+    )
 
 
 class Watch:
@@ -147,7 +160,8 @@ class Watch:
 
     def _note(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.allowed is not None and (
-            event.startswith(FORBIDDEN) or (event == "open" and str(arguments[0]) != str(self.allowed))
+            event.startswith(FORBIDDEN)
+            or (event == "open" and str(arguments[0]) != str(self.allowed))
         ):
             self.seen.append(f"{event} {arguments!r:.100}")
 
@@ -155,19 +169,24 @@ class Watch:
 def judge(path: Path, watch: Watch) -> tuple[str, str]:
     """Read a file: how that ended, and what is wrong with it, if anything is."""
     begun = perf_counter()
-    watch.allowed, outcome, wrong = path, "read", ""
+    watch.allowed = path
+    outcome = "read"
+    wrong = ""
     try:
         with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
             Camera.from_calibration(path)
     except VsconstraintsError as error:
-        outcome, said = "refused", str(error)
+        outcome = "refused"
+        said = str(error)
         if SECRET[:12] in said or len(said) > LONGEST:
             wrong = f"says too much: {said!r:.500}"
     except Exception as error:  # which is what is looked for
-        outcome, wrong = "raised", f"{type(error).__name__}: {error!s:.500}"
+        outcome = "raised"
+        wrong = f"{type(error).__name__}: {error!s:.500}"
     watch.allowed = None
     if watch.seen:
-        wrong, watch.seen = f"did more than read it: {watch.seen}", []
+        wrong = f"did more than read it: {watch.seen}"
+        watch.seen = []
     if perf_counter() - begun > LIMIT:
         wrong = f"took {perf_counter() - begun:.1f} s"
     return outcome, wrong
@@ -175,7 +194,9 @@ def judge(path: Path, watch: Watch) -> tuple[str, str]:
 
 def findings(seed: int, numbers: range, folder: Path) -> tuple[list[str], Counter[str]]:
     """Read these files: what should not have happened, and how often reading ended how."""
-    watch, found, outcomes = Watch(), [], Counter[str]()
+    watch = Watch()
+    found = []
+    outcomes = Counter[str]()
     path = folder / "camera.yaml"
     path.write_bytes(FILES[0].encode())
     Camera.from_calibration(path)  # imports what reading needs
@@ -190,7 +211,9 @@ def findings(seed: int, numbers: range, folder: Path) -> tuple[list[str], Counte
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Read all files, print what was found; 1 if something was."""
-    parser = argparse.ArgumentParser(prog="python -m checks.calibrations", description="Read any calibration file.")
+    parser = argparse.ArgumentParser(
+        prog="python -m checks.calibrations", description="Read any calibration file."
+    )
     parser.add_argument("--files", type=int, default=10_000, help="how many (default: 10000)")
     parser.add_argument("--seed", type=int, default=0, help="of all files (default: 0)")
     chosen = parser.parse_args(arguments)

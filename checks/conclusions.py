@@ -1,8 +1,10 @@
-"""Which conclusions hold, counted again: ``python -m checks.conclusions FOLDER`` reads a report's claims and runs.
+"""Which conclusions hold, counted again: ``python -m checks.conclusions FOLDER`` reads a report's
+claims and runs.
 
-From the runs alone, with pandas, SciPy and statsmodels and nothing of this package: McNemar's test with continuity
-correction, the sign test, Bonferroni's correction. Every outcome has to be the same, and every reversal that is said to
-be found with 80 % power is, in simulated scenes. The command prints both.
+From the runs alone, with pandas, SciPy and statsmodels and nothing of this package: McNemar's test
+with continuity correction, the sign test, Bonferroni's correction. Every outcome has to be the
+same, and every reversal that is said to be found with 80 % power is, in simulated scenes. The
+command prints both.
 """
 
 from __future__ import annotations
@@ -21,12 +23,15 @@ from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
 
 FEWEST = 6
-RATES, MEDIANS = ("success", "violation"), {"utilization": 1, "acceleration_variation": -1}
+RATES = ("success", "violation")
+MEDIANS = {"utilization": 1, "acceleration_variation": -1}
 """What is counted; of medians, whether more is better."""
 
 
 class Told(NamedTuple):
-    """Of two laws 1 where the first is better, −1 where the second is, 0 where no test tells; of so many scenes."""
+    """Of two laws 1 where the first is better, −1 where the second is, 0 where no test tells; of so
+    many scenes.
+    """
 
     way: int
     scenes: int
@@ -41,11 +46,14 @@ def verdicts(runs: pd.DataFrame, measure: str) -> dict[tuple[str, str], Told]:
         values = (good if measure == "success" else ~left).astype(float)
     else:
         values = (MEDIANS[measure] * runs[measure]).where(good & np.isfinite(runs[measure]))
-    wide = runs.assign(x=values).pivot_table(index=["family", "scene"], columns="controller", values="x", dropna=False)
+    wide = runs.assign(x=values).pivot_table(
+        index=["family", "scene"], columns="controller", values="x", dropna=False
+    )
     lines = []
     for a, b in combinations(sorted(wide.columns), 2):
         both = wide[[a, b]].dropna()
-        more, fewer = int((both[a] > both[b]).sum()), int((both[a] < both[b]).sum())
+        more = int((both[a] > both[b]).sum())
+        fewer = int((both[a] < both[b]).sum())
         if more == fewer:
             p = 1.0
         elif measure in RATES:
@@ -59,20 +67,32 @@ def verdicts(runs: pd.DataFrame, measure: str) -> dict[tuple[str, str], Told]:
     if tested.any():
         sure = multipletests(found.loc[tested, "p"], method="bonferroni")[1] <= 0.05
         found.loc[tested, "way"] *= sure
-    each = {(one.a, one.b): Told(int(one.way), int(one.scenes), int(one.differ)) for one in found.itertuples()}
+    each = {
+        (one.a, one.b): Told(int(one.way), int(one.scenes), int(one.differ))
+        for one in found.itertuples()
+    }
     return each | {(b, a): one._replace(way=-one.way) for (a, b), one in each.items()}
 
 
 def going(runs: pd.DataFrame, first: str, other: str) -> pd.DataFrame:
     """Runs of laws that came to anything in both conditions, and of families that both have."""
     runs = runs[(runs["controller"] != "tracking") & runs["condition"].isin([first, other])]
-    came = runs[~runs["status"].isin(["failed", "aborted"])].groupby("controller", observed=True)["condition"].nunique()
+    came = (
+        runs[~runs["status"].isin(["failed", "aborted"])]
+        .groupby("controller", observed=True)["condition"]
+        .nunique()
+    )
     there = runs.groupby("family", observed=True)["condition"].nunique()
-    return runs[runs["controller"].isin(came[came == 2].index) & runs["family"].isin(there[there == 2].index)]
+    return runs[
+        runs["controller"].isin(came[came == 2].index)
+        & runs["family"].isin(there[there == 2].index)
+    ]
 
 
 def power(scenes: int, differing: float, difference: float, pairs: int) -> float:
-    """How often a difference of two rates is found, corrected for so many pairs of laws; simulated."""
+    """How often a difference of two rates is found, corrected for so many pairs of laws;
+    simulated.
+    """
     share = max(differing, difference)
     chances = [(share + difference) / 2, (share - difference) / 2, 1.0 - share]
     wins, losses, _ = np.random.default_rng(0).multinomial(scenes, chances, 50_000).T
@@ -88,7 +108,9 @@ def differing(runs: pd.DataFrame, claims: Mapping[str, Any], first: str = "nomin
     for condition in dict.fromkeys(one["condition"] for one in claims["conclusions"]):
         both = going(runs, first, condition)
         for measure in (*RATES, *MEDIANS):
-            before, after = (verdicts(both[both["condition"] == name], measure) for name in (first, condition))
+            before, after = (
+                verdicts(both[both["condition"] == name], measure) for name in (first, condition)
+            )
             claimed = {
                 (one["better"], one["worse"]): one["outcome"]
                 for one in claims["conclusions"]
@@ -97,17 +119,33 @@ def differing(runs: pd.DataFrame, claims: Mapping[str, Any], first: str = "nomin
             for pair, outcome in claimed.items():
                 said = {"holds": 1, "reversed": -1}.get(outcome, 0)
                 if (before[pair].way, after[pair].way) != (1, said):
-                    wrong.append(f"{condition}, {measure}: {' before '.join(pair)} is said to be {outcome}")
+                    wrong.append(
+                        f"{condition}, {measure}: {' before '.join(pair)} is said to be {outcome}"
+                    )
             missing = {pair for pair, one in before.items() if one.way == 1} - set(claimed)
-            wrong += [f"{condition}, {measure}: {' before '.join(pair)} is not said" for pair in sorted(missing)]
+            wrong += [
+                f"{condition}, {measure}: {' before '.join(pair)} is not said"
+                for pair in sorted(missing)
+            ]
             one = powers.get((condition, measure), {})
             if claimed and one.get("detectable") is not None:
                 scenes = int(np.median([after[pair].scenes for pair in claimed]))
-                share = np.median([after[pair].differ / after[pair].scenes for pair in claimed if after[pair].scenes])
+                share = np.median(
+                    [
+                        after[pair].differ / after[pair].scenes
+                        for pair in claimed
+                        if after[pair].scenes
+                    ]
+                )
                 pairs = sum(told.scenes >= FEWEST for told in after.values()) // 2
                 found = power(scenes, float(share), one["detectable"], pairs)
-                text = f"a reversal by {100 * one['detectable']:.0f} points is found with {100 * found:.0f} % power"
-                print(f"{condition}, {measure}: {len(claimed)} conclusions on {scenes} scenes; {text}")
+                text = (
+                    f"a reversal by {100 * one['detectable']:.0f} points is found with "
+                    f"{100 * found:.0f} % power"
+                )
+                print(
+                    f"{condition}, {measure}: {len(claimed)} conclusions on {scenes} scenes; {text}"
+                )
                 wrong += [f"{condition}, {measure}: {text}"] if abs(found - 0.8) > 0.01 else []
     return wrong
 

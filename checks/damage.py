@@ -1,4 +1,6 @@
-"""What can be wrong with stored results: changes of their files in place, by chance and by somebody who means harm."""
+"""What can be wrong with stored results: changes of their files in place, by chance and by somebody
+who means harm.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ import numpy as np
 from vsconstraints.comparisons.evidence import TABLES, parquet
 
 PLANTED = "planted:Planted"
-"""Code that runs if anything imports it: the folder in which it is stands in every place that names one."""
+"""Code that runs if anything imports it: the folder in which it is stands in every place that names
+one.
+"""
 
 ODD: tuple[Any, ...] = (
     None, True, -1, 0, 2, 0.5, -1e300, 10**400, float("nan"), float("inf"), "", "x", PLANTED, "os:system", "../../../x",
@@ -57,11 +61,16 @@ def _exchange(path: Path, chance: random.Random) -> None:
 
 
 def _double(path: Path, chance: random.Random) -> None:
-    shutil.copy(path, path.with_name(f"{path.stem.replace('0', '1', 1)}{chance.choice(('', '-'))}{path.suffix}"))
+    shutil.copy(
+        path,
+        path.with_name(f"{path.stem.replace('0', '1', 1)}{chance.choice(('', '-'))}{path.suffix}"),
+    )
 
 
 def _link(path: Path, chance: random.Random) -> None:
-    name = chance.choice(("report.md", "figures", "report.html.part", "results.csv.part", ".vsconstraints-lock"))
+    name = chance.choice(
+        ("report.md", "figures", "report.html.part", "results.csv.part", ".vsconstraints-lock")
+    )
     with suppress(FileExistsError):
         path.parent.joinpath(name).symlink_to(path.parents[1].parent / "outside")
 
@@ -82,7 +91,13 @@ def _manifest(path: Path, chance: random.Random) -> None:
 
 
 def _places(data: Any) -> Iterator[tuple[Any, Any]]:
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    items = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data)
+        if isinstance(data, list)
+        else ()
+    )
     for key, inner in items:
         yield data, key
         yield from _places(inner)
@@ -96,7 +111,8 @@ def _contents(path: Path, chance: random.Random) -> None:
         _archive(path, chance)
     else:
         lines = path.read_text(encoding="utf-8").split("\n")
-        i, j = chance.randrange(len(lines)), chance.randrange(len(lines))
+        i = chance.randrange(len(lines))
+        j = chance.randrange(len(lines))
         cells = lines[i].split(",")
         cells[chance.randrange(len(cells))] = str(chance.choice(ODD)).replace("\n", " ")
         lines[i] = chance.choice((",".join(cells), lines[j], "", lines[i] * 2))
@@ -106,7 +122,8 @@ def _contents(path: Path, chance: random.Random) -> None:
 def _table(path: Path, chance: random.Random) -> None:
     import pyarrow as pa
 
-    table, facts = parquet.read([path], TABLES[path.parent.name]), parquet.facts_of(path)
+    table = parquet.read([path], TABLES[path.parent.name])
+    facts = parquet.facts_of(path)
     lines = table.to_pylist()
     what = chance.randrange(6)
     if what == 0:
@@ -160,7 +177,10 @@ def _archive(path: Path, chance: random.Random) -> None:
     path.write_bytes(file.getvalue())
     if what == 5 and chance.random() < 0.5:
         with zipfile.ZipFile(path, "a") as archive:  # a header that says more than there is
-            header = b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+            header = (
+                b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': "
+                b"(1000000000000,), }"
+            )
             archive.writestr("more.npy", header.ljust(128) + b"\n")
 
 

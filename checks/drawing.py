@@ -1,8 +1,10 @@
-"""How long a report takes: ``python -m checks.drawing FOLDER`` draws a stored comparison again, in one process.
+"""How long a report takes: ``python -m checks.drawing FOLDER`` draws a stored comparison again, in
+one process.
 
-Times are of the processor, so that waiting for other work on the machine does not count: figures of scenarios with how
-many were drawn, the whole comparison's, and both forms of the text. Figures and report are those of
-``vsconstraints report FOLDER``; with ``--all`` every scenario is drawn, not the most telling alone.
+Times are of the processor, so that waiting for other work on the machine does not count: figures of
+scenarios with how many were drawn, the whole comparison's, and both forms of the text. Figures and
+report are those of ``vsconstraints report FOLDER``; with ``--all`` every scenario is drawn, not the
+most telling alone.
 """
 
 from __future__ import annotations
@@ -16,7 +18,12 @@ from time import process_time
 from typing import Any
 
 from vsconstraints.comparisons import StoredComparison
-from vsconstraints.reports.drawing import draw_overview, draw_scenario, scenario_jobs, shown_scenarios
+from vsconstraints.reports.drawing import (
+    draw_overview,
+    draw_scenario,
+    scenario_jobs,
+    shown_scenarios,
+)
 from vsconstraints.reports.page import html_page
 from vsconstraints.reports.results import Results
 
@@ -39,7 +46,8 @@ def main(arguments: list[str]) -> int:
     jobs = scenario_jobs(results, None if "--all" in arguments else shown_scenarios(results))
     (folder / "figures").mkdir(exist_ok=True)
     first, _ = timed(lambda: draw_scenario(jobs[0]))  # with the imports
-    times, figures = [], 0
+    times = []
+    figures = 0
     for job in jobs:
         seconds, drawn = timed(partial(draw_scenario, job))
         times.append((seconds, job.scenario.name))

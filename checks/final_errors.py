@@ -1,4 +1,5 @@
-r"""``python -m checks.final_errors [--table TABLE] [--of FOLDER]``: success and final errors that are kept.
+r"""``python -m checks.final_errors [--table TABLE] [--of FOLDER]``: success and final errors that
+are kept.
 
 Prints two tables in Markdown for each condition. The first one has success by the strict standard
 and at 1 % of L, with 95 % intervals; bold is significantly the best, ≈ the best or not
@@ -37,7 +38,8 @@ COMPARISONS = Path(__file__).parents[1] / "comparisons"
 TABLE = COMPARISONS / "final-errors.parquet"  #: of disturbed scenes of test set v1
 WITH_MASS = COMPARISONS / "arms-with-mass.parquet"
 SCENE = ["family", "scene"]
-POSITION, ORIENTATION = "final_translation_error_m", "final_rotation_error_rad"
+POSITION = "final_translation_error_m"
+ORIENTATION = "final_rotation_error_rad"
 COLUMNS = (
     *KEYS,
     Column("success", "flag"),
@@ -60,13 +62,17 @@ def keep(folder: Path, table: Path, scenes: int) -> None:
 
 
 def places(runs: Any, column: str = "success") -> Ranking:
-    """The laws of one condition, the most successful first; ``column`` is the success that counts."""
+    """The laws of one condition, the most successful first; ``column`` is the success that
+    counts.
+    """
     condition = runs["condition"].iloc[0]
     return ranked(runs.pivot(index=SCENE, columns="controller", values=column), condition)
 
 
 def summary(runs: Any) -> Any:
-    """A DataFrame with one line for each law, the most successful first; shares in per cent, errors in mm and mrad."""
+    """A DataFrame with one line for each law, the most successful first; shares in per cent, errors
+    in mm and mrad.
+    """
     strict = Tolerances()
     near = (runs[POSITION] <= strict.translation_m) & (runs[ORIENTATION] <= strict.rotation_rad)
     runs = runs.assign(near=near & runs["success"])
@@ -87,7 +93,8 @@ def summary(runs: Any) -> Any:
 
 def table_of_places(runs: Any) -> Iterator[str]:
     """The lines of the first table."""
-    strict, tolerant = places(runs), places(runs, "tolerant_success")
+    strict = places(runs)
+    tolerant = places(runs, "tolerant_success")
     yield "| law | success [%] | at 1 % of L [%] |"
     yield "|---|---:|---:|"
     for law in strict.laws:

@@ -1,11 +1,13 @@
-"""``python -m checks.fuzz [--calls N] [--seed S] [--inputs FIRST:LAST]``: laws that are asked anything.
+"""``python -m checks.fuzz [--calls N] [--seed S] [--inputs FIRST:LAST]``: laws that are asked
+anything.
 
-Every registered controller, compiled and not, is given random, extreme, degenerate and malformed input, and has to end
-within a time limit: with a finite command of a known status, or with an error of this package. What does otherwise is
-printed with the input's number, and the exit code is 1. The same seed gives the same inputs.
+Every registered controller, compiled and not, is given random, extreme, degenerate and malformed
+input, and has to end within a time limit: with a finite command of a known status, or with an error
+of this package. What does otherwise is printed with the input's number, and the exit code is 1. The
+same seed gives the same inputs.
 
-A process of its own asks, since nothing else ends a loop within a library; this one watches it, and goes on behind what
-does not end.
+A process of its own asks, since nothing else ends a loop within a library; this one watches it, and
+goes on behind what does not end.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ DEFINITION = 0.3
 """Share of the calls that go to the form that is not compiled."""
 
 LIMIT = 20.0
-"""Seconds that the calls on one input may take; usual are milliseconds, on a machine that does nothing else."""
+"""Seconds that the calls on one input may take; usual are milliseconds, on a machine that does
+nothing else.
+"""
 
 PERIOD = 0.01
 """Sampling period that laws are told [s]."""
@@ -73,25 +77,39 @@ class Finding:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Ask, print what was found; 1 if something was."""
     parser = argparse.ArgumentParser(prog="python -m checks.fuzz", description="Ask laws anything.")
-    parser.add_argument("--calls", type=int, default=1_000_000, help="how many calls of laws (default: 1000000)")
+    parser.add_argument(
+        "--calls", type=int, default=1_000_000, help="how many calls of laws (default: 1000000)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of all inputs (default: 0)")
-    parser.add_argument("--inputs", default="", help="FIRST:LAST, only these inputs: to see a finding again")
+    parser.add_argument(
+        "--inputs", default="", help="FIRST:LAST, only these inputs: to see a finding again"
+    )
     chosen = parser.parse_args(arguments)
-    first, last = 0, -(-chosen.calls // EACH)
+    first = 0
+    last = -(-chosen.calls // EACH)
     if chosen.inputs:
         first, last = (int(part) for part in chosen.inputs.split(":"))
     started = perf_counter()
     found, outcomes = fuzz(chosen.seed, range(first, last))
-    seconds, calls = perf_counter() - started, sum(outcomes.values())
+    seconds = perf_counter() - started
+    calls = sum(outcomes.values())
     for finding in found:
-        print(f"input {finding.number} of seed {chosen.seed}, {finding.law}, {finding.form}: {finding.what}")
+        print(
+            f"input {finding.number} of seed {chosen.seed}, {finding.law}, {finding.form}: "
+            f"{finding.what}"
+        )
     said = ", ".join(f"{number} {outcome}" for outcome, number in sorted(outcomes.items()))
-    print(f"{calls} calls in {seconds:.0f} s, {calls / seconds:.0f} a second: {said}; {len(found)} findings")
+    print(
+        f"{calls} calls in {seconds:.0f} s, {calls / seconds:.0f} a second: {said}; {len(found)} "
+        f"findings"
+    )
     return 1 if found else 0
 
 
 def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding], Counter[str]]:
-    """Ask in a process of its own, and in another one where that ended; findings, and how often calls ended how."""
+    """Ask in a process of its own, and in another one where that ended; findings, and how often
+    calls ended how.
+    """
     found: list[Finding] = []
     outcomes: Counter[str] = Counter()
     context = multiprocessing.get_context("spawn")
@@ -100,7 +118,9 @@ def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding]
         receiver, sender = context.Pipe(duplex=False)
         # a worker that is killed must not take a lock with it: this one has none
         now = context.RawArray("q", [at - 1])
-        worker = context.Process(target=ask, args=(seed, range(at, numbers.stop), sender, now), daemon=True)
+        worker = context.Process(
+            target=ask, args=(seed, range(at, numbers.stop), sender, now), daemon=True
+        )
         worker.start()
         sender.close()
         why, answers = watch(worker, receiver, now, limit)
@@ -115,10 +135,16 @@ def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding]
     return found, outcomes
 
 
-def watch(worker: Any, receiver: Connection, now: Any, limit: float) -> tuple[str, list[Finding | Counter[str]]]:
-    """Wait until the process ends, or does not get on; why it ended early, and what it had to say."""
+def watch(
+    worker: Any, receiver: Connection, now: Any, limit: float
+) -> tuple[str, list[Finding | Counter[str]]]:
+    """Wait until the process ends, or does not get on; why it ended early, and what it had to
+    say.
+    """
     answers: list[Finding | Counter[str]] = []
-    before, since, patience = int(now[0]), perf_counter(), PATIENCE
+    before = int(now[0])
+    since = perf_counter()
+    patience = PATIENCE
     why = ""
     while True:
         try:
@@ -126,9 +152,13 @@ def watch(worker: Any, receiver: Connection, now: Any, limit: float) -> tuple[st
                 answers.append(receiver.recv())
         except (EOFError, OSError):
             worker.join()
-            return ("" if worker.exitcode == 0 else f"the process ended with {worker.exitcode}"), answers
+            return (
+                "" if worker.exitcode == 0 else f"the process ended with {worker.exitcode}"
+            ), answers
         if int(now[0]) != before:
-            before, since, patience = int(now[0]), perf_counter(), limit
+            before = int(now[0])
+            since = perf_counter()
+            patience = limit
         elif perf_counter() - since > patience:
             why = f"no end within {patience:.0f} s"
             worker.kill()
@@ -188,7 +218,8 @@ def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding
             try:
                 asked = ready(name, options)
             except VsconstraintsError:  # a parameter outside what its demand takes
-                outcome, what = "options refused", ""
+                outcome = "options refused"
+                what = ""
             else:
                 outcome, what = answers(asked, question, form)
         outcomes[outcome] += 1
@@ -215,7 +246,10 @@ def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
     before = [getattr(question.rows, name, None) for name in ROWS] + [
         getattr(question.task, name, None) for name in TASK
     ]
-    kept = [array.tobytes() if isinstance(array, np.ndarray) and array.dtype != object else None for array in before]
+    kept = [
+        array.tobytes() if isinstance(array, np.ndarray) and array.dtype != object else None
+        for array in before
+    ]
     call = law.command if form == "compiled" else law.define
     try:
         command: object = call(question.rows, question.task)
@@ -236,11 +270,16 @@ def judge(command: object, question: Input) -> str:
     """What is wrong with a command; empty if nothing is."""
     if not isinstance(command, Command):
         return f"{command!r} is no command"
-    n, m = question.task.J.shape[1], len(question.rows.labels)
-    qdd, acted, slack = command.qdd, command.acted, command.slack
+    n = question.task.J.shape[1]
+    m = len(question.rows.labels)
+    qdd = command.qdd
+    acted = command.acted
+    slack = command.slack
     checks = {
         "status": command.status in get_args(Status),
-        "shape": qdd.shape == (n,) and acted.shape == (m,) and (slack is None or slack.shape == (m,)),
+        "shape": qdd.shape == (n,)
+        and acted.shape == (m,)
+        and (slack is None or slack.shape == (m,)),
         "type": qdd.dtype == np.float64 and acted.dtype == np.bool_,
         "finite": bool(np.isfinite(qdd).all() and (slack is None or np.isfinite(slack).all())),
         "labels": command.labels == question.rows.labels,

@@ -1,8 +1,9 @@
-"""Images held against what is rendered, and loops that are closed by them: ``python -m checks.images [SCENE …]``.
+"""Images held against what is rendered, and loops that are closed by them: ``python -m
+checks.images [SCENE …]``.
 
-First, tags are rendered from many poses, and what both detectors find is compared with where they are. Then every law
-of the default comparison runs scenes of a UR5 by images, position-based and image-based, and ends at the goal. It needs
-the extra ``images``.
+First, tags are rendered from many poses, and what both detectors find is compared with where they
+are. Then every law of the default comparison runs scenes of a UR5 by images, position-based and
+image-based, and ends at the goal. It needs the extra ``images``.
 """
 
 from __future__ import annotations
@@ -30,11 +31,16 @@ from vsconstraints.vision.images.tag_pose import locate_board
 SCENES = ("ur5-images", "ur5-image")
 POSES = 60
 
-MOST_OFFSET, MOST_DEVIATION = 0.02, 0.1
+MOST_OFFSET = 0.02
+MOST_DEVIATION = 0.1
 """Of the corners that AprilTag's detector finds, at noise 2 [px]."""
 
-MOST_TRANSLATION, MOST_ROTATION, MOST_PIXELS = 1e-3, 2e-3, 1.0
-"""How far a run may end from its goal: the first two if it is position-based, the last if it is image-based."""
+MOST_TRANSLATION = 1e-3
+MOST_ROTATION = 2e-3
+MOST_PIXELS = 1.0
+"""How far a run may end from its goal: the first two if it is position-based, the last if it is
+image-based.
+"""
 
 END = 0.5
 """Root mean squares are taken over this time at the end [s]."""
@@ -44,7 +50,9 @@ MOST_TIME = 2.0
 
 
 class Found(NamedTuple):
-    """Offsets (N, 2) of corners [px], errors (P, 2) of the board's pose [m, rad], tags missed, times an image [s]."""
+    """Offsets (N, 2) of corners [px], errors (P, 2) of the board's pose [m, rad], tags missed,
+    times an image [s].
+    """
 
     offsets: Array
     errors: Array
@@ -54,15 +62,27 @@ class Found(NamedTuple):
 
 
 def found(detector: str, settings: ImageSettings, poses: int = POSES) -> Found:
-    """What a detector finds of four tags of 5 cm, 0.3 to 0.6 m away, through 640 × 480 px with F = 600 px."""
-    markers = 0.07 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-    camera, find, rng = Camera((600.0, 600.0), (640.0, 480.0)), DETECTORS[detector](), np.random.default_rng(0)
+    """What a detector finds of four tags of 5 cm, 0.3 to 0.6 m away, through 640 × 480 px with F =
+    600 px.
+    """
+    markers = 0.07 * np.array(
+        [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+    )
+    camera = Camera((600.0, 600.0), (640.0, 480.0))
+    find = DETECTORS[detector]()
+    rng = np.random.default_rng(0)
     board = Board.of_markers(markers, np.array([0.0, 0.0, 1.0]), 0.05, None)
-    renderer, offsets, errors, missed, spent = Renderer(board, camera, settings), [], [], 0, np.zeros(2)
+    renderer = Renderer(board, camera, settings)
+    offsets = []
+    errors = []
+    missed = 0
+    spent = np.zeros(2)
     for _ in range(poses):
         angles = np.pi + rng.uniform(-0.35, 0.35), rng.uniform(-0.35, 0.35), rng.uniform(-3.0, 3.0)
         R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), angles).R
-        there = Pose(R, np.append(rng.uniform(-0.02, 0.02, 2), 0.0) - rng.uniform(0.3, 0.6) * R[:, 2])
+        there = Pose(
+            R, np.append(rng.uniform(-0.02, 0.02, 2), 0.0) - rng.uniform(0.3, 0.6) * R[:, 2]
+        )
         begun = time.process_time()
         image = renderer.render(lambda after, pose=there: pose, rng)
         rendered = time.process_time()
@@ -81,11 +101,14 @@ def detection(tell: Callable[[str], None], poses: int = POSES) -> bool:
     good = True
     for detector in DETECTORS:
         one = found(detector, ImageSettings(noise=2.0), poses)
-        mean, deviation = np.abs(one.offsets.mean(axis=0)).max(), one.offsets.std(axis=0).max()
+        mean = np.abs(one.offsets.mean(axis=0)).max()
+        deviation = one.offsets.std(axis=0).max()
         place, turn = np.median(one.errors, axis=0)
         tell(
-            f"{detector}: offset {mean:.3f} px, deviation {deviation:.3f} px, board {1e3 * place:.3f} mm and "
-            f"{1e3 * turn:.2f} mrad, {one.missed} of {4 * poses} tags missed, {1e3 * one.rendering:.0f} + "
+            f"{detector}: offset {mean:.3f} px, deviation {deviation:.3f} px, board "
+            f"{1e3 * place:.3f} mm and "
+            f"{1e3 * turn:.2f} mrad, {one.missed} of {4 * poses} tags missed, "
+            f"{1e3 * one.rendering:.0f} + "
             f"{1e3 * one.detecting:.0f} ms an image"
         )
         if detector == "apriltag":
@@ -98,7 +121,8 @@ def closed_loop(scene: str, law: Any, **overrides: object) -> tuple[bool, str]:
     scenario = Scenario.load(scene)
     for key, value in {"sensor": "images", **overrides}.items():
         scenario = scenario.with_override(key.replace("__", "."), value)
-    setup, begun = scenario.setup(), time.process_time()
+    setup = scenario.setup()
+    begun = time.process_time()
     run = simulate(setup, law)
     spent = time.process_time() - begun
     last = run.t > run.t[-1] - END
@@ -108,10 +132,15 @@ def closed_loop(scene: str, law: Any, **overrides: object) -> tuple[bool, str]:
     least = float(run.clearance[:, view].min())
     by_pose = isinstance(setup.task.feature, CameraPose)
     there = place < MOST_TRANSLATION and turn < MOST_ROTATION if by_pose else pixels < MOST_PIXELS
-    kept = f"field of view kept by {least:.2f} px" if least >= 0.0 else f"field of view left by {-least:.2f} px"
+    kept = (
+        f"field of view kept by {least:.2f} px"
+        if least >= 0.0
+        else f"field of view left by {-least:.2f} px"
+    )
     told = f"; {run.reason}" if run.reason else ""
     return bool(there) and spent < MOST_TIME * setup.duration, (
-        f"{run.status}, {1e3 * place:.3f} mm, {1e3 * turn:.2f} mrad, {pixels:.3f} px from the goal, {kept}, "
+        f"{run.status}, {1e3 * place:.3f} mm, {1e3 * turn:.2f} mrad, {pixels:.3f} px from the "
+        f"goal, {kept}, "
         f"{spent:.1f} s for {setup.duration:g} s{told}"
     )
 

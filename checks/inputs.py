@@ -1,4 +1,6 @@
-"""Rows, tasks and options as nobody would write them: random, extreme, degenerate, and malformed."""
+"""Rows, tasks and options as nobody would write them: random, extreme, degenerate, and
+malformed.
+"""
 
 from __future__ import annotations
 
@@ -50,14 +52,22 @@ def make_input(rng: np.random.Generator) -> Input:
 def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
     """Finite rows and a task: from usual ones to those at the ends of floating point."""
     n = int(rng.choice((1, 2, 3, 6, 6, 6, 7, 7, 12, 30)))
-    m = int(rng.choice((0, 1, 2, 3, 4, 6, 8, 12, 40), p=(0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.1, 0.08, 0.02)))
+    m = int(
+        rng.choice(
+            (0, 1, 2, 3, 4, 6, 8, 12, 40), p=(0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.1, 0.08, 0.02)
+        )
+    )
     k = int(rng.choice((0, 1, 2, 3, 6, 6, 8, 24), p=(0.05, 0.1, 0.15, 0.15, 0.2, 0.2, 0.13, 0.02)))
-    Lg, J = degenerate(rng, rng.normal(size=(m, n))), degenerate(rng, rng.normal(size=(k, n)))
-    phi, gain, scale = rng.normal(size=m), rng.uniform(0.1, 10.0, m), rng.uniform(0.1, 2.0, m)
+    Lg = degenerate(rng, rng.normal(size=(m, n)))
+    J = degenerate(rng, rng.normal(size=(k, n)))
+    phi = rng.normal(size=m)
+    gain = rng.uniform(0.1, 10.0, m)
+    scale = rng.uniform(0.1, 2.0, m)
     if rng.random() < 0.2:
         phi = rng.choice((0.0, -0.0, 1.0, -1e-12, 1e-12), m)
     labels = tuple(f"row[{i}]" for i in range(m))
-    K, sigma_dot = rng.uniform(0.1, 2.0, m), rng.normal(size=m)
+    K = rng.uniform(0.1, 2.0, m)
+    sigma_dot = rng.normal(size=m)
     rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale, phi - K * sigma_dot, sigma_dot, K)
     task = Task(J, *rng.normal(size=(3, k)))
     if rng.random() < 0.5:
@@ -70,37 +80,56 @@ def degenerate(rng: np.random.Generator, A: Array) -> Array:
     if len(A) == 0 or rng.random() < 0.4:
         return A
     for i in range(len(A)):
-        other, near = A[int(rng.integers(len(A)))], rng.normal(size=A.shape[1]) * 10.0 ** rng.uniform(-16.0, -1.0)
-        A[i] = (A[i], A[i], A[i] * 0.0, other, -other, other + near, -other + near, near, np.round(A[i]))[
-            int(rng.integers(9))
-        ]
+        other = A[int(rng.integers(len(A)))]
+        near = rng.normal(size=A.shape[1]) * 10.0 ** rng.uniform(-16.0, -1.0)
+        A[i] = (
+            A[i],
+            A[i],
+            A[i] * 0.0,
+            other,
+            -other,
+            other + near,
+            -other + near,
+            near,
+            np.round(A[i]),
+        )[int(rng.integers(9))]
     if rng.random() < 0.1:
         A[-1] = rng.normal(size=len(A)) @ A
     return A
 
 
 def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task]:
-    """The same in units that differ a little, a lot, or as much as floating point allows; still finite."""
+    """The same in units that differ a little, a lot, or as much as floating point allows; still
+    finite.
+    """
     decades = float(rng.choice((3.0, 6.0, 12.0, 150.0, 308.0)))
     whole = rng.random() < 0.3
 
     def factor(size: int) -> Array:
         return 10.0 ** (
-            np.full(size, rng.uniform(-decades, decades)) if whole else rng.uniform(-decades, decades, size)
+            np.full(size, rng.uniform(-decades, decades))
+            if whole
+            else rng.uniform(-decades, decades, size)
         )
 
     def finite(array: Array, least: float = -np.inf) -> Array:
         return np.clip(np.nan_to_num(array), max(least, -1.79e308), 1.79e308)
 
     chosen = rng.random(len(ROWS) + len(TASK)) < rng.choice((0.2, 0.5, 1.0))
-    values = {name: getattr(rows, name) for name in ROWS} | {name: getattr(task, name) for name in TASK}
+    values = {name: getattr(rows, name) for name in ROWS} | {
+        name: getattr(task, name) for name in TASK
+    }
     with np.errstate(over="ignore"):
         for name, change in zip(values, chosen, strict=True):
             if change:
                 by = factor(len(values[name]))
                 least = 5e-324 if name in ("switching_gain", "scale") else -np.inf
-                values[name] = finite(values[name] * (by if values[name].ndim == 1 else by[:, None]), least)
-    return replace(rows, **{name: values[name] for name in ROWS}), Task(*(values[name] for name in TASK))
+                values[name] = finite(
+                    values[name] * (by if values[name].ndim == 1 else by[:, None]), least
+                )
+    return replace(rows, **{name: values[name] for name in ROWS}), Task(
+        *(values[name] for name in TASK)
+    )
 
 
 def laid_out(rng: np.random.Generator, array: Array) -> Array:
@@ -117,7 +146,9 @@ def laid_out(rng: np.random.Generator, array: Array) -> Array:
     if kind == 3:
         return array[::-1].copy()[::-1]
     if kind == 4:
-        shifted = np.empty(array.nbytes + 1, dtype=np.uint8)[1:].view(np.float64).reshape(array.shape)
+        shifted = (
+            np.empty(array.nbytes + 1, dtype=np.uint8)[1:].view(np.float64).reshape(array.shape)
+        )
         shifted[...] = array
         return shifted
     return array
@@ -133,10 +164,13 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
         name = str(rng.choice((*ROWS, *TASK)))
         if name in TASK:
             # nor those that do not use e and ė at these
-            changed, sound = wrong(rng, getattr(task, name), None if name.startswith("error") else sound)
+            changed, sound = wrong(
+                rng, getattr(task, name), None if name.startswith("error") else sound
+            )
             task = replace(task, **{name: changed})
         elif name == "scale":
-            changed, sound = not_finite(rng, rows.scale), None if not rows.scale.size else sound
+            changed = not_finite(rng, rows.scale)
+            sound = None if not rows.scale.size else sound
             rows = replace(rows, scale=changed)
         else:
             # laws that do not use σ, σ̇ and K need not look at them
@@ -144,15 +178,28 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
             rows = replace(rows, **{name: changed})
     kind = rng.random()
     if kind < 0.1:
-        labels: Any = (rows.labels[:-1], (*rows.labels, "one more"), tuple(range(len(rows.labels))), ("",) * 3)
+        labels: Any = (
+            rows.labels[:-1],
+            (*rows.labels, "one more"),
+            tuple(range(len(rows.labels))),
+            ("",) * 3,
+        )
         return Input(replace(rows, labels=labels[int(rng.integers(4))]), task, None)
     if kind < 0.15:
-        pairs: Any = ((None, task), (rows, None), (task, rows), (rows.Lg, task.J), (rows, (task.J, task.b)))
+        pairs: Any = (
+            (None, task),
+            (rows, None),
+            (task, rows),
+            (rows.Lg, task.J),
+            (rows, (task.J, task.b)),
+        )
         rows, task = pairs[int(rng.integers(5))]
         return Input(rows, task, sound=False)
     if kind < 0.2:
         return Input(
-            replace(rows, Lg=np.empty((len(rows.labels), 0))), Task(np.empty((3, 0)), np.zeros(3)), sound=False
+            replace(rows, Lg=np.empty((len(rows.labels), 0))),
+            Task(np.empty((3, 0)), np.zeros(3)),
+            sound=False,
         )
     return Input(rows, task, sound)
 
@@ -188,7 +235,9 @@ def wrong(rng: np.random.Generator, array: Any, sound: bool | None) -> tuple[Any
         return array.T, None
     if kind < 0.55:
         # these numba may take for plain arrays, after another one that was not quite plain
-        return (array.view(np.matrix) if rng.random() < 0.5 and array.size else array.astype(">f8")), None
+        return (
+            array.view(np.matrix) if rng.random() < 0.5 and array.size else array.astype(">f8")
+        ), None
     return WRONG[int(rng.integers(len(WRONG)))](array), sound
 
 
@@ -203,7 +252,9 @@ def not_finite(rng: np.random.Generator, array: Array) -> Array:
 
 # --- options ---
 
-SOLVERS = tuple(name for name in ("daqp", "proxqp", "osqp", "quadprog", "clarabel") if name in solver_names())
+SOLVERS = tuple(
+    name for name in ("daqp", "proxqp", "osqp", "quadprog", "clarabel") if name in solver_names()
+)
 
 
 def power(rng: np.random.Generator, usual: float, decades: float) -> float:
@@ -240,9 +291,12 @@ def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
 
 def pair(rng: np.random.Generator) -> dict[str, Any]:
     """Any demand with any resolver, and parameters of the demand."""
-    demand, resolver = DEMANDS[int(rng.integers(len(DEMANDS)))], RESOLVERS[int(rng.integers(len(RESOLVERS)))]
+    demand = DEMANDS[int(rng.integers(len(DEMANDS)))]
+    resolver = RESOLVERS[int(rng.integers(len(RESOLVERS)))]
     usual = {name: float(np.sqrt(low * high)) for name, (low, high) in demand.ranges.items()}
-    parameters = {name: power(rng, value, 2.0) for name, value in usual.items() if rng.random() < 0.5}
+    parameters = {
+        name: power(rng, value, 2.0) for name, value in usual.items() if rng.random() < 0.5
+    }
     return {"demand": demand.name, "resolver": resolver.name, **parameters}
 
 

@@ -34,7 +34,15 @@ from vsconstraints.scenarios.families.frozen import TestSet
 FOLDER = Path(__file__).parents[1] / "reports" / "evidence"
 RUN = [column.name for column in KEYS]
 #: Of a manifest: what a command that makes runs says of them.
-OF_RUNS = ("wall_time_s", "process_time_s", "runs_per_s", "stored_before", "trajectories", "finished", "loaded")
+OF_RUNS = (
+    "wall_time_s",
+    "process_time_s",
+    "runs_per_s",
+    "stored_before",
+    "trajectories",
+    "finished",
+    "loaded",
+)
 
 
 def runs_of(study: Study) -> Any:
@@ -80,11 +88,15 @@ class Lines(Evidence):
         """See :attr:`.Evidence.runs`."""
         runs = runs_of(self.study)
         order = {name: number for number, name in enumerate(self.controllers)}
-        return runs.sort_values(RUN, key=lambda own: own.map(order) if own.name == "controller" else own)
+        return runs.sort_values(
+            RUN, key=lambda own: own.map(order) if own.name == "controller" else own
+        )
 
 
 class KeptEvidence(Lines):
-    """The same with the reasons and rows of the runs that the report names as examples, which are made again."""
+    """The same with the reasons and rows of the runs that the report names as examples, which are
+    made again.
+    """
 
     @cached_property
     def examples(self) -> Part:
@@ -124,18 +136,30 @@ class KeptEvidence(Lines):
 def demand_same(manifest: dict[str, Any], study: Study) -> None:
     """Raise ConfigurationError unless a manifest is of a study's laws and scenes."""
     configuration = manifest.get("configuration", {})
-    laws = {name: ControllerSpec.from_table(name, own) for name, own in configuration.get("controllers", {}).items()}
+    laws = {
+        name: ControllerSpec.from_table(name, own)
+        for name, own in configuration.get("controllers", {}).items()
+    }
     laws.pop(BASELINE, None)
-    frozen = {name: own["tables"]["frozen"]["held-out"] for name, own in configuration.get("families", {}).items()}
+    frozen = {
+        name: own["tables"]["frozen"]["held-out"]
+        for name, own in configuration.get("families", {}).items()
+    }
     if laws != study.laws or frozen != study.frozen:
-        raise ConfigurationError("the manifest is of other laws or scenes than the study that comes with the package")
+        raise ConfigurationError(
+            "the manifest is of other laws or scenes than the study that comes with the package"
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the report."""
     parser = ArgumentParser(prog="python -m checks.kept_evidence", description=__doc__)
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder with the manifest, for the report")
-    parser.add_argument("--no-figures", action="store_true", help="figures that are there stay as they are")
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder with the manifest, for the report"
+    )
+    parser.add_argument(
+        "--no-figures", action="store_true", help="figures that are there stay as they are"
+    )
     asked = parser.parse_args(arguments)
     manifest = manifest_of(asked.out)
     study = Study.load(SHIPPED)

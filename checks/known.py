@@ -1,12 +1,14 @@
-"""``python -m checks.known [--scenes N]``: what laws would gain by knowing disturbances, and what a dead time costs.
+"""``python -m checks.known [--scenes N]``: what laws would gain by knowing disturbances, and what a
+dead time costs.
 
-On held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is known: it is taken out,
-everything else is the same, the tolerances of goals too. Where all are known, nothing but the law is left: no law
-that must find them out can be expected to do better, so that this is the bound for disturbed scenes. Then scenes
-without disturbances in which images, or commands, are late by a dead time, of which a law is told or not (its options
-``dead_time`` and ``command_delay``), also where nothing is late; images may say when they were taken (dated). Last,
-predictive laws with plans of 10, 20 and 30 blocks. Success in per cent; differences are paired, with McNemar's test,
-and are those from the first condition, of the law that is not told.
+On held-out scenes of test set v1. First, disturbed scenes in which one of the disturbances is
+known: it is taken out, everything else is the same, the tolerances of goals too. Where all are
+known, nothing but the law is left: no law that must find them out can be expected to do better, so
+that this is the bound for disturbed scenes. Then scenes without disturbances in which images, or
+commands, are late by a dead time, of which a law is told or not (its options ``dead_time`` and
+``command_delay``), also where nothing is late; images may say when they were taken (dated). Last,
+predictive laws with plans of 10, 20 and 30 blocks. Success in per cent; differences are paired,
+with McNemar's test, and are those from the first condition, of the law that is not told.
 """
 
 from __future__ import annotations
@@ -44,7 +46,11 @@ LAWS: Mapping[str, Mapping[str, Any]] = {
 
 def told(**options: float) -> Mapping[str, Mapping[str, Any]]:
     """All laws, and those without an observer with these options, too."""
-    return LAWS | {f"{name}, told": {"type": name, **LAWS[name], **options} for name in LAWS if "-obs" not in name}
+    return LAWS | {
+        f"{name}, told": {"type": name, **LAWS[name], **options}
+        for name in LAWS
+        if "-obs" not in name
+    }
 
 
 DISTURBANCES: Mapping[str, tuple[str, ...]] = {
@@ -58,7 +64,9 @@ DISTURBANCES: Mapping[str, tuple[str, ...]] = {
 
 
 def without(*names: str) -> Callable[[Tables], Tables]:
-    """Takes disturbances out of a scenario's tables; ``"motion"`` stands for what the control takes for static."""
+    """Takes disturbances out of a scenario's tables; ``"motion"`` stands for what the control takes
+    for static.
+    """
     gone = {key for name in names for key in DISTURBANCES.get(name, ())}
 
     def change(tables: Tables) -> Tables:
@@ -108,19 +116,32 @@ class Changed:
         """As that of the family."""
         scene = self.family.scene(number, half, seed)
         changes = STUDIES[self.study][0]
-        return replace(scene, tables={name: change(scene.tables[of]) for name, (of, change) in changes.items()}), {}
+        return replace(
+            scene, tables={name: change(scene.tables[of]) for name, (of, change) in changes.items()}
+        ), {}
 
 
 STUDIES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Mapping[str, Any]]]] = {
     "known": (KNOWN, LAWS),
     "images": (
-        NOMINAL | {"late": ("nominal", late("delay")), "late, dated": ("nominal", late("delay", delay_known=True))},
+        NOMINAL
+        | {
+            "late": ("nominal", late("delay")),
+            "late, dated": ("nominal", late("delay", delay_known=True)),
+        },
         told(**OBSERVER, dead_time=DEAD_TIME),
     ),
-    "commands": (NOMINAL | {"late": ("nominal", late("command_delay"))}, told(command_delay=DEAD_TIME)),
+    "commands": (
+        NOMINAL | {"late": ("nominal", late("command_delay"))},
+        told(command_delay=DEAD_TIME),
+    ),
     "horizons": (
         NOMINAL | {"disturbed": KNOWN["disturbed"]},
-        {f"{law}-{blocks}": {"type": law, "horizon": blocks} for law in PREDICTIVE for blocks in (10, 20, 30)},
+        {
+            f"{law}-{blocks}": {"type": law, "horizon": blocks}
+            for law in PREDICTIVE
+            for blocks in (10, 20, 30)
+        },
     ),
 }
 
@@ -138,13 +159,22 @@ def measured(study: str, scenes: int) -> Any:
     )
     chosen = TestSet.load().chosen((), "held-out", scenes, None)
     tasks = [
-        Batch(Changed(family, study), (number,), tuple(conditions), entries, "held-out", chosen["seed"])
+        Batch(
+            Changed(family, study),
+            (number,),
+            tuple(conditions),
+            entries,
+            "held-out",
+            chosen["seed"],
+        )
         for number in range(scenes)
         for family in chosen["families"]
     ]
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         runs = pd.concat(pool.map(_runs, tasks), ignore_index=True)
-    return runs[runs["controller"] != BASELINE].assign(success=lambda runs: OUTCOMES["success"].flag(runs))
+    return runs[runs["controller"] != BASELINE].assign(
+        success=lambda runs: OUTCOMES["success"].flag(runs)
+    )
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -156,18 +186,28 @@ def main(arguments: Sequence[str]) -> int:
     for study in options.study or STUDIES:
         runs = measured(study, options.scenes)
         first = next(iter(STUDIES[study][0]))
-        wide = runs.pivot(index=["family", "scene", "controller"], columns="condition", values="success")
+        wide = runs.pivot(
+            index=["family", "scene", "controller"], columns="condition", values="success"
+        )
         wide = wide[[*STUDIES[study][0]]].astype(float)
         print(f"\n{study}: {len(runs)} runs, success in per cent\n")
         for law in STUDIES[study][1]:
             own = wide.xs(law, level="controller")
             print(law)
-            print((100.0 * own.groupby("family", sort=False).mean()).to_string(float_format="{:.0f}".format))
+            print(
+                (100.0 * own.groupby("family", sort=False).mean()).to_string(
+                    float_format="{:.0f}".format
+                )
+            )
             before = wide.xs(law.removesuffix(", told"), level="controller")[first] == 1.0
             for name in own:
                 change = mcnemar(own[name] == 1.0, before)
-                low, high = 100.0 * change.low, 100.0 * change.high
-                points = f"{100.0 * change.difference:+.1f} ({low:.1f} to {high:.1f}), p = {change.p:.2g}"
+                low = 100.0 * change.low
+                high = 100.0 * change.high
+                points = (
+                    f"{100.0 * change.difference:+.1f} ({low:.1f} to {high:.1f}), p = "
+                    f"{change.p:.2g}"
+                )
                 print(f"  {name}: {100.0 * own[name].mean():.1f}, {points}")
     return 0
 

@@ -1,4 +1,5 @@
-"""``python -m checks.misplaced [--scenes N] [--offset M]``: predictive laws with a misplaced target.
+"""``python -m checks.misplaced [--scenes N] [--offset M]``: predictive laws with a misplaced
+target.
 
 Disturbances of the test set leave the target's pose and the arm's kinematics as they are, and a
 predictive law gets both exactly. Here its model has the target, and with it the goal, beside where
@@ -46,7 +47,9 @@ class MisplacedTarget(Model):
         scene = of._of.scene
         moved = Scene(scene.robot, scene.camera, scene.markers + offset, scene.points, scene.motion)
         goals = [
-            goal if goal.camera is None else replace(goal, camera=Pose(goal.camera.R, goal.camera.t + offset))
+            goal
+            if goal.camera is None
+            else replace(goal, camera=Pose(goal.camera.R, goal.camera.t + offset))
             for goal in self.task.goals
         ]
         self.task = VisualTask(self.task.feature, goals, self.task.gains, rest=self.task.rest)
@@ -100,7 +103,9 @@ def direction(scene: Drawn) -> Array:
 
 
 def measured(scenes: int, distance: float) -> Any:
-    """A DataFrame with one line for each run: family, scene, condition, law, and whether it is a success."""
+    """A DataFrame with one line for each run: family, scene, condition, law, and whether it is a
+    success.
+    """
     test_set = TestSet.load()
     lines = []
     for family in test_set.families:
@@ -111,7 +116,12 @@ def measured(scenes: int, distance: float) -> Any:
             for condition in CONDITIONS:
                 setup = until_settled(scene.setup(condition))
                 for name, law in laws(distance * direction(scene)).items():
-                    run = {"family": family.name, "scene": number, "condition": condition, "law": name}
+                    run = {
+                        "family": family.name,
+                        "scene": number,
+                        "condition": condition,
+                        "law": name,
+                    }
                     lines.append(run | {"success": success(setup, law)})
     return pd.DataFrame(lines)
 
@@ -124,7 +134,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     runs = measured(asked.scenes, asked.offset)
     share = 100.0 * runs.groupby(["law", "condition"], sort=False)["success"].mean().unstack()
-    print(f"{runs.groupby(['family', 'scene']).ngroups} scenes, target {1e3 * asked.offset:g} mm beside its place\n")
+    print(
+        f"{runs.groupby(['family', 'scene']).ngroups} scenes, target {1e3 * asked.offset:g} mm "
+        f"beside its place\n"
+    )
     print(share.round(1).to_string())
     return 0
 

@@ -1,9 +1,11 @@
-"""Optimal control of a scene by CasADi and IPOPT: the soonest motion to the goal that satisfies all rows.
+"""Optimal control of a scene by CasADi and IPOPT: the soonest motion to the goal that satisfies all
+rows.
 
-States are q and q̇; accelerations are constant in each of :data:`INTERVALS` equal intervals, whose length is free. Rows
-are written here once more, as symbols, from a setup's numbers; nothing but these is shared with the package, whose own
-rows judge the motion afterwards. Between its nodes each interval is looked at in its middle only, so that rows take a
-margin. After the goal is reached, a moving target is followed until the end of the run; elsewhere the arm stands still.
+States are q and q̇; accelerations are constant in each of :data:`INTERVALS` equal intervals, whose
+length is free. Rows are written here once more, as symbols, from a setup's numbers; nothing but
+these is shared with the package, whose own rows judge the motion afterwards. Between its nodes each
+interval is looked at in its middle only, so that rows take a margin. After the goal is reached, a
+moving target is followed until the end of the run; elsewhere the arm stands still.
 """
 
 from __future__ import annotations
@@ -29,10 +31,14 @@ from vsconstraints.simulation import Setup
 from vsconstraints.vision.features import CameraPose
 from vsconstraints.vision.motion import Motion
 
-INTERVALS, FOLLOWING = 40, 16  #: until the goal is reached, and from then on where the target moves
+INTERVALS = 40  #: until the goal is reached, and from then on where the target moves
+FOLLOWING = 16
 INSIDE = 0.95  #: share of the goal's tolerances within which motions end
-CALM = 1e-3  #: what the mean of (q̈/limit)² costs, in shares of a second: of what takes equally long, the calmest
-COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O1"]}}  #: five times as fast, after 20 s
+#: what the mean of (q̈/limit)² costs, in shares of a second: of what takes equally long, the
+#: calmest
+CALM = 1e-3
+#: five times as fast, after 20 s
+COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O1"]}}
 DEPTH = 0.05  #: least distance of a marker before the camera [m]
 OPTIONS = {
     "print_time": False,
@@ -52,7 +58,9 @@ class NotCovered(Exception):
 
 
 class Guess(NamedTuple):
-    """Where optimal control begins: times (S,) [s], q and q̇ (S, n), and when the goal is reached [s]."""
+    """Where optimal control begins: times (S,) [s], q and q̇ (S, n), and when the goal is reached
+    [s].
+    """
 
     t: Array
     q: Array
@@ -60,10 +68,17 @@ class Guess(NamedTuple):
     T: float
 
     def states(self, after: int, end: float) -> tuple[Array, Array, Array]:
-        """Where the arm is at all nodes, q̇, and q̈ between them; ``after`` intervals follow the goal, to the end."""
+        """Where the arm is at all nodes, q̇, and q̈ between them; ``after`` intervals follow the
+        goal, to the end.
+        """
         T = min(self.T, 0.8 * end) if after else self.T
-        nodes = np.concatenate((np.linspace(0.0, T, INTERVALS + 1), np.linspace(T, end, after + 1)[1:]))
-        q, qd = (np.stack([np.interp(nodes, self.t, x) for x in of.T], axis=1) for of in (self.q, self.qd))
+        nodes = np.concatenate(
+            (np.linspace(0.0, T, INTERVALS + 1), np.linspace(T, end, after + 1)[1:])
+        )
+        q, qd = (
+            np.stack([np.interp(nodes, self.t, x) for x in of.T], axis=1)
+            for of in (self.q, self.qd)
+        )
         return q, qd, np.diff(qd, axis=0) / np.diff(nodes)[:, None]
 
 
@@ -75,7 +90,9 @@ class Plan(NamedTuple):
 
 
 class Numbers:
-    """Numbers of a scene as symbols, so that a program that was made for one scene serves others like it."""
+    """Numbers of a scene as symbols, so that a program that was made for one scene serves others
+    like it.
+    """
 
     def __init__(self) -> None:
         self.symbols: list[Any] = []
@@ -95,20 +112,30 @@ class Numbers:
 
 
 def placements(robot: Robot, q: Any) -> list[tuple[Any, Any]]:
-    """R and t of each joint's frame in the base frame, the base first, from the placements of the robot's model."""
-    model, placed = robot.model, [(ca.SX.eye(3), ca.SX.zeros(3))]
+    """R and t of each joint's frame in the base frame, the base first, from the placements of the
+    robot's model.
+    """
+    model = robot.model
+    placed = [(ca.SX.eye(3), ca.SX.zeros(3))]
     for i in range(1, model.njoints):
         kind = re.fullmatch("JointModel([RP])([XYZ])", model.joints[i].shortname())
         if kind is None or model.parents[i] != i - 1:
             raise NotCovered(f"joint {model.joints[i].shortname()}")
-        M, (R, t) = model.jointPlacements[i], placed[-1]
+        M = model.jointPlacements[i]
+        R, t = placed[-1]
         R, t, axis = R @ M.rotation, t + R @ M.translation, "XYZ".index(kind[2])
         if kind[1] == "P":
             placed.append((R, t + R[:, axis] * q[i - 1]))
         else:
-            c, s, turn = ca.cos(q[i - 1]), ca.sin(q[i - 1]), ca.SX.eye(3)
-            j, k = (axis + 1) % 3, (axis + 2) % 3
-            turn[j, j], turn[j, k], turn[k, j], turn[k, k] = c, -s, s, c
+            c = ca.cos(q[i - 1])
+            s = ca.sin(q[i - 1])
+            turn = ca.SX.eye(3)
+            j = (axis + 1) % 3
+            k = (axis + 2) % 3
+            turn[j, j] = c
+            turn[j, k] = -s
+            turn[k, j] = s
+            turn[k, k] = c
             placed.append((R @ turn, t))
     return placed
 
@@ -117,15 +144,19 @@ def moved(motion: Motion | None, t: Any, number: Numbers) -> Any:
     """Displacement at time t of what moves, 0 of what does not."""
     if motion is None:
         return 0.0
-    rate, phase = number(motion.rate), number(motion.phase)
-    return number(motion.velocity) * t + number(motion.amplitude) * (ca.sin(rate * t + phase) - ca.sin(phase))
+    rate = number(motion.rate)
+    phase = number(motion.phase)
+    return number(motion.velocity) * t + number(motion.amplitude) * (
+        ca.sin(rate * t + phase) - ca.sin(phase)
+    )
 
 
 class Written(NamedTuple):
-    """A setup in symbols: rows, in their natural units, and what is left of the goal, in squared tolerances.
+    """A setup in symbols: rows, in their natural units, and what is left of the goal, in squared
+    tolerances.
 
-    ``which`` are the rows' places among the setup's; ``rows`` and ``goal`` functions of q, t and the ``numbers``. Those
-    with the same ``likeness`` differ in their numbers alone.
+    ``which`` are the rows' places among the setup's; ``rows`` and ``goal`` functions of q, t and
+    the ``numbers``. Those with the same ``likeness`` differ in their numbers alone.
     """
 
     likeness: str
@@ -137,38 +168,49 @@ class Written(NamedTuple):
 
 def written(setup: Setup) -> Written:
     """Rows and goal of a setup with one goal, in symbols; raises NotCovered."""
-    scene, number = setup.scene, Numbers()
-    camera, robot = scene.camera, scene.robot
+    scene = setup.scene
+    number = Numbers()
+    camera = scene.camera
+    robot = scene.robot
     if camera.distortion is not None or len(setup.task.goals) != 1:
         raise NotCovered("distortion or several goals")
-    q, t = ca.SX.sym("q", robot.n), ca.SX.sym("t")
+    q = ca.SX.sym("q", robot.n)
+    t = ca.SX.sym("t")
     placed = placements(robot, q)
 
     def at(frame: int) -> tuple[Any, Any]:
-        of, (R, p) = robot.model.frames[frame], placed[robot.model.frames[frame].parentJoint]
+        of = robot.model.frames[frame]
+        R, p = placed[robot.model.frames[frame].parentJoint]
         return R @ of.placement.rotation, p + R @ of.placement.translation
 
     tip_R, tip_t = at(robot.frame_id("tip"))
     if camera.fixed is not None:
         R, p = number.pose(camera.fixed)
-        R, p = tip_R.T @ R, tip_R.T @ (p - tip_t)
+        R = tip_R.T @ R
+        p = tip_R.T @ (p - tip_t)
     else:
         R, p = number.pose(camera.mount.inverse)
-        R, p = tip_R @ R, tip_R @ p + tip_t
+        R = tip_R @ R
+        p = tip_R @ p + tip_t
     if scene.motion is not None:
         if scene.motion.angular_velocity.any():
             raise NotCovered("a target that turns")
         p = p - moved(scene.motion.translation, t, number)
     seen = R.T @ (number(scene.markers.T) - p)
-    focal, offset = number(np.array(camera.focal)), number(camera.offset)
+    focal = number(np.array(camera.focal))
+    offset = number(camera.offset)
     pixels = [focal * seen[:2, i] / seen[2, i] + offset for i in range(len(scene.markers))]
 
     def apart(y: Any, radius: Any) -> Any:
         return (radius**2 - ca.sumsqr(y)) / (2.0 * radius)
 
-    rows, which, like, first = [], [], [robot.name], 0
+    rows = []
+    which = []
+    like = [robot.name]
+    first = 0
     for constraint, count, _ in setup.constraints.blocks():
-        numbers, first = range(first, first + count), first + count
+        numbers = range(first, first + count)
+        first = first + count
         if isinstance(constraint, JointRange | JointSpeed):
             continue
         like.append(f"{count} {constraint.kind} {getattr(constraint, 'n', '')} {numbers.start}")
@@ -176,7 +218,9 @@ def written(setup: Setup) -> Written:
         away = moved(getattr(constraint, "motion", None), t, number)
         markers = [i - 1 for i in getattr(constraint, "markers", None) or range(1, len(pixels) + 1)]
         if type(constraint) is FieldOfView:
-            half, n, size = number(constraint.half_size), constraint.n, number(constraint.half_size.min())
+            half = number(constraint.half_size)
+            n = constraint.n
+            size = number(constraint.half_size.min())
             for i in markers:
                 x = ca.fabs(pixels[i] - away) / half
                 rows.append(size * ((x[0] ** n + x[1] ** n + 1e-12) ** (1.0 / n) - 1.0))
@@ -196,31 +240,46 @@ def written(setup: Setup) -> Written:
             raise NotCovered(constraint.kind)
     rows += [number(DEPTH) - seen[2, i] for i in range(len(pixels))]
 
-    goal, tolerance = setup.task.goals[0], setup.goal_tolerances[0]
+    goal = setup.task.goals[0]
+    tolerance = setup.goal_tolerances[0]
     if isinstance(setup.task.feature, CameraPose):
         goal_R, goal_t = number.pose(goal.camera)
         E = goal_R.T @ R
         turn = 0.5 * ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
-        left = [ca.sumsqr((p - goal_t) / number(tolerance[0])), ca.sumsqr(turn / number(tolerance[1]))]
+        left = [
+            ca.sumsqr((p - goal_t) / number(tolerance[0])),
+            ca.sumsqr(turn / number(tolerance[1])),
+        ]
         left.append(2.0 - ca.trace(E))  # not half a turn away
     else:
         wanted = number(goal.pixels.T)
-        left = [ca.sumsqr((uv - wanted[:, i]) / number(tolerance[2])) for i, uv in enumerate(pixels)]
+        left = [
+            ca.sumsqr((uv - wanted[:, i]) / number(tolerance[2])) for i, uv in enumerate(pixels)
+        ]
     arguments = [q, t, ca.vertcat(*number.symbols)]
-    functions = [ca.Function(name, arguments, [ca.vertcat(*of)]) for name, of in (("rows", rows), ("goal", left))]
+    functions = [
+        ca.Function(name, arguments, [ca.vertcat(*of)])
+        for name, of in (("rows", rows), ("goal", left))
+    ]
     like += [f"{len(pixels)} {len(left)} {arguments[2].numel()} {scene.motion is not None}"]
     return Written("; ".join(like), tuple(which), *functions, np.concatenate(number.values))
 
 
 def boxes(setup: Setup, margin: Array) -> Array:
     """(4, n) least and greatest q and q̇ that rows of joints leave, less a margin (m,)."""
-    box, first = np.tile([[-np.inf], [np.inf]] * 2, setup.scene.robot.n), 0
+    box = np.tile([[-np.inf], [np.inf]] * 2, setup.scene.robot.n)
+    first = 0
     for constraint, count, _ in setup.constraints.blocks():
-        less, first = margin[first : first + count], first + count
+        less = margin[first : first + count]
+        first = first + count
         if isinstance(constraint, JointRange | JointSpeed):
             at, upper, lower = np.array(constraint.joints) - 1, *np.split(less, 2)
             pair = box[:2] if isinstance(constraint, JointRange) else box[2:]
-            mid = 0.5 * (constraint.lower + constraint.upper) if isinstance(constraint, JointRange) else 0.0
+            mid = (
+                0.5 * (constraint.lower + constraint.upper)
+                if isinstance(constraint, JointRange)
+                else 0.0
+            )
             share = 1.0 - constraint.margin
             pair[0, at] = np.maximum(pair[0, at], mid + share * (constraint.lower - mid) + lower)
             pair[1, at] = np.minimum(pair[1, at], mid + share * (constraint.upper - mid) - upper)
@@ -230,24 +289,38 @@ def boxes(setup: Setup, margin: Array) -> Array:
 class Program:
     """The optimal control of scenes that are alike: one of a family, with the numbers of others."""
 
-    def __init__(self, scene: Written, n: int, follows: bool, seconds: float, compiled: bool) -> None:
-        N, K = INTERVALS, INTERVALS + (FOLLOWING if follows else 0)
-        self.n, self.K, self.follows = n, K, follows
-        T, Q, V, A = ca.MX.sym("T"), ca.MX.sym("q", n, K + 1), ca.MX.sym("v", n, K + 1), ca.MX.sym("a", n, K)
-        p, limit, end = ca.MX.sym("p", len(scene.numbers)), ca.MX.sym("limit", n), ca.MX.sym("end")
+    def __init__(
+        self, scene: Written, n: int, follows: bool, seconds: float, compiled: bool
+    ) -> None:
+        N = INTERVALS
+        K = INTERVALS + (FOLLOWING if follows else 0)
+        self.n = n
+        self.K = K
+        self.follows = follows
+        T = ca.MX.sym("T")
+        Q = ca.MX.sym("q", n, K + 1)
+        V = ca.MX.sym("v", n, K + 1)
+        A = ca.MX.sym("a", n, K)
+        p = ca.MX.sym("p", len(scene.numbers))
+        limit = ca.MX.sym("limit", n)
+        end = ca.MX.sym("end")
         h = ca.repmat(T / N, 1, N)
         if follows:
             h = ca.horzcat(h, ca.repmat((end - T) / FOLLOWING, 1, FOLLOWING))
         H = ca.repmat(h, n, 1)
-        dynamics = ca.horzcat(Q[:, 1:] - Q[:, :-1] - H * V[:, :-1] - 0.5 * H**2 * A, V[:, 1:] - V[:, :-1] - H * A)
+        dynamics = ca.horzcat(
+            Q[:, 1:] - Q[:, :-1] - H * V[:, :-1] - 0.5 * H**2 * A, V[:, 1:] - V[:, :-1] - H * A
+        )
         begins = ca.horzcat(0.0, ca.cumsum(h, 1))
         middles = Q[:, :-1] + 0.5 * H * V[:, :-1] + 0.125 * H**2 * A
-        at, t = ca.horzcat(Q[:, 1:], middles), ca.horzcat(begins[1:], begins[:-1] + 0.5 * h)
+        at = ca.horzcat(Q[:, 1:], middles)
+        t = ca.horzcat(begins[1:], begins[:-1] + 0.5 * h)
         rows = scene.rows.map("rows", "serial", 2 * K, [2], [])(at, t, p)
         there = [N - 1, *range(N, K), *range(K + N, 2 * K)]
         goal = scene.goal.map("goal", "serial", len(there), [2], [])(at[:, there], t[there], p)
         cost = T + CALM * ca.sumsqr(A / ca.repmat(limit, 1, K)) / (n * K)
-        self.rows, self.goal = rows.numel(), goal.numel()
+        self.rows = rows.numel()
+        self.goal = goal.numel()
         self._solve = ca.nlpsol(
             "plan",
             "ipopt",
@@ -257,28 +330,43 @@ class Program:
                 "f": cost,
                 "g": ca.veccat(dynamics, rows, goal),
             },
-            {**OPTIONS, "ipopt.max_wall_time": seconds, **(COMPILED if compiled else {"expand": not follows})},
+            {
+                **OPTIONS,
+                "ipopt.max_wall_time": seconds,
+                **(COMPILED if compiled else {"expand": not follows}),
+            },
         )
 
-    def __call__(self, setup: Setup, scene: Written, limit: Array, margin: Array, guess: Guess) -> Plan | None:
+    def __call__(
+        self, setup: Setup, scene: Written, limit: Array, margin: Array, guess: Guess
+    ) -> Plan | None:
         """A motion that begins where the setup does; None if IPOPT says that it found none.
 
         ``limit`` (n,) of |q̈|, ``margin`` (m,) of each of the setup's rows in its natural unit.
         """
-        n, K, N = self.n, self.K, INTERVALS
+        n = self.n
+        K = self.K
+        N = INTERVALS
         end = (setup.samples - 1) * setup.Ts
         low_q, high_q, low_v, high_v = boxes(setup, margin)
         start = [setup.q0, setup.qd0]
         Q, V, A = guess.states(K - N, end)
         bounds = []
         for box_q, box_v, side in ((low_q, low_v, -1.0), (high_q, high_v, 1.0)):
-            q, v = np.tile(box_q, (K + 1, 1)), np.tile(box_v, (K + 1, 1))
+            q = np.tile(box_q, (K + 1, 1))
+            v = np.tile(box_v, (K + 1, 1))
             q[0], v[0] = start
             if not self.follows:
                 v[-1] = 0.0
-            time = 0.05 if side < 0.0 else (end - setup.tolerances.dwell_s if self.follows else 4.0 * guess.T + 2.0)
+            time = (
+                0.05
+                if side < 0.0
+                else (end - setup.tolerances.dwell_s if self.follows else 4.0 * guess.T + 2.0)
+            )
             bounds.append(np.concatenate(([time], q.ravel(), v.ravel(), np.tile(side * limit, K))))
-        above = np.tile(np.append(-margin[list(scene.which)], np.zeros(len(setup.scene.markers))), 2 * K)
+        above = np.tile(
+            np.append(-margin[list(scene.which)], np.zeros(len(setup.scene.markers))), 2 * K
+        )
         found = self._solve(
             x0=np.concatenate(([guess.T], Q.ravel(), V.ravel(), A.ravel())),
             p=np.concatenate((scene.numbers, limit, [end])),

@@ -1,7 +1,8 @@
-"""The arm with mass, held against MuJoCo: ``python -m checks.physics`` prints how far the two are apart.
+"""The arm with mass, held against MuJoCo: ``python -m checks.physics`` prints how far the two are
+apart.
 
-The closed loop runs twice with the same law, controller, friction and gears, once on the plant of this package and once
-on MuJoCo's, and joint paths are compared. It needs the extra ``physics``.
+The closed loop runs twice with the same law, controller, friction and gears, once on the plant of
+this package and once on MuJoCo's, and joint paths are compared. It needs the extra ``physics``.
 """
 
 from __future__ import annotations
@@ -19,7 +20,11 @@ RODS = {"mass_per_length": 20.0, "radius": 0.05}
 SCENES = ("case-study-6r", "ur5-fov", "panda-fov")
 PLANTS = {
     "computed torque": {"controller": "computed-torque"},
-    "computed torque, wrong model": {"mass_factor": 1.1, "payload": {"mass": 0.5}, "payload_factor": 0.0},
+    "computed torque, wrong model": {
+        "mass_factor": 1.1,
+        "payload": {"mass": 0.5},
+        "payload_factor": 0.0,
+    },
     "position loop, friction, delays": {
         "controller": "position",
         "friction": {"viscous": 0.3, "coulomb": 0.5},
@@ -31,13 +36,17 @@ PLANTS["the same, with Stribeck's rise"] = PLANTS["position loop, friction, dela
     "friction": {"viscous": 0.3, "coulomb": 0.5, "static": 0.8}
 }
 SWINGING = {("panda-fov", name) for name in PLANTS if not name.startswith("computed torque")}
-"""Scenes and plants of which nothing can be said: with the gains of the scene and a loop that slow even tracking alone
-swings more and more, and of two paths that diverge rounding decides how far they are apart."""
+"""Scenes and plants of which nothing can be said: with the gains of the scene and a loop that slow
+even tracking alone swings more and more, and of two paths that diverge rounding decides how far
+they are apart.
+"""
 
 TOLD = {"the same, with Stribeck's rise"}
-"""Plants that are told and not judged: friction that falls with speed drives slips, of which rounding decides when they
-begin. In the case study the two are 1.5e-3 rad apart with ten substeps and 2.9e-3 with twenty, so that it is no error
-of integration; without the rise they are 2.4e-7 apart."""
+"""Plants that are told and not judged: friction that falls with speed drives slips, of which
+rounding decides when they begin. In the case study the two are 1.5e-3 rad apart with ten substeps
+and 2.9e-3 with twenty, so that it is no error of integration; without the rise they are 2.4e-7
+apart.
+"""
 
 MOST = 1e-3
 """Greatest difference of a joint's path that is accepted [rad]."""
@@ -50,11 +59,18 @@ def difference(scene: str, settings: dict[str, object], duration: float | None =
         scenario = scenario.with_override("duration", duration)
     own = {"rods": RODS} if scene == "case-study-6r" else {}
     paths = [
-        simulate(scenario.with_override("plant", {"type": kind, **own, **settings}).setup(), HierarchicalQP()).q
+        simulate(
+            scenario.with_override("plant", {"type": kind, **own, **settings}).setup(),
+            HierarchicalQP(),
+        ).q
         for kind in ("dynamics", "mujoco")
     ]
     N = min(map(len, paths))
-    return float(np.abs(paths[0][:N] - paths[1][:N]).max()) if len(paths[0]) == len(paths[1]) else np.inf
+    return (
+        float(np.abs(paths[0][:N] - paths[1][:N]).max())
+        if len(paths[0]) == len(paths[1])
+        else np.inf
+    )
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -67,7 +83,10 @@ def main(arguments: Sequence[str]) -> int:
                 continue
             apart = difference(scene, settings)
             worst = worst if name in TOLD else max(worst, apart)
-            print(f"{scene}: {name}: {apart:.2g} rad{', not judged' if name in TOLD else ''}", flush=True)
+            print(
+                f"{scene}: {name}: {apart:.2g} rad{', not judged' if name in TOLD else ''}",
+                flush=True,
+            )
     print(f"at most {worst:.2g} rad; accepted are {MOST:g}")
     return int(worst > MOST)
 

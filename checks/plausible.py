@@ -1,9 +1,10 @@
-"""``python -m checks.plausible [SCENES]``: how often a right measurement is doubted, and how soon a wrong one.
+"""``python -m checks.plausible [SCENES]``: how often a right measurement is doubted, and how soon a
+wrong one.
 
-Scenes of every family are run with the noise, delays and calibration errors that it has, and their measured images are
-held against the kinematics as on an arm: see :class:`.Plausible`, whose defaults are what the
-printed numbers allow. Then the same images are shown mirrored, permuted, frozen and so on. The exit code is 1 if a
-right image is doubted.
+Scenes of every family are run with the noise, delays and calibration errors that it has, and their
+measured images are held against the kinematics as on an arm: see :class:`.Plausible`, whose
+defaults are what the printed numbers allow. Then the same images are shown mirrored, permuted,
+frozen and so on. The exit code is 1 if a right image is doubted.
 """
 
 from __future__ import annotations
@@ -48,27 +49,41 @@ DEPTH_FACTORS = {"depth in millimetres": 1000.0}
 
 def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
     """(N, 8) of every ``EVERY``-th sample for each fault: as :func:`.innovation` has them."""
-    sensor, disturbances, Ts = setup.sensor(), setup.disturbances, setup.Ts
+    sensor = setup.sensor()
+    disturbances = setup.disturbances
+    Ts = setup.Ts
     sensor.images(len(run.t))
-    scene, every = sensor.believed, round((disturbances.image_period or Ts) / Ts)
-    camera, half, first = scene.camera, 0.5 * np.asarray(scene.camera.size), None
-    nothing, world = ConstraintSet([], Scene(scene.robot, camera, scene.markers, (), scene.motion)), setup.world()
+    scene = sensor.believed
+    every = round((disturbances.image_period or Ts) / Ts)
+    camera = scene.camera
+    half = 0.5 * np.asarray(scene.camera.size)
+    first = None
+    nothing = ConstraintSet([], Scene(scene.robot, camera, scene.markers, (), scene.motion))
+    world = setup.world()
     steps = {name: ControlStep(nothing.scene, nothing, setup.task) for name in FAULTS}
     found: dict[str, list[Array]] = {name: [] for name in FAULTS}
     for k in range(len(run.t)):
-        t, q, qd = float(run.t[k]), run.q[k], run.qd[k]
+        t = float(run.t[k])
+        q = run.q[k]
+        qd = run.qd[k]
         try:
             measured = sensor.measured(k, q, qd, world.evaluate(t, q, qd))
         except SceneError:
             break
-        seen = run.features_px[k] if measured is None or measured.pixels is None else measured.pixels
+        seen = (
+            run.features_px[k] if measured is None or measured.pixels is None else measured.pixels
+        )
         first = seen if first is None else first
         if k % EVERY:
             continue
         inside = (np.abs(seen) <= half).all(axis=1)
         taken = max((k // every - disturbances.delay) * every, 0) * Ts
         pose = measured.camera if measured is not None and inside.all() else None
-        depth = scene.depth(scene.camera_pose(q, t)) if measured is None or measured.depth is None else measured.depth
+        depth = (
+            scene.depth(scene.camera_pose(q, t))
+            if measured is None or measured.depth is None
+            else measured.depth
+        )
         for name, wrong in FAULTS.items():
             shown = wrong(np.where(inside[:, None], seen, np.nan), first, camera)
             steps[name].packed.step.slip[:] = np.nan  # speeds are right
@@ -97,7 +112,8 @@ def main(arguments: Sequence[str]) -> int:
             run = simulate(setup, HierarchicalQP())
             off = innovations(setup, run)
             found.append(off["right"])
-            runs, doubted = runs + 1, doubted + bool((off["right"][:, -1] > 1.0).any())
+            runs = runs + 1
+            doubted = doubted + bool((off["right"][:, -1] > 1.0).any())
             for name, kept in delays.items():
                 beyond = off[name][:, -1] > 1.0
                 kept.append(setup.Ts * EVERY * float(np.argmax(beyond)) if beyond.any() else np.inf)
@@ -105,7 +121,9 @@ def main(arguments: Sequence[str]) -> int:
         samples += len(all_of)
         cells = ", ".join(
             f"{most:.3g} ({usual:.3g})"
-            for most, usual in zip(all_of[:, :-1].max(axis=0), np.quantile(all_of[:, :-1], 0.999, axis=0), strict=True)
+            for most, usual in zip(
+                all_of[:, :-1].max(axis=0), np.quantile(all_of[:, :-1], 0.999, axis=0), strict=True
+            )
         )
         print(f"{family}, {condition}: {cells}", flush=True)
     print(f"{Plausible()}")
@@ -114,8 +132,13 @@ def main(arguments: Sequence[str]) -> int:
     print(f": with none, in less than {100.0 * rare:.2g} % (95 %)" if not doubted else "")
     for name, kept in delays.items():
         times = np.array(kept)
-        at_once, never = int((times == 0.0).sum()), int(np.isinf(times).sum())
-        print(f"{name}: doubted before anything moves in {at_once}, never in {never} of {len(kept)} runs; ", end="")
+        at_once = int((times == 0.0).sum())
+        never = int(np.isinf(times).sum())
+        print(
+            f"{name}: doubted before anything moves in {at_once}, never in {never} of {len(kept)} "
+            f"runs; ",
+            end="",
+        )
         print(f"median {np.median(times):.3g} s")
     return int(doubted > 0)
 

@@ -1,9 +1,9 @@
 """``python -m checks.ranks``: what another rank tolerance changes in the paper's scenes.
 
 Footnote 3 of the paper sets "very small" singular values to zero and gives no number. Each scene is
-simulated with the default tolerance of the resolver ``priority`` and with larger ones. The exit code
-is 1 if commands are not the same to the bit up to the tolerance ``UNCHANGED``. What larger ones do on
-redundant arms: ``comparisons/rank-tolerance.toml``.
+simulated with the default tolerance of the resolver ``priority`` and with larger ones. The exit
+code is 1 if commands are not the same to the bit up to the tolerance ``UNCHANGED``. What larger
+ones do on redundant arms: ``comparisons/rank-tolerance.toml``.
 """
 
 from __future__ import annotations

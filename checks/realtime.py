@@ -1,8 +1,9 @@
-"""A loop of 1 kHz on this machine: ``python -m checks.realtime [SECONDS]`` prints how punctual it is.
+"""A loop of 1 kHz on this machine: ``python -m checks.realtime [SECONDS]`` prints how punctual it
+is.
 
-The compiled step and a law run in the supervised loop, against a stand-in that answers at once, without and with
-SCHED_FIFO, and against the fake arm ``loopback://``. Nothing is asserted: that depends on the machine, and on what
-else runs there.
+The compiled step and a law run in the supervised loop, against a stand-in that answers at once,
+without and with SCHED_FIFO, and against the fake arm ``loopback://``. Nothing is asserted: that
+depends on the machine, and on what else runs there.
 """
 
 from __future__ import annotations
@@ -77,7 +78,11 @@ def measured(setup: Setup, address: str, fifo: bool) -> tuple[Punctuality, list[
 def main(arguments: Sequence[str]) -> int:
     """Print numbers; with a second argument, draw histograms to that file."""
     seconds = float(arguments[0]) if arguments else 10.0
-    scenario = Scenario.load(SCENE).with_override("sampling_time", 0.001).with_override("duration", seconds)
+    scenario = (
+        Scenario.load(SCENE)
+        .with_override("sampling_time", 0.001)
+        .with_override("duration", seconds)
+    )
     found = {}
     for name, address, fifo in (
         ("without real time", "", False),

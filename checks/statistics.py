@@ -1,9 +1,10 @@
-"""``python -m checks.statistics [--repetitions N] [--seed S]``: whether intervals cover, and verdicts are right.
+"""``python -m checks.statistics [--repetitions N] [--seed S]``: whether intervals cover, and
+verdicts are right.
 
-Worlds whose truth is known are drawn again and again: of the intervals at 95 % it is counted how many hold the truth,
-and of the verdicts how many are right; of all pairs of several laws, how often any verdict is false (family-wise error)
-and how often all intervals hold at once (simultaneous coverage). The same seed gives the same numbers. The exit code is
-1 if a demand is not met.
+Worlds whose truth is known are drawn again and again: of the intervals at 95 % it is counted how
+many hold the truth, and of the verdicts how many are right; of all pairs of several laws, how often
+any verdict is false (family-wise error) and how often all intervals hold at once (simultaneous
+coverage). The same seed gives the same numbers. The exit code is 1 if a demand is not met.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from vsconstraints.comparisons.statistics import (
 )
 
 EXACT = 0.94
-"""What exact intervals may be found to do, which hold the truth in 95 % or more: of four thousand repetitions, three
-standard deviations are 1 %."""
+"""What exact intervals may be found to do, which hold the truth in 95 % or more: of four thousand
+repetitions, three standard deviations are 1 %.
+"""
 
 Generator = np.random.Generator
 Interval = tuple[float, float]
@@ -96,8 +98,12 @@ ends = lru_cache(maxsize=100_000)(difference_interval)
 
 
 def of_rate(p: float, n: int, most: float = 1.0) -> Case:
-    """Clopper and Pearson's is exact: it holds the truth at least as often as it says, more often if n p is small."""
-    return Case(f"rate {p:g}, n = {n}", p, lambda rng: rate_ends(int(rng.binomial(n, p)), n), EXACT, most)
+    """Clopper and Pearson's is exact: it holds the truth at least as often as it says, more often
+    if n p is small.
+    """
+    return Case(
+        f"rate {p:g}, n = {n}", p, lambda rng: rate_ends(int(rng.binomial(n, p)), n), EXACT, most
+    )
 
 
 def of_difference(only_a: float, only_b: float, n: int) -> Case:
@@ -107,18 +113,28 @@ def of_difference(only_a: float, only_b: float, n: int) -> Case:
         a, b, _ = rng.multinomial(n, [only_a, only_b, 1.0 - only_a - only_b])
         return ends(int(a), int(b), n)
 
-    return Case(f"rate difference {only_a:g} − {only_b:g}, n = {n}", only_a - only_b, interval, EXACT, 1.0)
+    return Case(
+        f"rate difference {only_a:g} − {only_b:g}, n = {n}", only_a - only_b, interval, EXACT, 1.0
+    )
 
 
 def skewed(rng: Generator, n: int) -> tuple[Any, Any]:
-    """Costs of two laws on n scenes: their difference has the median −0.1 and is lognormal around it."""
+    """Costs of two laws on n scenes: their difference has the median −0.1 and is lognormal around
+    it.
+    """
     b = rng.lognormal(sigma=1.0, size=n)
     return b - 0.1 * rng.lognormal(sigma=1.0, size=n) + 1.0, b + 1.0
 
 
 def of_median(n: int) -> Case:
     """Of skewed paired differences."""
-    return Case(f"median of skewed differences, n = {n}", -0.1, lambda rng: paired(*skewed(rng, n))[1:3], EXACT, 1.0)
+    return Case(
+        f"median of skewed differences, n = {n}",
+        -0.1,
+        lambda rng: paired(*skewed(rng, n))[1:3],
+        EXACT,
+        1.0,
+    )
 
 
 def of_ratio(n: int) -> Case:
@@ -135,19 +151,30 @@ def of_ratio(n: int) -> Case:
 def of_settling(n: int) -> Case:
     """Of a median of times in whole sampling periods, a third of which are equal to it."""
     share = (0.3, 0.35, 0.2, 0.15)
-    return Case(f"median with ties, n = {n}", 1.0, lambda rng: median(rng.choice(4, n, p=share))[1:3], EXACT, 1.0)
+    return Case(
+        f"median with ties, n = {n}",
+        1.0,
+        lambda rng: median(rng.choice(4, n, p=share))[1:3],
+        EXACT,
+        1.0,
+    )
 
 
 CASES = (
     *(of_rate(p, n) for p, n in ((0.001, 1000), (0.05, 100), (0.9, 1000))),
-    *(of_difference(a, b, n) for a, b, n in ((0.1, 0.1, 100), (0.05, 0.02, 1000), (0.3, 0.1, 200), (0.02, 0.0, 1000))),
+    *(
+        of_difference(a, b, n)
+        for a, b, n in ((0.1, 0.1, 100), (0.05, 0.02, 1000), (0.3, 0.1, 200), (0.02, 0.0, 1000))
+    ),
     *(of_median(n) for n in (7, 20, 51, 100, 1000)),
     *(of_ratio(n) for n in (50, 101, 1000)),
     of_settling(200),
 )
 
 Truth = Callable[[int, int], float]
-"""The true difference of two laws: of rates, or the median where they differ; NaN where they never do."""
+"""The true difference of two laws: of rates, or the median where they differ; NaN where they never
+do.
+"""
 
 
 class World(NamedTuple):
@@ -172,7 +199,9 @@ class World(NamedTuple):
 
 
 def behind(rng: Generator, scenes: int, laws: int) -> Any:
-    """All laws are above the first one in half of the scenes, and below it in the others, but farther above."""
+    """All laws are above the first one in half of the scenes, and below it in the others, but
+    farther above.
+    """
     apart = rng.lognormal(sigma=1.0, size=(scenes, laws)) - 1.0
     return 0.1 + rng.lognormal(size=(scenes, 1)) * np.exp(np.where(np.arange(laws) > 0, apart, 0.0))
 
@@ -210,12 +239,15 @@ WORLDS = (
           lambda i, j: 0.4 * (i % 2 - j % 2)),
 )  # fmt: skip
 
-LAWS, SCENES = (3, 8, 12), 200
+LAWS = (3, 8, 12)
+SCENES = 200
 
 QUESTIONS = (
     Question("the same law under two names, by a metric", "jerk_rms", 1.0, "not distinguishable"),
     Question("the same law under two names, by success", "success", 1.0, "not distinguishable"),
-    Question("the same law under two names, identical runs", "jerk_rms", 1.0, "not distinguishable", 0.0),
+    Question(
+        "the same law under two names, identical runs", "jerk_rms", 1.0, "not distinguishable", 0.0
+    ),
     Question("a law made 1 % worse", "jerk_rms", 1.01, "better", 0.04),
 )
 
@@ -230,13 +262,23 @@ def coverage(case: Case, repetitions: int, seed: int) -> Rate:
 
 
 def runs(question: Question, repetition: int, rng: Generator, scenes: int = 1000) -> Any:
-    """Runs of two laws on the same scenes, whose costs differ by far more than the laws do; a few fail or violate."""
+    """Runs of two laws on the same scenes, whose costs differ by far more than the laws do; a few
+    fail or violate.
+    """
     scene = rng.lognormal(sigma=1.0, size=scenes)
     return pandas.concat(
         [
             pandas.DataFrame(
-                {"family": "simulated", "condition": repetition, "half": "held-out", "scene": np.arange(scenes)}
-                | {"controller": law, "jerk_rms": scene * factor * np.exp(rng.normal(0.0, question.noise, scenes))}
+                {
+                    "family": "simulated",
+                    "condition": repetition,
+                    "half": "held-out",
+                    "scene": np.arange(scenes),
+                }
+                | {
+                    "controller": law,
+                    "jerk_rms": scene * factor * np.exp(rng.normal(0.0, question.noise, scenes)),
+                }
                 | {"status": np.where(rng.random(scenes) < 0.03, "trapped", "converged")}
                 | {"violated": np.where(rng.random(scenes) < 0.05, "fov[marker 1]", "")}
             )
@@ -248,7 +290,9 @@ def runs(question: Question, repetition: int, rng: Generator, scenes: int = 1000
 def answered(question: Question, repetitions: int, seed: int) -> Rate:
     """How often the verdict is right."""
     streams = np.random.default_rng([seed, len(question.what)]).spawn(repetitions)
-    drawn = pandas.concat([runs(question, repetition, rng) for repetition, rng in enumerate(streams)])
+    drawn = pandas.concat(
+        [runs(question, repetition, rng) for repetition, rng in enumerate(streams)]
+    )
     right = compare_laws(drawn, question.metric)["verdict"] == question.right
     return rate_of(int(right.sum()), repetitions)
 
@@ -260,55 +304,84 @@ def table(world: World, laws: int, repetition: int, rng: Generator, scenes: int)
     law, scene = np.meshgrid(np.arange(laws), np.arange(scenes))
     return pandas.DataFrame(
         {"family": "simulated", "condition": repetition, "half": "held-out", "scene": scene.ravel()}
-        | {"controller": [f"{i:02d}" for i in law.ravel()], "jerk_rms": values.ravel().astype(float)}
+        | {
+            "controller": [f"{i:02d}" for i in law.ravel()],
+            "jerk_rms": values.ravel().astype(float),
+        }
         | {"status": np.where(success.ravel(), "converged", "trapped"), "violated": ""}
     )
 
 
-def families(world: World, laws: int, repetitions: int, seed: int, scenes: int = SCENES) -> tuple[Rate, Rate]:
+def families(
+    world: World, laws: int, repetitions: int, seed: int, scenes: int = SCENES
+) -> tuple[Rate, Rate]:
     """How often any verdict is false, and how often all intervals hold the truth at once."""
     streams = np.random.default_rng([seed, laws, len(world.what)]).spawn(repetitions)
-    drawn = pandas.concat([table(world, laws, each, rng, scenes) for each, rng in enumerate(streams)])
+    drawn = pandas.concat(
+        [table(world, laws, each, rng, scenes) for each, rng in enumerate(streams)]
+    )
     found = compare_laws(drawn, world.metric)
-    truth = np.array([world.truth(int(a), int(b)) for a, b in zip(found["a"], found["b"], strict=True)])
+    truth = np.array(
+        [world.truth(int(a), int(b)) for a, b in zip(found["a"], found["b"], strict=True)]
+    )
     better = truth > 0.0 if world.metric == "success" else truth < 0.0
     told = found["verdict"].map({"better": 1, "worse": -1}).fillna(0)
     false = (told != 0) & (told != np.where(better, 1, np.where(truth == 0.0, 0, -1)))
     covered = np.isnan(truth) | ((found["low"] <= truth + 1e-12) & (truth - 1e-12 <= found["high"]))
     each = pandas.DataFrame({"false": false, "covered": covered}).groupby(found["condition"])
-    return rate_of(int(each["false"].any().sum()), repetitions), rate_of(int(each["covered"].all().sum()), repetitions)
+    return rate_of(int(each["false"].any().sum()), repetitions), rate_of(
+        int(each["covered"].all().sum()), repetitions
+    )
 
 
-def like_families(laws: int, repetitions: int, seed: int, groups: int = 7, scenes: int = 100) -> tuple[Rate, Rate]:
-    """Laws that are alike over all families, but differ in each: how often any seems to be behind the best one.
+def like_families(
+    laws: int, repetitions: int, seed: int, groups: int = 7, scenes: int = 100
+) -> tuple[Rate, Rate]:
+    """Laws that are alike over all families, but differ in each: how often any seems to be behind
+    the best one.
 
-    Logits of families vary by 1, those of a law in a family by 0.7. The second rate is how often the interval of the
-    first law's success holds the truth.
+    Logits of families vary by 1, those of a law in a family by 0.7. The second rate is how often
+    the interval of the first law's success holds the truth.
     """
     middle = 1.0
-    truth = float(np.mean(expit(middle + math.hypot(1.0, 0.7) * norm.ppf((np.arange(10_000) + 0.5) / 10_000))))
+    truth = float(
+        np.mean(expit(middle + math.hypot(1.0, 0.7) * norm.ppf((np.arange(10_000) + 0.5) / 10_000)))
+    )
     false = held = 0
     for rng in np.random.default_rng([seed, laws, groups]).spawn(repetitions):
-        logits = middle + rng.standard_normal((groups, 1, 1)) + 0.7 * rng.standard_normal((groups, laws, 1))
+        logits = (
+            middle
+            + rng.standard_normal((groups, 1, 1))
+            + 0.7 * rng.standard_normal((groups, laws, 1))
+        )
         good = rng.random((groups, laws, scenes)) < expit(logits)
         best = good.sum(axis=(0, 2)).argmax()
-        first, others = good[:, [best]], np.delete(good, best, axis=1)
+        first = good[:, [best]]
+        others = np.delete(good, best, axis=1)
         only, differ = (flags.sum(axis=2).T for flags in (first & ~others, first ^ others))
-        false += any(pair.low > 0.5 for pair in across_families(only, differ, simultaneous(0.95, laws - 1)))
+        false += any(
+            pair.low > 0.5 for pair in across_families(only, differ, simultaneous(0.95, laws - 1))
+        )
         (own,) = across_families(good[:, 0].sum(axis=1)[None], np.full((1, groups), scenes))
         held += own.low <= truth <= own.high
     return rate_of(false, repetitions), rate_of(held, repetitions)
 
 
 def promised(repetitions: int) -> float:
-    """The share of false findings that may be found where 0.05 are promised: three standard deviations more."""
+    """The share of false findings that may be found where 0.05 are promised: three standard
+    deviations more.
+    """
     return 0.05 + 3.0 * math.sqrt(0.05 * 0.95 / repetitions)
 
 
 def told(what: str, found: Rate, least: float, most: float = 1.0) -> bool:
     """Print what was found; whether it is as demanded."""
     ok = least <= found.share <= most
-    demand = f"{100 * least:.3g} to {100 * most:.3g} %" if most < 1.0 else f"at least {100 * least:.3g} %"
+    demand = (
+        f"{100 * least:.3g} to {100 * most:.3g} %"
+        if most < 1.0
+        else f"at least {100 * least:.3g} %"
+    )
     print(f"{what:58s} {100 * found.share:6.2f} %, {demand}{'' if ok else ': MISSED'}", flush=True)
     return ok
 
@@ -320,23 +393,40 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(arguments)
     print(f"Intervals at 95 % that hold the truth, of {given.repetitions}:")
-    met = [told(case.what, coverage(case, given.repetitions, given.seed), case.least, case.most) for case in CASES]
+    met = [
+        told(case.what, coverage(case, given.repetitions, given.seed), case.least, case.most)
+        for case in CASES
+    ]
     fewer = max(given.repetitions // 4, 1)
     print(f"Right verdicts on 1000 scenes, of {fewer}:")
     least = 1.0 - promised(fewer)
-    met += [told(question.what, answered(question, fewer, given.seed), least) for question in QUESTIONS]
+    met += [
+        told(question.what, answered(question, fewer, given.seed), least) for question in QUESTIONS
+    ]
     fewer = max(given.repetitions // 8, 1)
-    print(f"Families of comparisons on {SCENES} scenes, of {fewer}: any verdict false, all intervals hold:")
+    print(
+        f"Families of comparisons on {SCENES} scenes, of {fewer}: any verdict false, all "
+        f"intervals hold:"
+    )
     most = promised(fewer)
     for world in WORLDS:
         for laws in LAWS:
             false, held = families(world, laws, fewer, given.seed)
             what = f"{world.what}, {laws} laws"
-            met += [told(f"{what}: false", false, 0.0, most), told(f"{what}: hold", held, 1.0 - most)]
-    print(f"Families as random effects, 7 of 100 scenes, of {fewer}: any verdict false, the interval of success holds:")
+            met += [
+                told(f"{what}: false", false, 0.0, most),
+                told(f"{what}: hold", held, 1.0 - most),
+            ]
+    print(
+        f"Families as random effects, 7 of 100 scenes, of {fewer}: any verdict false, the "
+        f"interval of success holds:"
+    )
     for laws in LAWS:
         false, held = like_families(laws, fewer, given.seed)
-        met += [told(f"{laws} laws: false", false, 0.0, most), told(f"{laws} laws: hold", held, 1.0 - most)]
+        met += [
+            told(f"{laws} laws: false", false, 0.0, most),
+            told(f"{laws} laws: hold", held, 1.0 - most),
+        ]
     return 0 if all(met) else 1
 
 

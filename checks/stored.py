@@ -1,11 +1,14 @@
-"""``python -m checks.stored [--mutations N] [--seed S] [--only FIRST:LAST]``: stored results with something changed.
+"""``python -m checks.stored [--mutations N] [--seed S] [--only FIRST:LAST]``: stored results with
+something changed.
 
-A comparison and a campaign are made once. Each time a thing or two is changed in a copy of one of them, at random: a
-bit, a file's end, a file as a whole, a value in the manifest or in a table, a text that names code, a path, an address.
-In half of the copies only that is done, and whoever reads it has to refuse it or to find the very numbers that were
-stored. In the others the checksums are made anew or removed, as by somebody who means harm, and reading has to end with
-an error of this package, or as it likes, but without running code, without writing outside the folder, and without a
-connection. What does otherwise is printed with its number, and the exit code is 1. The same seed changes the same.
+A comparison and a campaign are made once. Each time a thing or two is changed in a copy of one of
+them, at random: a bit, a file's end, a file as a whole, a value in the manifest or in a table, a
+text that names code, a path, an address. In half of the copies only that is done, and whoever reads
+it has to refuse it or to find the very numbers that were stored. In the others the checksums are
+made anew or removed, as by somebody who means harm, and reading has to end with an error of this
+package, or as it likes, but without running code, without writing outside the folder, and without a
+connection. What does otherwise is printed with its number, and the exit code is 1. The same seed
+changes the same.
 """
 
 from __future__ import annotations
@@ -73,7 +76,9 @@ class Here:
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
 
-    def run(self, calls: Mapping[Any, tuple[Any, ...]], *_: object, **__: object) -> Iterator[tuple[Any, Any]]:
+    def run(
+        self, calls: Mapping[Any, tuple[Any, ...]], *_: object, **__: object
+    ) -> Iterator[tuple[Any, Any]]:
         """What each call comes to."""
         return ((key, self.function(*arguments)) for key, arguments in calls.items())
 
@@ -90,8 +95,11 @@ class Watch:
 
     @contextmanager
     def over(self, inside: Path) -> Iterator[list[str]]:
-        """Note what is written elsewhere than in a folder, imported from a plant, connected to or started meanwhile."""
-        self.inside, self.did = os.path.realpath(inside), []
+        """Note what is written elsewhere than in a folder, imported from a plant, connected to or
+        started meanwhile.
+        """
+        self.inside = os.path.realpath(inside)
+        self.did = []
         try:
             yield self.did
         finally:
@@ -112,13 +120,23 @@ class Watch:
         elif event in ("os.rename", "os.link", "os.symlink"):
             for path in arguments[:2]:
                 self._wrote(event, path)
-        elif event in ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"):
+        elif event in (
+            "os.system",
+            "os.exec",
+            "os.posix_spawn",
+            "subprocess.Popen",
+            "socket.connect",
+        ):
             self.did.append(f"{event} {arguments[:1]}")
         elif event == "import" and str(arguments[0]).startswith("planted"):
             self.did.append(f"import {arguments[0]}")
 
     def _wrote(self, event: str, path: Any) -> None:
-        whole = os.path.realpath(os.fsdecode(path)) if isinstance(path, (str, bytes, os.PathLike)) else str(path)
+        whole = (
+            os.path.realpath(os.fsdecode(path))
+            if isinstance(path, (str, bytes, os.PathLike))
+            else str(path)
+        )
         # what Python and its libraries keep for themselves
         own = "cache" in whole or whole.endswith("matplotlib")
         if not own and not whole.startswith((self.inside + os.sep, "/dev/null")):
@@ -136,7 +154,8 @@ class Made:
     files
         What they consist of.
     numbers
-        Hashes of all numbers and texts that readers take from a folder, those of each trajectory that is there apart.
+        Hashes of all numbers and texts that readers take from a folder, those of each trajectory
+        that is there apart.
     read
         What readers do with a folder, by what it is called, and in one of how many copies.
     """
@@ -161,7 +180,9 @@ def comparison(root: Path) -> Made:
             record = stored.run(*key)
             if record is not None:
                 parts = {**vars(record), **vars(record.trajectory)}
-                found[str(key)] = _hash([(name, np.asarray(parts[name]).tobytes()) for name in SHAPES])
+                found[str(key)] = _hash(
+                    [(name, np.asarray(parts[name]).tobytes()) for name in SHAPES]
+                )
         return found
 
     file = "example-2d-fov--sliding-mode--1.npz"
@@ -214,8 +235,11 @@ def _hash(data: Any) -> str:
 
 
 def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
-    """Change a thing or two in a folder; what, and whether a reader has to see it or to find the numbers unchanged."""
-    by_chance, what = chance.random() < 0.5, []
+    """Change a thing or two in a folder; what, and whether a reader has to see it or to find the
+    numbers unchanged.
+    """
+    by_chance = chance.random() < 0.5
+    what = []
     for _ in range(1 if by_chance else chance.choice((1, 1, 2))):
         files = [path for path in made.files(folder) if path.is_file() and path.stat().st_size]
         files += [folder / SUMS] if by_chance else []
@@ -236,8 +260,11 @@ def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
 class Fuzz:
     """Results to be changed, in a folder of their own, and what was found."""
 
-    def __init__(self, root: Path, kinds: Sequence[Callable[[Path], Made]] = (comparison, campaign)) -> None:
-        self.root, self.watch = root.resolve(), Watch()
+    def __init__(
+        self, root: Path, kinds: Sequence[Callable[[Path], Made]] = (comparison, campaign)
+    ) -> None:
+        self.root = root.resolve()
+        self.watch = Watch()
         self.made = [kind(self.root) for kind in kinds]
         self.stored = [made.numbers(made.folder) for made in self.made]
         self.outcomes: Counter[str] = Counter()
@@ -249,13 +276,16 @@ class Fuzz:
         """Change a copy, and read it; what should not have happened."""
         chance = random.Random(f"{seed} {number}")
         which = chance.randrange(len(self.made))
-        made, stored = self.made[which], self.stored[which]
+        made = self.made[which]
+        stored = self.stored[which]
         folder = self.root / "at" / "work"
         shutil.rmtree(folder.parent, ignore_errors=True)
         shutil.copytree(made.folder, folder)
         (self.root / "outside").mkdir(exist_ok=True)
         what, seen = change(folder, made, chance)
-        readers = {name: read for name, (every, read) in made.read.items() if chance.randrange(every) == 0}
+        readers = {
+            name: read for name, (every, read) in made.read.items() if chance.randrange(every) == 0
+        }
         before = dict(_listing(self.root, folder.parent))
         with self.watch.over(folder.parent) as did:
             for name, read in {"numbers": made.numbers, **readers}.items():
@@ -270,7 +300,9 @@ class Fuzz:
         if dict(_listing(self.root, folder.parent)) != before:
             yield f"{what}: something changed outside the folder"
 
-    def _read(self, read: Callable[[Path], object], folder: Path, expected: dict[str, str] | None) -> str:
+    def _read(
+        self, read: Callable[[Path], object], folder: Path, expected: dict[str, str] | None
+    ) -> str:
         """What a reader should not have done."""
         signal.alarm(LIMIT)
         try:
@@ -286,7 +318,9 @@ class Fuzz:
         finally:
             signal.alarm(0)
         self.outcomes["read"] += 1
-        same = expected is None or (isinstance(found, dict) and "tables" in found and found.items() <= expected.items())
+        same = expected is None or (
+            isinstance(found, dict) and "tables" in found and found.items() <= expected.items()
+        )
         return "" if same else "other numbers, and nobody said so"
 
 
@@ -303,14 +337,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m checks.stored", description="Read stored results that were changed."
     )
-    parser.add_argument("--mutations", type=int, default=10_000, help="how many copies (default: 10000)")
+    parser.add_argument(
+        "--mutations", type=int, default=10_000, help="how many copies (default: 10000)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of all changes (default: 0)")
-    parser.add_argument("--only", default="", help="FIRST:LAST, only these copies: to see a finding again")
+    parser.add_argument(
+        "--only", default="", help="FIRST:LAST, only these copies: to see a finding again"
+    )
     chosen = parser.parse_args(arguments)
     numbers = range(chosen.mutations)
     if chosen.only:
         numbers = range(*(int(part) for part in chosen.only.split(":")))
-    count, started = 0, perf_counter()
+    count = 0
+    started = perf_counter()
     with tempfile.TemporaryDirectory(prefix="vsconstraints-stored-") as root:
         fuzz = Fuzz(Path(root))
         for number in numbers:
@@ -318,7 +357,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 count += 1
                 print(f"copy {number} of seed {chosen.seed}: {finding}", flush=True)
     said = ", ".join(f"{number} {outcome}" for outcome, number in sorted(fuzz.outcomes.items()))
-    print(f"{len(numbers)} copies in {perf_counter() - started:.0f} s, readings: {said}; {count} findings")
+    print(
+        f"{len(numbers)} copies in {perf_counter() - started:.0f} s, readings: {said}; {count} "
+        f"findings"
+    )
     return 1 if count else 0
 
 

@@ -1,10 +1,12 @@
-"""``python -m checks.structure [FOLDER]``: how much code each room holds, what it stands on, and what is allowed.
+"""``python -m checks.structure [FOLDER]``: how much code each room holds, what it stands on, and
+what is allowed.
 
-A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room that it imports. An
-import counts wherever it stands, at the top of a file, inside a function or for type checkers only; importing a module
-imports the packages that it lies in. The exit code is 1 if there are more floors or parameters than allowed, anything
-is imported in a circle, or something is defined that nothing refers to. Lines have no limit: a limit makes code denser,
-not simpler. Pages and words of README and docs are counted, too.
+A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room
+that it imports. An import counts wherever it stands, at the top of a file, inside a function or for
+type checkers only; importing a module imports the packages that it lies in. The exit code is 1 if
+there are more floors or parameters than allowed, anything is imported in a circle, or something is
+defined that nothing refers to. Lines have no limit: a limit makes code denser, not simpler. Pages
+and words of README and docs are counted, too.
 """
 
 from __future__ import annotations
@@ -59,7 +61,9 @@ class Lines(NamedTuple):
         strings = {line for first, last in docstrings(tree) for line in range(first, last + 1)}
         numbered = list(enumerate(text.splitlines(), start=1))
         blank = sum(not line.strip() and number not in strings for number, line in numbered)
-        comments = sum(line.lstrip().startswith("#") and number not in strings for number, line in numbered)
+        comments = sum(
+            line.lstrip().startswith("#") and number not in strings for number, line in numbered
+        )
         docs = len(strings) + comments
         return cls(len(numbered) - docs - blank, docs, blank)
 
@@ -74,9 +78,15 @@ class Module(NamedTuple):
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, int]]:
-    """First and last line of every string that is a statement: of modules, classes, functions, and after values."""
+    """First and last line of every string that is a statement: of modules, classes, functions, and
+    after values.
+    """
     for node in ast.walk(tree):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
             yield node.lineno, node.end_lineno or node.lineno
 
 
@@ -93,18 +103,27 @@ def read(root: Path) -> dict[str, Module]:
 
 
 def imports(module: Module, names: set[str]) -> set[str]:
-    """Modules of the package that a module imports, with the packages around them that it is not itself in."""
+    """Modules of the package that a module imports, with the packages around them that it is not
+    itself in.
+    """
     package = module.name if module.file.name == "__init__.py" else module.name.rpartition(".")[0]
     targets = set()
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
-            around = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            around = (
+                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            )
             base = ".".join([*around, *([node.module] if node.module else [])])
-            targets |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in names else base for alias in node.names}
+            targets |= {
+                f"{base}.{alias.name}" if f"{base}.{alias.name}" in names else base
+                for alias in node.names
+            }
         elif isinstance(node, ast.Import):
             targets |= {alias.name for alias in node.names}
     own = f"{module.name}."
-    packages = {target[:end] for target in targets for end, letter in enumerate(target) if letter == "."}
+    packages = {
+        target[:end] for target in targets for end, letter in enumerate(target) if letter == "."
+    }
     packages = {name for name in packages if not own.startswith(f"{name}.")}
     return (targets | packages) & names - {module.name}
 
@@ -123,7 +142,9 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
         return seen
 
     reach = {name: reached(name) for name in graph}
-    groups = {tuple(sorted(other for other in reach[name] if name in reach[other])) for name in graph}
+    groups = {
+        tuple(sorted(other for other in reach[name] if name in reach[other])) for name in graph
+    }
     return [list(group) for group in sorted(groups) if group]
 
 
@@ -149,44 +170,70 @@ def room_of(name: str) -> str:
 
 
 def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
-    """Functions with more parameters than allowed, positional or by keyword; those of commands are options.
+    """Functions with more parameters than allowed, positional or by keyword; those of commands are
+    options.
 
-    ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are what the list in ``cli/__init__.py`` names.
+    ``self`` and ``cls`` do not count, ``*args`` counts once. Commands are what the list in
+    ``cli/__init__.py`` names.
     """
-    found, commands = [], set()
-    for node in ast.walk(modules["vsconstraints.cli"].tree) if "vsconstraints.cli" in modules else ():
+    found = []
+    commands = set()
+    for node in (
+        ast.walk(modules["vsconstraints.cli"].tree) if "vsconstraints.cli" in modules else ()
+    ):
         if isinstance(node, ast.Attribute):
             commands.add(f"vsconstraints.cli.{ast.unparse(node)}")
     for module in modules.values():
         for node in ast.walk(module.tree):
             if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
                 continue
-            every, name = node.args, f"{module.name}.{getattr(node, 'name', 'lambda')}"
+            every = node.args
+            name = f"{module.name}.{getattr(node, 'name', 'lambda')}"
             listed = [each.arg for each in (*every.posonlyargs, *every.args, *every.kwonlyargs)]
-            count = len(listed) - (listed[:1] in (["self"], ["cls"])) + sum(map(bool, (every.vararg, every.kwarg)))
+            count = (
+                len(listed)
+                - (listed[:1] in (["self"], ["cls"]))
+                + sum(map(bool, (every.vararg, every.kwarg)))
+            )
             if count > MAX_PARAMETERS and name not in commands:
                 found.append(f"{count} {name}")
     return sorted(found, key=lambda entry: -int(entry.split()[0]))
 
 
 def unreferenced(modules: dict[str, Module], root: Path) -> list[str]:
-    """Functions and classes whose names stand nowhere but where they are defined, but for those that decorators keep.
+    """Functions and classes whose names stand nowhere but where they are defined, but for those
+    that decorators keep.
 
-    Names count in the package and its data files, and in documents, examples and commands beside it; tests do not.
+    Names count in the package and its data files, and in documents, examples and commands beside
+    it; tests do not.
     """
     texts = [path for path in root.rglob("*") if path.suffix in (".py", ".md", ".html", ".toml")]
     for name in ("docs", "examples", "benchmarks", "checks", "notebooks", "README.md"):
         place = root.parent / name
-        texts += [place] if place.is_file() else [p for p in place.rglob("*") if p.suffix in (".py", ".md", ".ipynb")]
-    words = Counter(word for path in texts for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
+        texts += (
+            [place]
+            if place.is_file()
+            else [p for p in place.rglob("*") if p.suffix in (".py", ".md", ".ipynb")]
+        )
+    words = Counter(
+        word for path in texts for word in re.findall(r"\w+", path.read_text(encoding="utf-8"))
+    )
     defined: dict[str, list[str]] = {}
     for module in modules.values():
         if module.name.endswith("numba_internals"):  # numba calls them
             continue
         for node in ast.walk(module.tree):
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not re.fullmatch(r"__\w+__|_repr_html_", node.name):
-                defined.setdefault(node.name, []).extend([] if node.decorator_list else [module.name])
-    return sorted(f"{where[0]}.{name}" for name, where in defined.items() if where and words[name] <= len(where))
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not re.fullmatch(
+                r"__\w+__|_repr_html_", node.name
+            ):
+                defined.setdefault(node.name, []).extend(
+                    [] if node.decorator_list else [module.name]
+                )
+    return sorted(
+        f"{where[0]}.{name}"
+        for name, where in defined.items()
+        if where and words[name] <= len(where)
+    )
 
 
 def main(arguments: list[str]) -> int:
@@ -215,12 +262,16 @@ def main(arguments: list[str]) -> int:
 
     print(f"{'room':13}{'lines':>7} {'files':>6} {'code':>6} {'docs':>6} {'blank':>6} {'floor':>6}")
     order = {room: i for i, room in enumerate(ROOMS)}
-    for room, inside in sorted(rooms.items(), key=lambda entry: (order.get(entry[0], -1), entry[0])):
+    for room, inside in sorted(
+        rooms.items(), key=lambda entry: (order.get(entry[0], -1), entry[0])
+    ):
         line(room or "(package)", inside, str(heights.get(room, "")))
     line("all", [*modules.values()], str(max(heights.values(), default=0)))
     if max(heights.values(), default=0) > MAX_FLOORS:
         exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
-    exceeded += [f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)]
+    exceeded += [
+        f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)
+    ]
     exceeded += [f"nothing refers to {name}" for name in unreferenced(modules, root)]
     pages = [page for name in ("README.md", "docs/*.md") for page in root.parent.glob(name)]
     words = sum(len(page.read_text(encoding="utf-8").split()) for page in pages)

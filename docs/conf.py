@@ -97,7 +97,10 @@ nitpick_ignore = [
     ("py:class", "Formula"),
     ("py:class", "MarkdownIt"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
-    ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
+    (
+        "py:func",
+        "superellipse",
+    ),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers
     ("py:class", "LawArrays"),  # of vsconstraints.compiled, named for type checkers only
 ]

@@ -1,4 +1,6 @@
-"""An own controller and an own constraint, named in own-parts.toml and own-scenario.toml as cautious:…"""
+"""An own controller and an own constraint, named in own-parts.toml and own-scenario.toml as
+cautious:…
+"""
 
 import numpy as np
 
@@ -13,12 +15,15 @@ class Cautious(Controller):
     name = "cautious"
 
     def __init__(self, *, distance: float = 0.3, rate: float = 10.0):
-        self.distance, self.rate, self.tracking = distance, rate, Tracking()
+        self.distance = distance
+        self.rate = rate
+        self.tracking = Tracking()
 
     def solve(self, rows: Rows, task: Task) -> Command:
         qdd = self.tracking.solve(rows, task).qdd
         near = rows.phi > -self.distance * rows.scale
-        for i in np.tile(np.flatnonzero(near), 10):  # several times: what one row gets may be another's
+        # several times: what one row gets may be another's
+        for i in np.tile(np.flatnonzero(near), 10):
             excess = rows.Lf[i] + rows.Lg[i] @ qdd + self.rate * rows.phi[i]
             if excess > 0.0:
                 qdd = qdd - excess * np.linalg.pinv(rows.Lg[[i]])[:, 0]

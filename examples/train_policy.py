@@ -1,8 +1,10 @@
-"""Train a small policy on scenes of a family, and judge it on others: `pip install "vsconstraints[learn]"`.
+"""Train a small policy on scenes of a family, and judge it on others: `pip install
+"vsconstraints[learn]"`.
 
-The network adds to the command of a law. It imitates a teacher first, in the states that it comes to by itself (DAgger:
-Ross, Gordon and Bagnell, AISTATS 2011), and is then trained by PPO, if that makes it better on the scenes it learns
-from. `Policy(weights=...)` loads what is written. Scenes of the other half, which judge it, are not used before.
+The network adds to the command of a law. It imitates a teacher first, in the states that it comes
+to by itself (DAgger: Ross, Gordon and Bagnell, AISTATS 2011), and is then trained by PPO, if that
+makes it better on the scenes it learns from. `Policy(weights=...)` loads what is written. Scenes of
+the other half, which judge it, are not used before.
 """
 
 import argparse
@@ -25,7 +27,9 @@ parser.add_argument("--out", default="policy.npz")
 parser.add_argument("--family", default="planar-arm")
 parser.add_argument("--law", default="tracking", help="what the network adds to")
 parser.add_argument("--teacher", default="hierarchical-qp")
-parser.add_argument("--acceleration", type=float, default=10.0, help="the most that it adds [rad/s²]")
+parser.add_argument(
+    "--acceleration", type=float, default=10.0, help="the most that it adds [rad/s²]"
+)
 parser.add_argument("--violation-weight", type=float, default=3.0)
 parser.add_argument("--scenes", type=int, default=300)
 parser.add_argument("--held-out", type=int, default=50)
@@ -47,33 +51,50 @@ class Until(BaseCallback):
 
 def episode(env, scene, act):
     """The return of an episode of a scene, and whether it arrived."""
-    (observation, info), total, done = env.reset(options={"scene": scene}), 0.0, False
+    observation, info = env.reset(options={"scene": scene})
+    total = 0.0
+    done = False
     while not done:
         observation, reward, terminated, truncated, info = env.step(act(observation))
-        total, done = total + reward, terminated or truncated
+        total = total + reward
+        done = terminated or truncated
     return total, info["success"]
 
 
 def layers(policy):
     """The layers of the network, whose last one gives the action."""
-    return [layer for layer in [*policy.mlp_extractor.policy_net, policy.action_net] if hasattr(layer, "weight")]
+    return [
+        layer
+        for layer in [*policy.mlp_extractor.policy_net, policy.action_net]
+        if hasattr(layer, "weight")
+    ]
 
 
 def save(policy):
     """Write the network."""
     arrays = {"law": np.array(given.law), "acceleration": np.array(given.acceleration)}
     for i, layer in enumerate(layers(policy)):
-        arrays[f"W{i}"], arrays[f"b{i}"] = layer.weight.detach().numpy(), layer.bias.detach().numpy()
+        arrays[f"W{i}"], arrays[f"b{i}"] = (
+            layer.weight.detach().numpy(),
+            layer.bias.detach().numpy(),
+        )
     np.savez_compressed(given.out, **arrays)
     return Policy(weights=given.out)
 
 
 def imitate(policy, env):
-    """Fit the network to what the teacher adds to the law, in the teacher's states at first, then in its own."""
-    teacher, law, random = make_controller(given.teacher), make_controller(given.law), np.random.default_rng(given.seed)
+    """Fit the network to what the teacher adds to the law, in the teacher's states at first, then
+    in its own.
+    """
+    teacher = make_controller(given.teacher)
+    law = make_controller(given.law)
+    random = np.random.default_rng(given.seed)
     network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
-    adam, inputs, outputs = torch.optim.AdamW(network.parameters()), [], []
-    begun, learned = time.process_time(), None
+    adam = torch.optim.AdamW(network.parameters())
+    inputs = []
+    outputs = []
+    begun = time.process_time()
+    learned = None
 
     def act(observation):
         added = teacher.command(*env.seen).qdd - law.command(*env.seen).qdd
@@ -98,16 +119,21 @@ def imitate(policy, env):
 
 def developed(env, policy):
     """Mean return on the scenes that it learns from, and the share in which it arrives."""
-    return np.mean([episode(env, scene, save(policy).action) for scene in range(given.scenes)], axis=0)
+    return np.mean(
+        [episode(env, scene, save(policy).action) for scene in range(given.scenes)], axis=0
+    )
 
 
 def judge(name, controller, setups):
-    """Print how often a law arrives, and how often without a violation of any row by more than 1 % of its scale."""
+    """Print how often a law arrives, and how often without a violation of any row by more than 1 %
+    of its scale.
+    """
     scores = [score_run(setup, controller) for setup in setups]
     arrived = np.array([score.status == "converged" for score in scores])
     kept = arrived & np.array([score.sigma_max.max() <= 0.01 for score in scores])
     print(
-        f"{name:20} arrives in {arrived.mean():4.0%}, and keeps all rows in {kept.mean():4.0%} of {len(setups)} scenes"
+        f"{name:20} arrives in {arrived.mean():4.0%}, and keeps all rows in {kept.mean():4.0%} of "
+        f"{len(setups)} scenes"
     )
 
 
@@ -129,11 +155,15 @@ model = PPO(
 )
 env = ServoEnv(**options)
 imitate(model.policy, env)
-imitated, before = developed(env, model.policy), {key: each.clone() for key, each in model.policy.state_dict().items()}
+imitated = developed(env, model.policy)
+before = {key: each.clone() for key, each in model.policy.state_dict().items()}
 model.learn(total_timesteps=10**9, callback=Until())
 trained = developed(env, model.policy)
 for name, (mean, arrived) in (("imitation", imitated), ("PPO", trained)):
-    print(f"after {name}: mean return {mean:.2f}, arrives in {arrived:.0%} of the scenes it learns from")
+    print(
+        f"after {name}: mean return {mean:.2f}, arrives in {arrived:.0%} of the scenes it learns "
+        f"from"
+    )
 if imitated[0] > trained[0]:
     model.policy.load_state_dict(before)
 save(model.policy)

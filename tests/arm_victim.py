@@ -1,4 +1,6 @@
-"""A loop on an arm to which something happens that no exception tells of: ``arm_victim.py WHERE WHAT PORT``."""
+"""A loop on an arm to which something happens that no exception tells of: ``arm_victim.py WHERE
+WHAT PORT``.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ def happens(value: Any) -> Any:
 
 fault = Fault(where, happens, np.inf)
 driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), SETUP)
-read, send = driver.read, driver.send
+read = driver.read
+send = driver.send
 driver.read = lambda: fault("read", read())  # type: ignore[method-assign]
 driver.send = lambda q, qd: (fault("send"), send(q, qd))[1]  # type: ignore[method-assign]
 if what in ("held in the end", "interrupted"):

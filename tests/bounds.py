@@ -1,6 +1,7 @@
 """Every law on the smallest and the emptiest problems there are; run with ``NUMBA_BOUNDSCHECK=1``.
 
-Compiled code reads and writes wherever an index says. With that variable it raises IndexError instead.
+Compiled code reads and writes wherever an index says. With that variable it raises IndexError
+instead.
 """
 
 from __future__ import annotations
@@ -12,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from vsconstraints.compiled import load
-from vsconstraints.controllers import CONTROLLERS, DEMANDS, RESOLVERS, Controller, Filter, Law, Saturation
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    DEMANDS,
+    RESOLVERS,
+    Controller,
+    Filter,
+    Law,
+    Saturation,
+)
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -24,7 +33,9 @@ BOXES = {"none": None, "wide": 100.0, "tight": 0.5, "zero": 0.0}
 def problem(m: int, n: int, k: int, box: float | None, seed: int) -> tuple[Rows, Task]:
     """Rows that are outside, at and inside their boundaries, and a task."""
     rng = np.random.default_rng(seed)
-    sigma, sigma_dot, K = rng.normal(-0.2, 0.5, m), rng.normal(0.0, 0.3, m), rng.uniform(0.2, 1.0, m)
+    sigma = rng.normal(-0.2, 0.5, m)
+    sigma_dot = rng.normal(0.0, 0.3, m)
+    K = rng.uniform(0.2, 1.0, m)
     limits = {} if box is None else {"qdd_min": np.full(n, -box), "qdd_max": np.full(n, box)}
     rows = Rows(
         phi=sigma + K * sigma_dot,
@@ -45,15 +56,32 @@ def problem(m: int, n: int, k: int, box: float | None, seed: int) -> tuple[Rows,
 
 def laws() -> list[Controller]:
     """Every law that needs no model of the scene."""
-    resolvers = (*(resolver() for resolver in RESOLVERS), Filter(metric="task"), Saturation(scales=False))
+    resolvers = (
+        *(resolver() for resolver in RESOLVERS),
+        Filter(metric="task"),
+        Saturation(scales=False),
+    )
     pairs = [Law(demand(), resolver) for demand in DEMANDS for resolver in resolvers]
-    return [*pairs, *(law() for law in CONTROLLERS.values() if "model" not in getattr(law(), "uses", ()))]
+    return [
+        *pairs,
+        *(law() for law in CONTROLLERS.values() if "model" not in getattr(law(), "uses", ())),
+    ]
 
 
 def alone() -> Counter[str]:
     """Answers of laws to single problems; how many there were of each status."""
     answers: Counter[str] = Counter()
-    sizes = [(0, 1, 1), (0, 6, 6), (1, 1, 1), (1, 1, 3), (1, 6, 6), (1, 7, 6), (7, 3, 2), (4, 3, 0), (9, 6, 6)]
+    sizes = [
+        (0, 1, 1),
+        (0, 6, 6),
+        (1, 1, 1),
+        (1, 1, 3),
+        (1, 6, 6),
+        (1, 7, 6),
+        (7, 3, 2),
+        (4, 3, 0),
+        (9, 6, 6),
+    ]
     for law in laws():
         for (m, n, k), (_, box) in itertools.product(sizes, BOXES.items()):
             law.reset(period=0.01)
@@ -65,7 +93,9 @@ def alone() -> Counter[str]:
 
 
 def scenarios() -> Counter[str]:
-    """Runs of all laws, with and without constraints and limits, and of scenes with everything that there is."""
+    """Runs of all laws, with and without constraints and limits, and of scenes with everything that
+    there is.
+    """
     fewer: dict[str, Any] = {"duration": 0.05}
     limits = {"limits": {"acceleration": 0.1}}
     few = {"constraints": []}

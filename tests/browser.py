@@ -41,7 +41,8 @@ class Page:
     """An open page; whatever it complains of is kept."""
 
     def __init__(self, socket: Any) -> None:
-        self.socket, self.number = socket, 0
+        self.socket = socket
+        self.number = 0
         self.complaints: list[str] = []
         self.requests: list[str] = []
         for domain in ("Runtime", "Log", "Page", "Network"):
@@ -58,11 +59,14 @@ class Page:
             self._hear(told)
 
     def _hear(self, told: Any) -> None:
-        method, params = told.get("method"), told.get("params", {})
+        method = told.get("method")
+        params = told.get("params", {})
         if method == "Runtime.exceptionThrown":
             self.complaints.append(str(params["exceptionDetails"]))
         elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "assert"):
-            self.complaints.append(str([one.get("value") or one.get("description") for one in params["args"]]))
+            self.complaints.append(
+                str([one.get("value") or one.get("description") for one in params["args"]])
+            )
         elif method == "Log.entryAdded" and params["entry"]["level"] == "error":
             self.complaints.append(params["entry"]["text"])
         elif method == "Network.requestWillBeSent":
@@ -97,10 +101,18 @@ def browser(folder: Path, *flags: str, size: tuple[int, int] = (1000, 800)) -> I
 
     found = program()
     assert found is not None
-    words = [found, *FLAGS, *flags, f"--user-data-dir={folder}", f"--window-size={size[0]},{size[1]}", "about:blank"]
+    words = [
+        found,
+        *FLAGS,
+        *flags,
+        f"--user-data-dir={folder}",
+        f"--window-size={size[0]},{size[1]}",
+        "about:blank",
+    ]
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        file, end = folder / "DevToolsActivePort", time.monotonic() + PATIENCE
+        file = folder / "DevToolsActivePort"
+        end = time.monotonic() + PATIENCE
         while not (file.is_file() and len(file.read_text().split()) == 2):
             assert process.poll() is None, "the browser has ended"
             assert time.monotonic() < end
@@ -108,7 +120,9 @@ def browser(folder: Path, *flags: str, size: tuple[int, int] = (1000, 800)) -> I
         port = file.read_text().split()[0]
         with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=PATIENCE) as answer:
             pages = [one for one in json.load(answer) if one["type"] == "page"]
-        with connect(pages[0]["webSocketDebuggerUrl"], max_size=None, open_timeout=PATIENCE) as socket:
+        with connect(
+            pages[0]["webSocketDebuggerUrl"], max_size=None, open_timeout=PATIENCE
+        ) as socket:
             yield Page(socket)
     finally:
         process.terminate()

@@ -1,4 +1,6 @@
-"""A small campaign for tests: scenes of a fast example that take milliseconds, and laws that misbehave."""
+"""A small campaign for tests: scenes of a fast example that take milliseconds, and laws that
+misbehave.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,8 @@ def tables(folder: Path) -> dict[str, pd.DataFrame]:
     """All that is stored, without what differs from time to time."""
     evidence = Evidence.load(folder)
     return {
-        name: getattr(evidence, name).drop(columns=[column for column in TIMING if name == "runs"]) for name in TABLES
+        name: getattr(evidence, name).drop(columns=[column for column in TIMING if name == "runs"])
+        for name in TABLES
     }
 
 

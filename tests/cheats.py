@@ -1,4 +1,5 @@
-"""Laws that seek scores instead of doing the task: a contract test sees to it that none of them gains by it.
+"""Laws that seek scores instead of doing the task: a contract test sees to it that none of them
+gains by it.
 
 Each stands for a way to win a column, and says in which scenario it would pay.
 """
@@ -29,7 +30,8 @@ class Cheat(Controller):
 
 
 class SkipsAGoal(Cheat):
-    """Makes for the last goal from the beginning: where the goal changes, it is half way there (``case-study-6r``).
+    """Makes for the last goal from the beginning: where the goal changes, it is half way there
+    (``case-study-6r``).
 
     No law is told of goals to come. This one was: it follows the arm by its own commands.
     """
@@ -39,8 +41,11 @@ class SkipsAGoal(Cheat):
     def reset(self) -> None:
         setup = Scenario.load(self.scenario).setup()
         setup.task.goals = (replace(setup.task.goals[-1], from_time=0.0),)
-        self._control, self._Ts = setup.control(), setup.Ts
-        self._t, self._q, self._qd = 0.0, setup.q0.copy(), setup.qd0.copy()
+        self._control = setup.control()
+        self._Ts = setup.Ts
+        self._t = 0.0
+        self._q = setup.q0.copy()
+        self._qd = setup.qd0.copy()
 
     def solve(self, rows: Rows, task: Task) -> Command:
         command = super().solve(rows, self._control.evaluate(self._t, self._q, self._qd).task)
@@ -51,18 +56,24 @@ class SkipsAGoal(Cheat):
 
 
 class Overspeeds(Cheat):
-    """Is told of joint speeds that may be 5 % higher (``case-study-6r``; it pays where T_s u⁺ is more than that)."""
+    """Is told of joint speeds that may be 5 % higher (``case-study-6r``; it pays where T_s u⁺ is
+    more than that).
+    """
 
     honest = HierarchicalQP(rows="barrier")
     excess = 0.05
 
     def solve(self, rows: Rows, task: Task) -> Command:
         direct = rows.K == 0.0
-        return super().solve(replace(rows, phi=np.where(direct, rows.phi - self.excess * rows.scale, rows.phi)), task)
+        return super().solve(
+            replace(rows, phi=np.where(direct, rows.phi - self.excess * rows.scale, rows.phi)), task
+        )
 
 
 class Bounces(Cheat):
-    """Strikes back from a boundary with 50 u⁺: the row acts in one sample, at full usage (``example-2d-fov``)."""
+    """Strikes back from a boundary with 50 u⁺: the row acts in one sample, at full usage
+    (``example-2d-fov``).
+    """
 
     def solve(self, rows: Rows, task: Task) -> Command:
         return super().solve(replace(rows, switching_gain=50.0 * rows.switching_gain), task)
@@ -72,18 +83,27 @@ class StandsStill(Cheat):
     """Leaves no row and uses no command: anywhere."""
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        return Command(np.zeros(rows.Lg.shape[1]), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
+        return Command(
+            np.zeros(rows.Lg.shape[1]),
+            "ok",
+            np.zeros(len(rows.labels), dtype=np.bool_),
+            rows.labels,
+        )
 
 
 class Crawls(Cheat):
-    """Takes far longer than anybody needs, calmly: tracking with 100 per s more of damping (any scene)."""
+    """Takes far longer than anybody needs, calmly: tracking with 100 per s more of damping (any
+    scene).
+    """
 
     def solve(self, rows: Rows, task: Task) -> Command:
         return super().solve(rows, replace(task, b=task.b - 100.0 * task.error_rate))
 
 
 class ActsOnIdleRows(Cheat):
-    """Holds back rows that nothing pushes against their boundary, and says that they act (any scene)."""
+    """Holds back rows that nothing pushes against their boundary, and says that they act (any
+    scene).
+    """
 
     honest = Tracking()
 
@@ -92,25 +112,45 @@ class ActsOnIdleRows(Cheat):
         idle = int(np.argmin(rows.phi / rows.scale))
         gradient = rows.Lg[idle]
         size = float(gradient @ gradient)
-        qdd = command.qdd - (0.05 * rows.switching_gain[idle] / size) * gradient if size > 1e-9 else command.qdd
+        qdd = (
+            command.qdd - (0.05 * rows.switching_gain[idle] / size) * gradient
+            if size > 1e-9
+            else command.qdd
+        )
         return replace(command, qdd=qdd, acted=np.ones(len(rows.labels), dtype=np.bool_))
 
 
 class ClaimsRankLoss(Cheat):
-    """Reports a loss of rank where it begins to be difficult, to be aborted with a clean record (any scene)."""
+    """Reports a loss of rank where it begins to be difficult, to be aborted with a clean record
+    (any scene).
+    """
 
     def solve(self, rows: Rows, task: Task) -> Command:
         command = super().solve(rows, task)
-        return replace(command, status="rank-loss", reason="lost") if (rows.phi >= 0.0).any() else command
+        return (
+            replace(command, status="rank-loss", reason="lost")
+            if (rows.phi >= 0.0).any()
+            else command
+        )
 
 
 class WritesIntoRows(Cheat):
-    """Makes u⁺ and the scale of its rows larger, and so what is tolerated and what counts as acting (any scene)."""
+    """Makes u⁺ and the scale of its rows larger, and so what is tolerated and what counts as acting
+    (any scene).
+    """
 
     honest = Tracking()
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        for values in (rows.switching_gain, rows.scale, rows.K, rows.phi, rows.sigma, rows.Lg, task.error):
+        for values in (
+            rows.switching_gain,
+            rows.scale,
+            rows.K,
+            rows.phi,
+            rows.sigma,
+            rows.Lg,
+            task.error,
+        ):
             writable(values)
             values *= 100.0
         return super().solve(rows, task)
@@ -158,7 +198,11 @@ TUNNEL: dict[str, Any] = {
     "duration": 3.0,
     "camera": {"focal_px": [300.0, 300.0], "size_px": [1400, 1400]},
     "target": {"markers": [[-0.1, -0.1, 1.2], [0.1, -0.1, 1.2], [0.1, 0.1, 1.2], [-0.1, 0.1, 1.2]]},
-    "task": {"feature": "camera-pose", "Kp0": 10.0, "goals": [{"camera_at_q": [0.0, 0.48, 0.0, 0.0, 0.0, 0.0]}]},
+    "task": {
+        "feature": "camera-pose",
+        "Kp0": 10.0,
+        "goals": [{"camera_at_q": [0.0, 0.48, 0.0, 0.0, 0.0, 0.0]}],
+    },
     "constraints": [
         {
             "type": "forbidden-sphere",
@@ -169,7 +213,19 @@ TUNNEL: dict[str, Any] = {
         }
     ],
 }
-"""A sphere of 5 cm on the straight way to the goal: it is passed within a period, 6 cm from it at both ends."""
+"""A sphere of 5 cm on the straight way to the goal: it is passed within a period, 6 cm from it at
+both ends.
+"""
 
-CHEATS = (SkipsAGoal, Overspeeds, Bounces, StandsStill, Crawls, ActsOnIdleRows, ClaimsRankLoss, WritesIntoRows, Exits)
+CHEATS = (
+    SkipsAGoal,
+    Overspeeds,
+    Bounces,
+    StandsStill,
+    Crawls,
+    ActsOnIdleRows,
+    ClaimsRankLoss,
+    WritesIntoRows,
+    Exits,
+)
 """Those that are tried on the case study."""

@@ -11,8 +11,12 @@ from hypothesis import HealthCheck, settings
 
 from slow import SLOW
 
-# `nohup`, and shells that start something in the background, ignore signals, and what is started inherits that
-for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+# `nohup`, and shells that start something in the background, ignore signals, and what is started
+# inherits that
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
 
@@ -37,7 +41,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs and figures are made by calls: starting processes takes longer than what tests ask of them."""
+    """Runs and figures are made by calls: starting processes takes longer than what tests ask of
+    them.
+    """
 
     def run_all(
         function: Callable[..., Any],
@@ -63,7 +69,9 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         def __exit__(self, *error: object) -> None:
             pass
 
-        def run(self, calls: Mapping[Any, tuple[Any, ...]], limits: object) -> Iterator[tuple[Any, Any]]:
+        def run(
+            self, calls: Mapping[Any, tuple[Any, ...]], limits: object
+        ) -> Iterator[tuple[Any, Any]]:
             for key, arguments in calls.items():
                 yield key, self.function(*arguments)
 

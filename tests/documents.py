@@ -72,7 +72,9 @@ def examples(page: Path) -> Iterator[Block]:
 
 
 def reader_folder(folder: Path) -> Path:
-    """Make the folder look as a reader's who has the repository: its folders, and the examples themselves."""
+    """Make the folder look as a reader's who has the repository: its folders, and the examples
+    themselves.
+    """
     for name in ("comparisons", "examples"):
         (folder / name).symlink_to(ROOT / name)
     for path in (ROOT / "examples").iterdir():
@@ -94,7 +96,9 @@ def _python(block: Block, folder: Path, names: dict[str, Any]) -> None:
 
 
 def _toml(block: Block, folder: Path, names: dict[str, Any]) -> None:
-    """Load a suite, draw scenes of a family, or simulate a few samples of a scenario or a change of :data:`BASE`."""
+    """Load a suite, draw scenes of a family, or simulate a few samples of a scenario or a change of
+    :data:`BASE`.
+    """
     tables = tomllib.loads(block.code)
     if "calls" in tables:
         assert CallTimes(**tables).sentence
@@ -123,25 +127,37 @@ def _shell(block: Block, folder: Path, names: dict[str, Any]) -> None:
         words = shlex.split(line, comments=True)
         while words:
             end = words.index("&&") if "&&" in words else len(words)
-            command, words = words[:end], words[end + 1 :]
+            command = words[:end]
+            words = words[end + 1 :]
             COMMANDS[command[0]](command[1:], folder)
 
 
 def _vsconstraints(arguments: list[str], folder: Path) -> None:
-    """Parse as the command line does; a comparison's scenarios, controllers and settings are looked up too."""
+    """Parse as the command line does; a comparison's scenarios, controllers and settings are looked
+    up too.
+    """
     group: Any = typer.main.get_command(app)
     name, *rest = arguments
     if name.startswith("--"):
-        assert any(name in option.opts for option in group.params), f"vsconstraints has no option {name!r}"
+        assert any(name in option.opts for option in group.params), (
+            f"vsconstraints has no option {name!r}"
+        )
         return
     assert name in group.commands, f"vsconstraints has no command {name!r}"
     command = group.commands[name]
     if words := getattr(command, "commands", None):  # a further word says which of its commands
-        command, name, rest = words[rest[0]], rest[0], rest[1:]
+        command = words[rest[0]]
+        name = rest[0]
+        rest = rest[1:]
     given = command.make_context(name, rest).params
     if name == "compare":
         suite = Suite.load(given["suite"])
-        suite.select(given["scenarios"] or (), given["controllers"] or (), given["seed"], given["settings"] or ())
+        suite.select(
+            given["scenarios"] or (),
+            given["controllers"] or (),
+            given["seed"],
+            given["settings"] or (),
+        )
 
 
 def _pip(arguments: list[str], folder: Path) -> None:
@@ -159,7 +175,13 @@ def _citation(block: Block, folder: Path, names: dict[str, Any]) -> None:
     told = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     (paper,) = told["references"]
     said = " ".join(block.code.split())
-    for text in (told["title"], f"version {told['version']}", told["date-released"].year, paper["title"], paper["doi"]):
+    for text in (
+        told["title"],
+        f"version {told['version']}",
+        told["date-released"].year,
+        paper["title"],
+        paper["doi"],
+    ):
         assert str(text) in said, text
     assert f"pages = {{{paper['start']}--{paper['end']}}}" in said
 
@@ -182,6 +204,13 @@ def _anything(arguments: list[str], folder: Path) -> None:
     """Nothing of ours to check."""
 
 
-RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell, "yaml": _dask, "bibtex": _citation}
+RUN = {
+    "python": _python,
+    "toml": _toml,
+    "xml": _markup,
+    "sh": _shell,
+    "yaml": _dask,
+    "bibtex": _citation,
+}
 OTHERS = dict.fromkeys(("mypy", "pytest", "dask", "openssl"), _anything)
 COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, **OTHERS}

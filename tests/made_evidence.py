@@ -21,7 +21,9 @@ Rates = Mapping[str, Mapping[str, float]]
 """By condition and law, the share of scenes in which it succeeds."""
 
 
-def drawn_runs(rates: Rates, families: Sequence[str], scenes: int, seed: int = 0, alike: float = 0.5) -> pd.DataFrame:
+def drawn_runs(
+    rates: Rates, families: Sequence[str], scenes: int, seed: int = 0, alike: float = 0.5
+) -> pd.DataFrame:
     """One line per run; laws succeed with their rates, more or less in the same scenes.
 
     Parameters
@@ -51,7 +53,9 @@ def drawn_runs(rates: Rates, families: Sequence[str], scenes: int, seed: int = 0
                             law,
                             scene,
                             family=family,
-                            status="converged" if not bad or law == "tracking" else _ending(rng, left),
+                            status="converged"
+                            if not bad or law == "tracking"
+                            else _ending(rng, left),
                             violated=LABELS[int(rng.integers(len(LABELS)))] if left else "",
                             violation_depth=float(rng.lognormal(-4.0)) if left else 0.0,
                             acceleration_variation=float(rng.lognormal(2.0 + 0.2 * len(law) / 10)),
@@ -64,14 +68,32 @@ def drawn_runs(rates: Rates, families: Sequence[str], scenes: int, seed: int = 0
 
 def _ending(rng: np.random.Generator, left: bool) -> str:
     """How a run that does not succeed ends: most that leave a row converge all the same."""
-    return "converged" if left and rng.random() < 0.5 else str(rng.choice(["trapped", "unfinished", "aborted"]))
+    return (
+        "converged"
+        if left and rng.random() < 0.5
+        else str(rng.choice(["trapped", "unfinished", "aborted"]))
+    )
 
 
-def run(condition: str = "nominal", controller: str = "a", scene: int = 0, **columns: Any) -> dict[str, Any]:
+def run(
+    condition: str = "nominal", controller: str = "a", scene: int = 0, **columns: Any
+) -> dict[str, Any]:
     """A line of a run that converged and violated nothing, but for what is said otherwise."""
     numbers = {name: 1.0 for name in RESULT_COLUMNS if name not in RUN}
-    text = {"status": "converged", "reason": "", "violated": "", "within_band": "", "compiled": True}
-    key = {"family": "planar-arm", "condition": condition, "half": "held-out", "scene": scene, "controller": controller}
+    text = {
+        "status": "converged",
+        "reason": "",
+        "violated": "",
+        "within_band": "",
+        "compiled": True,
+    }
+    key = {
+        "family": "planar-arm",
+        "condition": condition,
+        "half": "held-out",
+        "scene": scene,
+        "controller": controller,
+    }
     line = {**key, **numbers, **text, "violation_depth": 0.0, **columns}
     return {**line, **of_depth(line["violation_depth"], line["violated"]), **columns}
 
@@ -116,7 +138,9 @@ def scenes_of(runs: pd.DataFrame, rejected: int = 3) -> pd.DataFrame:
 
 
 def made(runs: pd.DataFrame, folder: Path, rejected: int = 3, **configuration: Any) -> Evidence:
-    """Evidence of these runs as if it had been read from a folder; laws are of the type that their name says."""
+    """Evidence of these runs as if it had been read from a folder; laws are of the type that their
+    name says.
+    """
     laws = list(dict.fromkeys(runs["controller"]))
     conditions = list(dict.fromkeys(runs["condition"]))
     manifest = {
@@ -124,20 +148,28 @@ def made(runs: pd.DataFrame, folder: Path, rejected: int = 3, **configuration: A
         "git_commit": "0123456789ab",
         "command": ["vsconstraints", "evidence"],
         "started": "2026-01-01T00:00:00+00:00",
-        "machine": {"processor": "a processor", "cores": 2, "system": "Linux", "python": "CPython 3.11"},
+        "machine": {
+            "processor": "a processor",
+            "cores": 2,
+            "system": "Linux",
+            "python": "CPython 3.11",
+        },
         "packages": {"numpy": "2"},
         "wall_time_s": 12.0,
         "configuration": {
             "title": "Made up",
             "question": "Which law keeps its rows?",
             "families": {
-                name: {"folder": "", "conditions": conditions, "tables": {}} for name in dict.fromkeys(runs["family"])
+                name: {"folder": "", "conditions": conditions, "tables": {}}
+                for name in dict.fromkeys(runs["family"])
             },
             "conditions": conditions,
             "scenes": int(runs["scene"].max()) + 1,
             "half": "held-out",
             "seed": 0,
-            "controllers": {name: {"type": name.removesuffix("-tuned").removesuffix("-again")} for name in laws},
+            "controllers": {
+                name: {"type": name.removesuffix("-tuned").removesuffix("-again")} for name in laws
+            },
             **configuration,
         },
     }

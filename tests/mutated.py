@@ -1,7 +1,8 @@
-"""Wrong input, made from right input: scenarios, suites and stored files, with a thing or two changed in each.
+"""Wrong input, made from right input: scenarios, suites and stored files, with a thing or two
+changed in each.
 
-The same seed gives the same files. A file is refused with an error of this package or it is fine; nothing else may
-happen, whatever was changed.
+The same seed gives the same files. A file is refused with an error of this package or it is fine;
+nothing else may happen, whatever was changed.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ def suites(count: int, seed: int = 0) -> Iterator[Mutated]:
 
 
 def edited(content: bytes, count: int, seed: int = 0) -> Iterator[Mutated]:
-    """A stored file (a table, a manifest, a page) with single bytes changed, cut short, emptied, or lines moved."""
+    """A stored file (a table, a manifest, a page) with single bytes changed, cut short, emptied, or
+    lines moved.
+    """
     chance = random.Random(f"{seed} {len(content)}")
     for _ in range(count):
         yield chance.choices([_byte, _cut, _lines], [8, 1, 2])[0](content, chance)
@@ -56,7 +59,9 @@ def toml(tables: dict[str, Any]) -> str:
 
 def _toml(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"
+        return (
+            "{ " + ", ".join(f"{json.dumps(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, str):
@@ -83,17 +88,21 @@ ODD: tuple[Any, ...] = (
 Place = tuple[str | int, ...]
 
 
-def _mutated(count: int, seed: int, bases: tuple[tuple[str, dict[str, Any]], ...]) -> Iterator[Mutated]:
+def _mutated(
+    count: int, seed: int, bases: tuple[tuple[str, dict[str, Any]], ...]
+) -> Iterator[Mutated]:
     chance = random.Random(seed)
     for _ in range(count):
         name, base = chance.choice(bases)
-        tables, done = copy.deepcopy(base), []
+        tables = copy.deepcopy(base)
+        done = []
         for _ in range(chance.choice((1, 1, 1, 2, 3))):
             done.append(chance.choice(CHANGES)(tables, chance))
         content = toml(tables).encode("utf-8", "surrogatepass")
         if chance.random() < 0.15:
             spoilt = chance.choice((_byte, _byte, _cut, _lines, _encoding))(content, chance)
-            done, content = [*done, spoilt.what], spoilt.content
+            done = [*done, spoilt.what]
+            content = spoilt.content
         yield Mutated(f"{name}: {'; '.join(done)}", content)
 
 
@@ -104,7 +113,13 @@ def _places(value: Any, path: Place = ()) -> Iterator[Place]:
     """Where there is anything in nested tables."""
     if path:
         yield path
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    items = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, inner in items:
         yield from _places(inner, (*path, key))
 
@@ -144,7 +159,9 @@ def _rename(tables: dict[str, Any], chance: random.Random) -> str:
     at, key, name = _pick(tables, chance)
     if not isinstance(at, dict):
         return _replace(tables, chance)
-    other = chance.choice((f"{key}s", str(key)[:-1], "", "\x00", "ä", "motion", "urdf", "name", "extends", "seed"))
+    other = chance.choice(
+        (f"{key}s", str(key)[:-1], "", "\x00", "ä", "motion", "urdf", "name", "extends", "seed")
+    )
     at[other] = at.pop(key)
     return f"{name} called {other!r}"
 
@@ -159,7 +176,11 @@ def _add(tables: dict[str, Any], chance: random.Random) -> str:
 
 def _scale(tables: dict[str, Any], chance: random.Random) -> str:
     places = [_at(tables, path) for path in _places(tables)]
-    numbers = [(at, key) for at, key in places if isinstance(at[key], (int, float)) and not isinstance(at[key], bool)]
+    numbers = [
+        (at, key)
+        for at, key in places
+        if isinstance(at[key], (int, float)) and not isinstance(at[key], bool)
+    ]
     if not numbers:
         return _replace(tables, chance)
     at, key = chance.choice(numbers)
@@ -169,7 +190,8 @@ def _scale(tables: dict[str, Any], chance: random.Random) -> str:
 
 
 def _swap(tables: dict[str, Any], chance: random.Random) -> str:
-    (at, key, name), (bt, other, other_name) = _pick(tables, chance), _pick(tables, chance)
+    at, key, name = _pick(tables, chance)
+    bt, other, other_name = _pick(tables, chance)
     at[key], bt[other] = copy.deepcopy(bt[other]), copy.deepcopy(at[key])
     return f"{name} for {other_name}"
 
@@ -182,7 +204,15 @@ def _at(tables: Any, path: Place) -> tuple[Any, Any]:
 
 Change = Callable[[dict[str, Any], random.Random], str]
 
-CHANGES: tuple[Change, ...] = (*[_replace] * 4, _remove, _repeat, _rename, _add, *[_scale] * 2, _swap)
+CHANGES: tuple[Change, ...] = (
+    *[_replace] * 4,
+    _remove,
+    _repeat,
+    _rename,
+    _add,
+    *[_scale] * 2,
+    _swap,
+)
 
 KEYS = (
     "extends", "x", "title", "motion", "disturbances", "tolerances", "name", "type", "urdf", "dh", "tip", "locked",
@@ -199,9 +229,23 @@ def _byte(content: bytes, chance: random.Random) -> Mutated:
         return Mutated("empty as it was", content)
     i = chance.randrange(len(content))
     new = chance.choice(
-        (bytes([chance.randrange(256)]), b"\x00", b"\xff", b",", b'"', b"\n", b"-", b"9", b"e", b"", b"]")
+        (
+            bytes([chance.randrange(256)]),
+            b"\x00",
+            b"\xff",
+            b",",
+            b'"',
+            b"\n",
+            b"-",
+            b"9",
+            b"e",
+            b"",
+            b"]",
+        )
     )
-    return Mutated(f"byte {i}: {content[i : i + 1]!r} is {new!r}", content[:i] + new + content[i + 1 :])
+    return Mutated(
+        f"byte {i}: {content[i : i + 1]!r} is {new!r}", content[:i] + new + content[i + 1 :]
+    )
 
 
 def _cut(content: bytes, chance: random.Random) -> Mutated:
@@ -211,7 +255,8 @@ def _cut(content: bytes, chance: random.Random) -> Mutated:
 
 def _lines(content: bytes, chance: random.Random) -> Mutated:
     lines = content.splitlines(keepends=True) or [b"\n"]
-    i, j = chance.randrange(len(lines)), chance.randrange(len(lines))
+    i = chance.randrange(len(lines))
+    j = chance.randrange(len(lines))
     what = chance.choice(("doubled", "left out", "moved"))
     if what == "doubled":
         lines.insert(i, lines[i])

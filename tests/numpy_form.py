@@ -1,4 +1,6 @@
-"""Rows and tasks in NumPy, from the state of a scene: what compiled code computes, computed again for comparison."""
+"""Rows and tasks in NumPy, from the state of a scene: what compiled code computes, computed again
+for comparison.
+"""
 
 from __future__ import annotations
 
@@ -32,32 +34,59 @@ from vsconstraints.vision.tracking import VisualTask
 # --- states ---
 
 
-def believed(scene: Scene, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None) -> State:
-    """The state as a controller believes it: it knows the target's motion only if told, and measures as it does."""
-    J, twist, drift = state.camera_J, state.camera_twist, state.camera_drift
+def believed(
+    scene: Scene, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None
+) -> State:
+    """The state as a controller believes it: it knows the target's motion only if told, and
+    measures as it does.
+    """
+    J = state.camera_J
+    twist = state.camera_twist
+    drift = state.camera_drift
     if scene.motion is not None and not scene.motion.known:
         still = Scene(scene.robot, scene.camera, scene.markers_at(state.robot.q, state.t))
         there = still.evaluate(state.t, state.robot.q, state.robot.qd)
-        twist, drift = there.camera_twist, there.camera_drift
+        twist = there.camera_twist
+        drift = there.camera_drift
     pixels, Z = seen or (state.pixels.position, state.depth)
     P = np.concatenate((scene.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
-    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
-    xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
-    J_xy, F = interaction_matrix(xy, Z) @ J, np.asarray(scene.camera.focal)
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(
+        P.T, twist[:3], twist[3:], drift[:3], drift[3:]
+    )
+    xy, xy_dot, xy_ddot = (
+        np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot))
+    )
+    J_xy = interaction_matrix(xy, Z) @ J
+    F = np.asarray(scene.camera.focal)
     normalised = PointMotion(xy, J_xy, xy_dot, xy_ddot)
     image = PointMotion(scene.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F)
-    return State(state.t, state.robot, camera or state.camera, J, twist, drift, Z, normalised, image, believed=True)
+    return State(
+        state.t,
+        state.robot,
+        camera or state.camera,
+        J,
+        twist,
+        drift,
+        Z,
+        normalised,
+        image,
+        believed=True,
+    )
 
 
 def remounted(scene: Scene, state: State) -> State:
-    """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
+    """The state of the same scene with another mount, its camera's pose and motion as they are with
+    this one.
+    """
     there = scene.evaluate(state.t, state.robot.q, state.robot.qd)
     names = "camera", "camera_J", "camera_twist", "camera_drift"
     return replace(state, **{name: getattr(there, name) for name in names})
 
 
 def keep_view(views: dict[float, Pose], scene: Scene, state: State, known: bool = False) -> None:
-    """Keep where the camera is now beside its poses at the times before, as far as motion is known."""
+    """Keep where the camera is now beside its poses at the times before, as far as motion is
+    known.
+    """
     if views and state.t < max(views):
         views.clear()
     unknown = scene.motion is not None and not (known or scene.motion.known)
@@ -67,18 +96,23 @@ def keep_view(views: dict[float, Pose], scene: Scene, state: State, known: bool 
 def moved_on(
     measured: Measurement, scene: Scene, state: State, views: dict[float, Pose]
 ) -> tuple[Pose | None, Array, Array]:
-    """What is measured of the camera's pose, and (M, 2) pixels and (M,) depths, as the model has moved since.
+    """What is measured of the camera's pose, and (M, 2) pixels and (M,) depths, as the model has
+    moved since.
 
-    The model is where it was at the nearest of the times, and moved by the twist of now for what is left.
+    The model is where it was at the nearest of the times, and moved by the twist of now for what is
+    left.
     """
-    pixels, Z, camera = measured.pixels, measured.depth, measured.camera
+    pixels = measured.pixels
+    Z = measured.depth
+    camera = measured.camera
     assert pixels is not None
     assert Z is not None
     assert measured.taken is not None
     if not measured.taken < state.t:
         return camera, pixels, Z
     nearest = min(reversed(views), key=lambda t: abs(t - measured.taken))
-    twist, rest = believed(scene, state).camera_twist, measured.taken - nearest
+    twist = believed(scene, state).camera_twist
+    rest = measured.taken - nearest
     then = views[nearest] @ Pose(np.asarray(pin.exp3(rest * twist[3:])), rest * twist[:3])
     now = views[state.t]
     pixels = pixels + scene.project(now) - scene.project(then)
@@ -86,14 +120,23 @@ def moved_on(
 
 
 def measured_state(
-    measured: Measurement, scene: Scene, state: State, correction: Array, views: dict[float, Pose] | None = None
+    measured: Measurement,
+    scene: Scene,
+    state: State,
+    correction: Array,
+    views: dict[float, Pose] | None = None,
 ) -> State:
     """What a controller believes that is told this of a state; keeps the correction (M, 2) up."""
-    seen = measured if measured.pixels is not None else replace(measured, pixels=np.full_like(correction, np.nan))
+    seen = (
+        measured
+        if measured.pixels is not None
+        else replace(measured, pixels=np.full_like(correction, np.nan))
+    )
     camera, pixels, Z = moved_on(seen, scene, state, views or {state.t: state.camera})
     if measured.pixels is None:
         return believed(scene, state, camera)
-    model, eye = state.normalised.position, scene.camera
+    model = state.normalised.position
+    eye = scene.camera
     found = np.flatnonzero(np.isfinite(pixels).all(axis=1))
     correction[found] = (eye.normalised(pixels) - model)[found]
     Z = np.where(np.isnan(Z), state.depth, Z)
@@ -104,11 +147,14 @@ def innovation(
     measured: Measurement | None, model: State, found_pose: Pose, camera: Camera, correction: Array, slip: Array,
     bounds: Array, depth_ratio: Array,
 ) -> Array:  # fmt: skip
-    """(8,) how far what is measured is from the model, and the greatest ratio of that to its bounds."""
+    """(8,) how far what is measured is from the model, and the greatest ratio of that to its
+    bounds.
+    """
     found = np.zeros(8)
     if measured is not None and measured.pixels is not None:
         seen = model.pixels.position + correction * camera.focal
-        found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
+        found[:2] = image_innovation(seen, correction, *camera.focal)
+        found[4] = model.t - measured.taken
         found[6] = depth_innovation(depth_ratio)
     if measured is not None and measured.camera is not None:
         found[2] = np.linalg.norm(found_pose.t - model.camera.t)
@@ -119,7 +165,9 @@ def innovation(
 
 
 def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
-    """Pose of the camera in the target's frame that explains an image best, by singular values of LAPACK."""
+    """Pose of the camera in the target's frame that explains an image best, by singular values of
+    LAPACK.
+    """
     camera = near
     for _ in range(10):
         P = (markers - camera.t) @ camera.R
@@ -142,20 +190,26 @@ def observe(sensor: Any, state: State) -> State:
     """What is believed of the next sample's state."""
     if not sensor.disturbed:
         return state
-    k, settings = SAMPLES.get(sensor, 0), sensor.disturbances
+    k = SAMPLES.get(sensor, 0)
+    settings = sensor.disturbances
     SAMPLES[sensor] = k + 1
     if not settings.sensing and not isinstance(sensor, ImageSensor):
         return believed(sensor.scene, state)
-    world = Evaluated(None, None, None, None, state.pixels.position, None, state.camera.R, state.camera.t)  # type: ignore
+    world = Evaluated(
+        None, None, None, None, state.pixels.position, None, state.camera.R, state.camera.t
+    )  # type: ignore
     measured = sensor.measured(k, state.robot.q, state.robot.qd, world)
-    camera, pixels, Z = state.camera, state.pixels.position, state.depth
+    camera = state.camera
+    pixels = state.pixels.position
+    Z = state.depth
     if settings.mount:
         state = remounted(sensor.believed, state)
     if measured is not None:
         views = VIEWS.setdefault(sensor, {})
         keep_view(views, sensor.believed, state)
         if not settings.delay_known and not isinstance(sensor, ImageSensor):
-            measured = replace(measured, taken=state.t)  # states of tests may be of another time than the sample
+            # states of tests may be of another time than the sample
+            measured = replace(measured, taken=state.t)
         camera, pixels, Z = moved_on(measured, sensor.believed, state, views)
     return believed(sensor.believed, state, camera, (pixels, settings.depth_factor * Z))
 
@@ -163,36 +217,49 @@ def observe(sensor: Any, state: State) -> State:
 # --- features and tasks ---
 
 
-def feature_motion(feature: Feature, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
+def feature_motion(
+    feature: Feature, state: State, goal: Goal, previous: Array | None
+) -> FeatureMotion:
     """Error, Jacobian and drift of a feature."""
     qd = state.robot.qd
     if isinstance(feature, CameraPose):
-        near, wanted, camera = np.zeros(3) if previous is None else previous[3:], goal.camera, state.camera
+        near = np.zeros(3) if previous is None else previous[3:]
+        wanted = goal.camera
+        camera = state.camera
         assert wanted is not None
         E, e, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, previous is not None)
-        v, omega, drift = state.camera_twist[:3], state.camera_twist[3:], state.camera_drift
+        v = state.camera_twist[:3]
+        omega = state.camera_twist[3:]
+        drift = state.camera_drift
         w_dot, L, L_dot = rotation_vector_rate(w, omega)
         t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
         J = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
         velocity = np.array((*t_dot, *w_dot))
-        return FeatureMotion(np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ qd)
+        return FeatureMotion(
+            np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ qd
+        )
     if not isinstance(feature, ImagePoints):
         return feature.evaluate(state, goal, previous)
     image = state.normalised
-    J, velocity, drift = image.J.reshape(-1, image.J.shape[2]), image.velocity.ravel(), image.drift.ravel()
+    J = image.J.reshape(-1, image.J.shape[2])
+    velocity = image.velocity.ravel()
+    drift = image.drift.ravel()
     partial = velocity - J @ qd
     if feature.interaction_matrix != "current":
         L = goal.interaction
         if feature.interaction_matrix == "mean":
             L = 0.5 * (L + interaction_matrix(image.position, state.depth).reshape(-1, 6))
-        J, drift = L @ state.camera_J, L @ state.camera_drift
+        J = L @ state.camera_J
+        drift = L @ state.camera_drift
         velocity = J @ qd + partial
     return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
 
 
 @dataclass(slots=True)
 class Memory:
-    """What tracking remembers between samples; the reference is less the feature's value at the goal."""
+    """What tracking remembers between samples; the reference is less the feature's value at the
+    goal.
+    """
 
     goal: int = -1
     time: float = 0.0
@@ -213,10 +280,15 @@ def reset(task: VisualTask) -> None:
 
 def evaluate_task(task: VisualTask, state: State) -> tuple[Task, Array]:
     """The task now, and the error e = s − s_ref (k,)."""
-    memory, goal = MEMORIES.get(task, Memory()), task.goal_at(state.t)
+    memory = MEMORIES.get(task, Memory())
+    goal = task.goal_at(state.t)
     last = memory.last if goal == memory.goal else None
-    motion = feature_motion(task.feature, state, task.goals[goal], None if last is None else last.error)
-    velocity, drift, k = motion.velocity, motion.drift, len(motion.error)
+    motion = feature_motion(
+        task.feature, state, task.goals[goal], None if last is None else last.error
+    )
+    velocity = motion.velocity
+    drift = motion.drift
+    k = len(motion.error)
     Ts = state.t - memory.time
     differences = last is not None and Ts > 0.0
     if task.drift == "differences":
@@ -237,12 +309,17 @@ def evaluate_task(task: VisualTask, state: State) -> tuple[Task, Array]:
             if differences and memory.reference is not None:
                 rate = (s_ref - memory.reference) / Ts
                 acceleration = (rate - memory.reference_rate) / Ts
-        now.reference, now.reference_rate = s_ref, rate
+        now.reference = s_ref
+        now.reference_rate = rate
     MEMORIES[task] = now
-    q, qd, error = state.robot.q, state.robot.qd, motion.error - s_ref
+    q = state.robot.q
+    qd = state.robot.qd
+    error = motion.error - s_ref
     rest = task.rest_of(len(q), k)
     posture = np.array(rest.posture) if len(rest.posture) else q
-    free = np.asarray(resting(q, qd, posture, rest.damping, rest.stiffness)) if rest.any else UNKNOWN
+    free = (
+        np.asarray(resting(q, qd, posture, rest.damping, rest.stiffness)) if rest.any else UNKNOWN
+    )
     b = acceleration + demanded(error, velocity - rate, drift, *task.gains.at(error))
     return Task(motion.J, b, error, velocity - rate, free), error
 
@@ -254,22 +331,33 @@ def block(constraint: Any, state: State, points: slice) -> RowBlock:
     """The rows of one constraint."""
     if isinstance(constraint, PerformanceFunnel):
         goal = constraint.goals[goal_at([goal.from_time for goal in constraint.goals], state.t)]
-        seen, form = state.pixels, constraint.compiled_form(None, points)  # type: ignore[arg-type]
+        # type: ignore[arg-type]
+        seen = state.pixels
+        form = constraint.compiled_form(None, points)
         if constraint.of_image:
-            error, J = (seen.position - goal.pixels).ravel(), seen.J.reshape(-1, seen.J.shape[2])
-            velocity, drift = seen.velocity.ravel(), seen.drift.ravel()
+            error = (seen.position - goal.pixels).ravel()
+            J = seen.J.reshape(-1, seen.J.shape[2])
+            velocity = seen.velocity.ravel()
+            drift = seen.drift.ravel()
         else:
             error, J, velocity, drift, _ = feature_motion(CameraPose(), state, goal, None)
-        at, side = form.which, form.offsets
+        at = form.which
+        side = form.offsets
         width, rate, bend = funnel(state.t - goal.from_time, constraint.final, constraint.decay)
         return constraint.block(
-            side * error[at] - width, side * velocity[at] - rate, side[:, None] * J[at], side * drift[at] - bend
+            side * error[at] - width,
+            side * velocity[at] - rate,
+            side[:, None] * J[at],
+            side * drift[at] - bend,
         )
     if isinstance(constraint, Manipulability):
-        qd, factor, at = state.robot.qd, -1.0 / constraint.w_scale, ROWS_OF[constraint.part]
+        qd = state.robot.qd
+        factor = -1.0 / constraint.w_scale
+        at = ROWS_OF[constraint.part]
         derivatives = load("manipulability_rows").derivatives
         w, slope, bent = derivatives(state.robot.J, qd, at.start, at.stop - at.start)
-        g, sigma = factor * slope[None, :], np.array([(constraint.minimum - w) / constraint.w_scale])
+        g = factor * slope[None, :]
+        sigma = np.array([(constraint.minimum - w) / constraint.w_scale])
         return constraint.block(sigma, g @ qd, g, np.array([factor * bent]))
     return constraint.rows(state, points)
 
@@ -282,7 +370,9 @@ def evaluate_rows(constraints: ConstraintSet, state: State) -> tuple[Rows, Array
     sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     K = constraints.approach_time
     sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
-    gain, labels, scale = constraints.switching_gain, constraints.labels, constraints.scale
+    gain = constraints.switching_gain
+    labels = constraints.labels
+    scale = constraints.scale
     return Rows(phi, Lg, Lf, gain, labels, scale, sigma, sigma_dot, K), sigma
 
 
@@ -304,11 +394,15 @@ class Evaluated:
 
 
 def define(step: ControlStep, state: State) -> Evaluated:
-    """Rows and task of a step from a state, which may be a believed one; the step itself stays as it is."""
+    """Rows and task of a step from a state, which may be a believed one; the step itself stays as
+    it is.
+    """
     rows, sigma = evaluate_rows(step.constraints, state)
     limits = step.packed.step.limits
     if step.packed.size.limited:
-        rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, step.last_command, limits)
+        rows.qdd_min, rows.qdd_max = joint_box(
+            state.robot.q, state.robot.qd, step.last_command, limits
+        )
     task, error = evaluate_task(step.visual_task, state)
     seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
     return Evaluated(rows, task, error, sigma, *seen)
@@ -320,13 +414,15 @@ class NumpyStep(ControlStep):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._mine = np.zeros(1), np.zeros(self.scene.robot.n), np.zeros(self.scene.robot.n)
-        self._correction, self._slip = np.zeros((len(self.scene.markers), 2)), np.full(self.scene.robot.n, np.nan)
+        self._correction = np.zeros((len(self.scene.markers), 2))
+        self._slip = np.full(self.scene.robot.n, np.nan)
         self._views: dict[float, Pose] = {}
 
     def reset(self) -> None:
         super().reset()
         reset(self.visual_task)
-        self._correction[:], self._slip[:] = 0.0, np.nan
+        self._slip[:] = np.nan
+        self._correction[:] = 0.0
         self._views.clear()
 
     def evaluate_measured(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Any:
@@ -338,14 +434,17 @@ class NumpyStep(ControlStep):
             state = believed(self.scene, model)
         before, q_before, qd_before = self._mine
         self._slip[:] = slip(self._slip, q - q_before, 0.5 * (qd + qd_before), t - before[0])
-        before[:], q_before[:], qd_before[:] = t, q, qd
+        before[:] = t
+        q_before[:] = q
+        qd_before[:] = qd
         found = define(self, state)
         bounds = self.plausible.bounds(self.scene.camera)
         parts = model, state.camera, self.scene.camera, self._correction, self._slip
         ratio = np.full(len(model.depth), np.nan)
         if measured is not None and measured.pixels is not None:
             ratio = moved_on(measured, self.scene, model, self._views)[2] / model.depth
-            self.packed.step.measured[:, 2], self.packed.step.depth_ratio[:] = measured.depth, ratio
+            self.packed.step.measured[:, 2] = measured.depth
+            self.packed.step.depth_ratio[:] = ratio
         self.innovation[:] = innovation(measured, *parts, bounds, ratio)
         return found
 

@@ -1,9 +1,10 @@
-"""The lexicographic optimum by cvxpy, level by level, the first level in rationals, and random problems for both.
+"""The lexicographic optimum by cvxpy, level by level, the first level in rationals, and random
+problems for both.
 
-Nothing here comes from the package: the oracle states the three levels as their definition does. It is delicate in
-two places. Level 1 minimises a norm, not its square, whose optimum would be found to half the digits only; and what a
-level has fixed is eliminated with an orthonormal basis before the next, not passed on as a constraint that rounding
-could empty.
+Nothing here comes from the package: the oracle states the three levels as their definition does. It
+is delicate in two places. Level 1 minimises a norm, not its square, whose optimum would be found to
+half the digits only; and what a level has fixed is eliminated with an orthonormal basis before the
+next, not passed on as a constraint that rounding could empty.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ RANK = 1e-7
 
 @dataclass(frozen=True)
 class Problem:
-    """Rows A x ≤ c with level-1 weights, a task J x = b, and the box |x| ≤ bound, or box[0] ≤ x ≤ box[1], or none."""
+    """Rows A x ≤ c with level-1 weights, a task J x = b, and the box |x| ≤ bound, or box[0] ≤ x ≤
+    box[1], or none.
+    """
 
     A: np.ndarray
     c: np.ndarray
@@ -43,15 +46,19 @@ class Problem:
     def objectives(self, x):
         """Norm of the weighted violation, norm of the task's residual, norm of x."""
         violation = self.weights * np.maximum(self.A @ x - self.c, 0.0)
-        return np.array([np.linalg.norm(violation), np.linalg.norm(self.J @ x - self.b), np.linalg.norm(x)])
+        return np.array(
+            [np.linalg.norm(violation), np.linalg.norm(self.J @ x - self.b), np.linalg.norm(x)]
+        )
 
 
 def lexicographic_optimum(problem):
     """Return the (n,) optimum of the three levels."""
     n = problem.J.shape[1]
     ends, end_sides = problem.ends()
-    walls, sides = np.vstack([problem.A, ends]), np.concatenate([problem.c, end_sides])
-    x, Z = np.zeros(n) if problem.box is None else np.clip(np.zeros(n), *problem.box), np.eye(n)
+    walls = np.vstack([problem.A, ends])
+    sides = np.concatenate([problem.c, end_sides])
+    x = np.zeros(n) if problem.box is None else np.clip(np.zeros(n), *problem.box)
+    Z = np.eye(n)
 
     def minimise(objective, free_rows):
         """Minimise over x + Z y, y meeting the free rows as far as x does; return the new x."""
@@ -60,16 +67,23 @@ def lexicographic_optimum(problem):
         y = cp.Variable(Z.shape[1])
         rows = walls[free_rows] @ Z
         room = np.maximum(sides[free_rows] - walls[free_rows] @ x, 0.0)
-        moving = np.linalg.norm(rows, axis=1) > RANK * np.maximum(np.linalg.norm(walls[free_rows], axis=1), 1e-300)
+        moving = np.linalg.norm(rows, axis=1) > RANK * np.maximum(
+            np.linalg.norm(walls[free_rows], axis=1), 1e-300
+        )
         constraints = [rows[moving] @ y <= room[moving]] if moving.any() else []
         program = cp.Problem(cp.Minimize(objective(y)), constraints)
         with warnings.catch_warnings():
-            # These tolerances are at the limit of the solver: it may say that it came close instead of reaching them.
-            # How close is what the comparison shows.
+            # These tolerances are at the limit of the solver: it may say that it came close instead
+            # of reaching them. How close is what the comparison shows.
             warnings.filterwarnings("ignore", "Solution may be inaccurate", UserWarning)
             for tolerance in TOLERANCES:
                 try:
-                    program.solve(solver=cp.CLARABEL, tol_gap_abs=tolerance, tol_gap_rel=tolerance, tol_feas=tolerance)
+                    program.solve(
+                        solver=cp.CLARABEL,
+                        tol_gap_abs=tolerance,
+                        tol_gap_rel=tolerance,
+                        tol_feas=tolerance,
+                    )
                 except cp.SolverError:  # it stalled before it came close: ask for less
                     continue
                 break
@@ -78,15 +92,16 @@ def lexicographic_optimum(problem):
 
     box = np.zeros(len(sides), dtype=bool)
     box[len(problem.c) :] = True
-    # Unit rows and unit demands condition the first level; its metric is untouched, since the weights compensate.
+    # Unit rows and unit demands condition the first level; its metric is untouched, since the
+    # weights compensate.
     size = np.maximum(np.linalg.norm(problem.A, axis=1), 1e-300)
     metric = problem.weights * np.where(size > 1e-300, size, 1.0)
-    unit_rows, unit_sides = (
-        problem.A / np.where(size > 1e-300, size, 1.0)[:, None],
-        problem.c / np.where(size > 1e-300, size, 1.0),
-    )
+    unit_rows = problem.A / np.where(size > 1e-300, size, 1.0)[:, None]
+    unit_sides = problem.c / np.where(size > 1e-300, size, 1.0)
     if len(problem.c):
-        x = minimise(lambda y: cp.norm(cp.multiply(metric, cp.pos(unit_rows @ (x + y) - unit_sides))), box)
+        x = minimise(
+            lambda y: cp.norm(cp.multiply(metric, cp.pos(unit_rows @ (x + y) - unit_sides))), box
+        )
     excess = unit_rows @ x - unit_sides
     violated = excess > 1e-6 * (1.0 + np.abs(unit_sides))
     Z = Z @ _null_space(unit_rows[violated] @ Z)
@@ -110,10 +125,12 @@ def _null_space(A):
 def exact_least_violation(A, c):
     """Return a minimiser x of ‖max(0, A x − c)‖, (n,) rationals, and that norm.
 
-    An active-set method: rows taken in are met in the least-squares sense, all others exactly. One that would be
-    exceeded on the way is taken in, and one that pulls without being exceeded is let go.
+    An active-set method: rows taken in are met in the least-squares sense, all others exactly. One
+    that would be exceeded on the way is taken in, and one that pulls without being exceeded is let
+    go.
     """
-    A, c = _rational(A), _rational([c])[0]
+    A = _rational(A)
+    c = _rational([c])[0]
     x = [Fraction(0)] * len(A[0])
     taken = {i for i, side in enumerate(c) if side < 0}
     while True:
@@ -122,11 +139,13 @@ def exact_least_violation(A, c):
         normal = [[_dot(a, b) for b in columns] for a in columns]
         target = _solve(normal, [_dot(column, [c[i] for i in rows]) for column in columns])
         way = [a - b for a, b in zip(target, x, strict=True)]
-        length, blocking = Fraction(1), None
+        length = Fraction(1)
+        blocking = None
         for i in set(range(len(c))) - taken:
             change = _dot(A[i], way)
             if change > 0 and (c[i] - _dot(A[i], x)) / change < length:
-                length, blocking = (c[i] - _dot(A[i], x)) / change, i
+                length = (c[i] - _dot(A[i], x)) / change
+                blocking = i
         x = [a + length * b for a, b in zip(x, way, strict=True)]
         if blocking is not None:
             taken.add(blocking)
@@ -139,8 +158,15 @@ def exact_least_violation(A, c):
 
 def violation_norm(A, c, x):
     """‖max(0, A x − c)‖, free of rounding but for the root."""
-    A, c, x = _rational(A), _rational([c])[0], _rational([x])[0]
-    return float(sum(max(_dot(row, x) - side, Fraction(0)) ** 2 for row, side in zip(A, c, strict=True))) ** 0.5
+    A = _rational(A)
+    c = _rational([c])[0]
+    x = _rational([x])[0]
+    return (
+        float(
+            sum(max(_dot(row, x) - side, Fraction(0)) ** 2 for row, side in zip(A, c, strict=True))
+        )
+        ** 0.5
+    )
 
 
 def _rational(rows):
@@ -153,7 +179,8 @@ def _dot(a, b):
 
 def _solve(H, g):
     """Solve H p = g by elimination; what is free is zero."""
-    M, pivots = [[*row, value] for row, value in zip(H, g, strict=True)], []
+    M = [[*row, value] for row, value in zip(H, g, strict=True)]
+    pivots = []
     for column in range(len(g)):
         at = next((i for i in range(len(pivots), len(g)) if M[i][column]), None)
         if at is None:
@@ -181,9 +208,12 @@ def random_problem(kind, seed):
     if kind == "many rows":
         m = int(rng.integers(40, 101))
     if kind == "large":
-        n, m, k = int(rng.integers(20, 31)), int(rng.integers(20, 60)), int(rng.integers(6, 25))
+        n = int(rng.integers(20, 31))
+        m = int(rng.integers(20, 60))
+        k = int(rng.integers(6, 25))
     if kind == "wide task":
-        n, k = int(rng.integers(5, 10)), int(rng.integers(1, 4))
+        n = int(rng.integers(5, 10))
+        k = int(rng.integers(1, 4))
     J = _conditioned(rng, k, n)
     b = rng.normal(size=k)
     A = rng.normal(size=(m, n))
@@ -194,17 +224,20 @@ def random_problem(kind, seed):
         A = np.vstack([A, -A[:2]])
         c = np.concatenate([c, -c[:2] - rng.uniform(0.1, 1.0, min(2, m))])
     if kind == "duplicate":
-        A, c = np.vstack([A, A[:3], 2.0 * A[:1]]), np.concatenate([c, c[:3], 2.0 * c[:1]])
+        A = np.vstack([A, A[:3], 2.0 * A[:1]])
+        c = np.concatenate([c, c[:3], 2.0 * c[:1]])
     if kind == "redundant":
         combination = rng.uniform(0.0, 1.0, (3, m))
-        A, c = np.vstack([A, combination @ A]), np.concatenate([c, combination @ c + rng.uniform(0.0, 0.1, 3)])
+        A = np.vstack([A, combination @ A])
+        c = np.concatenate([c, combination @ c + rng.uniform(0.0, 0.1, 3)])
     if kind == "rank-deficient task":
         J = np.vstack([J, J[:1], J[:1] - J[-1:]])
         J[:, 0] = J[:, 1]
         b = rng.normal(size=k + 2)
     if kind == "badly scaled":
         scale = 10.0 ** rng.uniform(-2.0, 2.0, m)
-        A, c = A * scale[:, None], c * scale
+        A = A * scale[:, None]
+        c = c * scale
     if kind == "zero rows":
         A[0] = 0.0
         A[m // 2] = 0.0
@@ -212,16 +245,25 @@ def random_problem(kind, seed):
         half = n // 2 + 1
         A = rng.normal(size=(half, n))
         c = A @ rng.normal(size=n)
-        A, c = np.vstack([A, -A]), np.concatenate([c, -c])
+        A = np.vstack([A, -A])
+        c = np.concatenate([c, -c])
     if kind == "box":
         bound = 0.5
     if kind == "box of each joint":  # some joints without a bound, some that must move
-        middle, half = rng.normal(size=n), rng.uniform(0.05, 1.0, n)
+        middle = rng.normal(size=n)
+        half = rng.uniform(0.05, 1.0, n)
         c = A @ middle + rng.uniform(0.0, 1.0, m) if seed % 2 else c
         box = np.array([middle - half, middle + half])
         box[rng.random((2, n)) < 0.2] *= np.inf
-        box = np.array([np.where(np.isinf(box[0]), -np.inf, box[0]), np.where(np.isinf(box[1]), np.inf, box[1])])
-    weights = rng.uniform(0.5, 2.0, len(c)) if kind in ("random", "conflicting") else np.ones(len(c))
+        box = np.array(
+            [
+                np.where(np.isinf(box[0]), -np.inf, box[0]),
+                np.where(np.isinf(box[1]), np.inf, box[1]),
+            ]
+        )
+    weights = (
+        rng.uniform(0.5, 2.0, len(c)) if kind in ("random", "conflicting") else np.ones(len(c))
+    )
     return Problem(A, c, weights, J, b, bound, box)
 
 
@@ -253,16 +295,21 @@ def _conditioned(rng, k, n):
 
 
 def resolve(A1, b1, A2, b2, tolerance=1e-6, rest=None):
-    """Eq. (15): q̈ of least norm that meets A₁q̈ = b₁, and A₂q̈ = b₂ as far as that leaves it free; and the rank of A₁."""
+    """Eq. (15): q̈ of least norm that meets A₁q̈ = b₁, and A₂q̈ = b₂ as far as that leaves it free;
+    and the rank of A₁.
+    """
     if rest is not None and len(rest):
         step, rank = resolve(A1, b1 - A1 @ rest, A2, b2 - A2 @ rest, tolerance)
         return rest + step, rank
     n = A2.shape[1]
-    qdd, Z, rank = np.zeros(n), np.eye(n), 0
+    qdd = np.zeros(n)
+    Z = np.eye(n)
+    rank = 0
     if len(A1):
         U, s, Vt = np.linalg.svd(A1)
         rank = int((s > tolerance * s[0]).sum())
-        qdd, Z = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank]), Vt[rank:].T
+        qdd = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank])
+        Z = Vt[rank:].T
     if len(A2) and Z.shape[1]:
         U, s, Vt = np.linalg.svd(A2 @ Z, full_matrices=False)
         kept = s > tolerance * np.linalg.norm(A2, 2)
@@ -287,14 +334,20 @@ def prioritise(rows, task, c, tolerance=1e-6):
     acts = c < np.inf
     qdd, rank = resolve(*unit(acts), task.J, task.b, tolerance, task.rest)
     reached = acts & (rows.phi >= 0.0)
-    whole = rank == acts.sum() or resolve(*unit(reached), task.J, task.b, tolerance)[1] == reached.sum()
+    whole = (
+        rank == acts.sum() or resolve(*unit(reached), task.J, task.b, tolerance)[1] == reached.sum()
+    )
     return qdd, whole
 
 
 def pushes(rows, push):
     """Σ pushᵢ L_gφᵢ† of the rows with a finite push."""
     return sum(
-        (p * Lg / (Lg @ Lg) for p, Lg in zip(push, rows.Lg, strict=True) if p < np.inf and Lg @ Lg > 0.0),
+        (
+            p * Lg / (Lg @ Lg)
+            for p, Lg in zip(push, rows.Lg, strict=True)
+            if p < np.inf and Lg @ Lg > 0.0
+        ),
         np.zeros(rows.Lg.shape[1]),
     )
 
@@ -305,4 +358,6 @@ def projector(task, part, tolerance=1e-6):
     direction = task.J.T @ task.error
     size = direction @ direction
     large = np.eye(n) - (np.outer(direction, direction) / size if size > 0.0 else 0.0)
-    return part * large + (1.0 - part) * (np.eye(n) - np.linalg.pinv(task.J, rcond=tolerance) @ task.J)
+    return part * large + (1.0 - part) * (
+        np.eye(n) - np.linalg.pinv(task.J, rcond=tolerance) @ task.J
+    )

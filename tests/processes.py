@@ -13,12 +13,15 @@ import pytest
 
 MARK = "VSCONSTRAINTS_TEST_MARK"
 
-needs_proc = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are looked for in /proc")
+needs_proc = pytest.mark.skipif(
+    not Path("/proc/self/environ").exists(), reason="processes are looked for in /proc"
+)
 
 MAIN = [
     sys.executable,
     "-c",
-    # a program started in the background of a script inherits an ignored SIGINT; at a terminal it does not
+    # a program started in the background of a script inherits an ignored SIGINT; at a terminal it
+    # does not
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from vsconstraints.cli import main; main()",
 ]
@@ -32,7 +35,9 @@ def marked() -> tuple[dict[str, str], str]:
 
 
 def left_over(mark: str, patience: float = 5.0) -> list[int]:
-    """Processes with this mark that are still there when they have had this time [s] to end; they are ended then."""
+    """Processes with this mark that are still there when they have had this time [s] to end; they
+    are ended then.
+    """
     deadline = time.monotonic() + patience
     while (found := with_mark(mark)) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -50,6 +55,7 @@ def with_mark(mark: str) -> list[int]:
             try:
                 if wanted in (folder / "environ").read_bytes().split(b"\0"):
                     found.append(int(folder.name))
-            except OSError:  # it has ended, or is another user's; of one that waits to be collected nothing is read
+            # it has ended, or is another user's; of one that waits to be collected nothing is read
+            except OSError:
                 continue
     return found

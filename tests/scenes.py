@@ -27,11 +27,22 @@ from vsconstraints.vision.scene import Scene, State
 from vsconstraints.vision.tracking import Rest, TrackingGains
 
 
-def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
-    """Which rows act in a sample, of which the command slows φ by so much: those of a robot with one joint."""
-    m, none = len(phi), np.empty(0)
+def acting(
+    phi: list[float], slowed: list[float], gain: list[float], scale: list[float]
+) -> list[bool]:
+    """Which rows act in a sample, of which the command slows φ by so much: those of a robot with
+    one joint.
+    """
+    m = len(phi)
+    none = np.empty(0)
     rows = RowArrays(
-        np.array(phi), np.array(slowed).reshape(m, 1), *(none,) * 4, np.array(gain), np.array(scale), none, none
+        np.array(phi),
+        np.array(slowed).reshape(m, 1),
+        *(none,) * 4,
+        np.array(gain),
+        np.array(scale),
+        none,
+        none,
     )
     active = np.zeros(m, dtype=np.bool_)
     mark_acting(rows, np.zeros(1), np.ones(1), active)
@@ -51,26 +62,43 @@ def arm_with_prismatic_joints() -> Robot:
         )
     )
     limits = rng.uniform(0.5, 2.0, (3, 5))
-    return Robot.from_dh(table, prismatic=[2, 4], q_min=-limits[0], q_max=limits[1], qd_max=limits[2], name="mixed arm")
+    return Robot.from_dh(
+        table,
+        prismatic=[2, 4],
+        q_min=-limits[0],
+        q_max=limits[1],
+        qd_max=limits[2],
+        name="mixed arm",
+    )
 
 
 class Straight:
-    """A model in which a robot stands still, and rows on φ itself and the task stay what they are now."""
+    """A model in which a robot stands still, and rows on φ itself and the task stay what they are
+    now.
+    """
 
     def __init__(self, rows: Rows, task: Task) -> None:
-        self.rows, self.now, n = rows, task, task.J.shape[1]
+        self.rows = rows
+        self.now = task
+        n = task.J.shape[1]
         # no feedback
-        self.task: Any = SimpleNamespace(gains=TrackingGains(1e-300, damping=0.0), rest_of=lambda n, k: Rest(0.0))
+        self.task: Any = SimpleNamespace(
+            gains=TrackingGains(1e-300, damping=0.0), rest_of=lambda n, k: Rest(0.0)
+        )
         self.present = CurrentState(0.0, np.zeros(n), np.zeros(n))
-        self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
+        self.labels = rows.labels
+        self.K = np.zeros(len(rows.labels))
+        self.acceleration = np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
         """See :class:`vsconstraints.control.Model`."""
-        rows, task = self.rows, self.now
+        rows = self.rows
+        task = self.now
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):
             phi = rows.phi + qd @ rows.Lg.T
-        none, zeros = np.empty((len(t), 0)), np.zeros_like(b)
+        none = np.empty((len(t), 0))
+        zeros = np.zeros_like(b)
         return Prediction(phi, Lg, Lf, phi, Lf, J, b, zeros, zeros, none, np.empty((len(t), 0, 2)))
 
 
@@ -86,7 +114,9 @@ def robot(name: str) -> Robot:
 
 
 def camera() -> Camera:
-    """A camera in which nothing is symmetric: focal lengths, size, principal point and mount all differ."""
+    """A camera in which nothing is symmetric: focal lengths, size, principal point and mount all
+    differ.
+    """
     mount = Pose.from_xyz_rpy((0.02, 0.07, -0.05), (0.1, -0.2, -1.5))
     return Camera((543.7, 512.3), (640.0, 480.0), (310.5, 250.25), mount)
 
@@ -99,7 +129,9 @@ def random_configuration(robot: Robot, rng: np.random.Generator) -> Array:
 
 
 def markers_seen(pose: Pose, camera: Camera, rng: np.random.Generator, count: int = 3) -> Array:
-    """Markers (count, 3) in the base frame that a camera at ``pose`` sees, up to its image's border."""
+    """Markers (count, 3) in the base frame that a camera at ``pose`` sees, up to its image's
+    border.
+    """
     pixels = rng.uniform(-0.49, 0.49, (count, 2)) * camera.size
     depth = rng.uniform(0.6, 1.6, (count, 1))
     return pose.act(np.concatenate((camera.normalised(pixels) * depth, depth), axis=1))
@@ -113,18 +145,27 @@ NOW = 0.7
 
 
 def random_scene(
-    robot: Robot, rng: np.random.Generator, constraints: list[Constraint] | None = None, world: str = WORLDS[0]
+    robot: Robot,
+    rng: np.random.Generator,
+    constraints: list[Constraint] | None = None,
+    world: str = WORLDS[0],
 ) -> tuple[Scene, Array, Array]:
-    """A scene with markers seen from a random configuration at :data:`NOW`, that configuration, and random speeds."""
-    q, qd = random_configuration(robot, rng), rng.uniform(-1.0, 1.0, robot.n)
-    eye, points = camera(), robot_points(constraints or [])
+    """A scene with markers seen from a random configuration at :data:`NOW`, that configuration, and
+    random speeds.
+    """
+    q = random_configuration(robot, rng)
+    qd = rng.uniform(-1.0, 1.0, robot.n)
+    eye = camera()
+    points = robot_points(constraints or [])
     pose = robot.pose(q) @ eye.mount.inverse
     markers = markers_seen(pose, eye, rng)
     if world == "eye-to-hand":
         fixed = Camera(eye.focal, eye.size, eye.principal_point_px, fixed=pose)
         return Scene(robot, fixed, robot.pose(q).inverse.act(markers), points), q, qd
     if world == "moving-target":
-        swing = Motion(rng.uniform(-0.3, 0.3, 3), amplitude=rng.uniform(-0.1, 0.1, 3), frequency=0.4, phase=0.3)
+        swing = Motion(
+            rng.uniform(-0.3, 0.3, 3), amplitude=rng.uniform(-0.1, 0.1, 3), frequency=0.4, phase=0.3
+        )
         motion = TargetMotion(swing, rng.uniform(-0.5, 0.5, 3), rng.uniform(-1.0, 1.0, 3))
         return Scene(robot, eye, motion.pose(NOW).inverse.act(markers), points, motion), q, qd
     return Scene(robot, eye, markers, points), q, qd
@@ -161,9 +202,13 @@ SHAPE_PARAMETERS: dict[str, dict[str, float]] = {
 
 
 def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
-    """Tables that describe constraints of this type for this robot; empty if the tests know no example."""
-    n, middle = robot.n, robot.links[len(robot.links) // 2]
-    # the joints of a free camera meet in one point: it has no links, and its position is never singular
+    """Tables that describe constraints of this type for this robot; empty if the tests know no
+    example.
+    """
+    n = robot.n
+    middle = robot.links[len(robot.links) // 2]
+    # the joints of a free camera meet in one point: it has no links, and its position is never
+    # singular
     free = robot.name == "free camera"
     bodies = [
         {"link": middle, "name": "flag", "shape": "sphere", "radius": 0.1, "xyz": [0.1, -0.3, 0.2]},
@@ -181,7 +226,12 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
         ],
         "occlusion": [
             {
-                "curve": {"shape": name, "centre_px": centre, "rotation": turn, **SHAPE_PARAMETERS[name]},
+                "curve": {
+                    "shape": name,
+                    "centre_px": centre,
+                    "rotation": turn,
+                    **SHAPE_PARAMETERS[name],
+                },
                 "K": 0.2,
                 "switching_gain": 10.0,
                 **extra,
@@ -202,7 +252,13 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
                 "K": 0.3,
                 "switching_gain": 2.0,
             },
-            {"joints": [n, 1], "lower": [-2.0, -0.4], "upper": [0.3, 2.5], "K": 0.1, "switching_gain": 2.0},
+            {
+                "joints": [n, 1],
+                "lower": [-2.0, -0.4],
+                "upper": [0.3, 2.5],
+                "K": 0.1,
+                "switching_gain": 2.0,
+            },
         ],
         "joint-speed": [
             {"upper": [0.4 + 0.1 * i for i in range(n)], "switching_gain": 1.0},
@@ -231,7 +287,11 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
                         "offset": [-0.1, 0.0, 0.2],
                         "name": "middle",
                     },
-                    {"link": robot.links[-1], "offset": [-0.3, 0.1, 0.1], "name": "last link, other end"},
+                    {
+                        "link": robot.links[-1],
+                        "offset": [-0.3, 0.1, 0.1],
+                        "name": "last link, other end",
+                    },
                 ],
             },
         ],
@@ -248,7 +308,14 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
             for size in ([0.3, 0.2, 0.1], [3.0, 5.0, 4.0])
         ],
         "forbidden-cylinder": [
-            {"start": start, "end": end, "radius": radius, "K": 0.2, "switching_gain": 0.2, "points": points}
+            {
+                "start": start,
+                "end": end,
+                "radius": radius,
+                "K": 0.2,
+                "switching_gain": 0.2,
+                "points": points,
+            }
             for start, end, radius in (
                 ([0.5, 0.2, 0.1], [0.3, 0.4, 0.3], 0.1),
                 ([0.0, 0.1, -3.0], [0.3, 0.4, 3.0], 2.5),
@@ -256,7 +323,13 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
             )
         ],
         "forbidden-capsule": [
-            {"start": [0.5, 0.2, 0.1], "end": [0.3, 0.4, 0.7], "radius": 0.1, "K": 0.2, "switching_gain": 0.2},
+            {
+                "start": [0.5, 0.2, 0.1],
+                "end": [0.3, 0.4, 0.7],
+                "radius": 0.1,
+                "K": 0.2,
+                "switching_gain": 0.2,
+            },
             {
                 "start": [0.9, 0.2, -2.0],
                 "end": [0.8, 0.3, 2.0],
@@ -292,7 +365,11 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
                 "switching_gain": 0.2,
             },
             {
-                "obstacle": {"shape": "half-space", "xyz": [0.4, 0.3, 0.2], "rpy": [0.5, -0.3, 0.2]},
+                "obstacle": {
+                    "shape": "half-space",
+                    "xyz": [0.4, 0.3, 0.2],
+                    "rpy": [0.5, -0.3, 0.2],
+                },
                 "link_radius": 0.05,
                 "name": "wall",
                 "K": 0.2,
@@ -304,7 +381,14 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
         ],
         "performance-funnel": [
             {"feature_px": 300.0, "final": 0.05, "decay": 2.0, "K": 0.2, "switching_gain": 1.0},
-            {"feature_px": 90.0, "final": 1.0, "decay": 0.3, "markers": [3, 1], "K": 0.2, "switching_gain": 1.0},
+            {
+                "feature_px": 90.0,
+                "final": 1.0,
+                "decay": 0.3,
+                "markers": [3, 1],
+                "K": 0.2,
+                "switching_gain": 1.0,
+            },
             {
                 "translation_m": 0.5,
                 "rotation_rad": 3.0,
@@ -321,7 +405,9 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
 def build_constraint(type_name: str, table: dict[str, Any], robot: Robot) -> Constraint:
     """The constraint that a scenario file's table describes."""
     goals = [funnel_goal(-1.0, [0.3, -0.2, 0.5], 7.0), funnel_goal(0.4, [-0.2, 0.4, 0.6], 31.0)]
-    return make_constraint({**table, "type": type_name}, f"example of {type_name}", robot, camera(), Path(), goals)
+    return make_constraint(
+        {**table, "type": type_name}, f"example of {type_name}", robot, camera(), Path(), goals
+    )
 
 
 def funnel_goal(from_time: float, xyz: list[float], shift: float) -> Goal:
@@ -356,5 +442,7 @@ def states(name: str, count: int) -> Iterator[np.random.Generator]:
 
 
 def of_depth(depth: float, violated: str) -> dict[str, Any]:
-    """The columns of the tolerant standard, of a run that violates rows by a fraction of their length."""
+    """The columns of the tolerant standard, of a run that violates rows by a fraction of their
+    length.
+    """
     return {"violation_fraction": depth, "violated_tolerant": violated if depth > 0.01 else ""}

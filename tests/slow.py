@@ -38,4 +38,6 @@ SLOW = {
     "test_studies",
     "test_tuning",
 }
-"""Files and tests that start processes, compile from nothing or simulate for long: two thirds of all the time."""
+"""Files and tests that start processes, compile from nothing or simulate for long: two thirds of
+all the time.
+"""

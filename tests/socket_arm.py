@@ -20,19 +20,26 @@ from vsconstraints.arms.drivers.loopback import FakeArm
 from vsconstraints.rows import Array
 from vsconstraints.simulation import Setup
 
-READ, MOVE, HALT = "read", "move", "halt"
+READ = "read"
+MOVE = "move"
+HALT = "halt"
 MAX_LINE = 1 << 16
 """Longest message [bytes]."""
 
 
 class Server:
-    """Answers every connection in a thread of its own; one that ``stalls`` answers no more, once it moves."""
+    """Answers every connection in a thread of its own; one that ``stalls`` answers no more, once it
+    moves.
+    """
 
     def __init__(self, arm: FakeArm, stalls: bool = False) -> None:
-        self.arm, self.stalls = arm, stalls
+        self.arm = arm
+        self.stalls = stalls
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listening.getsockname()[1])
-        self._moving, self._last, self._closed = False, time.perf_counter(), threading.Event()
+        self._moving = False
+        self._last = time.perf_counter()
+        self._closed = threading.Event()
         # a stop must get through while another connection is not answered
         self._lock = threading.Lock()
 
@@ -66,7 +73,8 @@ class Server:
             if kind == HALT:
                 arm.stop("halted")
             if kind == MOVE:
-                arm.t, self._moving = arm.t if self._moving else 0.0, True
+                arm.t = arm.t if self._moving else 0.0
+                self._moving = True
                 arm.take(q, qd)
             q, qd = arm.state()
             return json.dumps([arm.stopped, arm.t, q.tolist(), qd.tolist()]).encode() + b"\n"
@@ -87,7 +95,8 @@ class SocketArm(Driver):
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
-        self._where, self._patience = (address.host, address.port or 0), address.number("patience", 0.1)
+        self._where = (address.host, address.port or 0)
+        self._patience = address.number("patience", 0.1)
 
     def connect(self) -> None:
         self._connection = Connected(self._where, self._patience, self.n)
@@ -109,10 +118,13 @@ class SocketArm(Driver):
 
 
 class Connected:
-    """A connection to the server of an arm of n joints, whose answers may take ``patience`` [s]; raises ArmError."""
+    """A connection to the server of an arm of n joints, whose answers may take ``patience`` [s];
+    raises ArmError.
+    """
 
     def __init__(self, where: tuple[str, int], patience: float, n: int) -> None:
-        self.patience, self._still = patience, (np.zeros(n), np.zeros(n))
+        self.patience = patience
+        self._still = (np.zeros(n), np.zeros(n))
         try:
             self._socket = socket.create_connection(where, max(patience, 1.0))
         except OSError as error:
@@ -122,7 +134,9 @@ class Connected:
         self._lines = self._socket.makefile("rb")
 
     def ask(self, kind: str, *state: Array) -> Joints:
-        """Send a message, with q and q̇ (n,) if they matter, and return the state that is answered."""
+        """Send a message, with q and q̇ (n,) if they matter, and return the state that is
+        answered.
+        """
         message = json.dumps([kind, *(part.tolist() for part in state or self._still)])
         try:
             self._socket.sendall(message.encode() + b"\n")

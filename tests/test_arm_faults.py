@@ -1,4 +1,6 @@
-"""Whatever fails, and however, an arm that never stops by itself is at rest in the end: more than 170 faults."""
+"""Whatever fails, and however, an arm that never stops by itself is at rest in the end: more than
+170 faults.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,12 @@ from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.measurement import Measurement
 
-SETUP = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue").setup()
+SETUP = (
+    Scenario.load("ur5-fov")
+    .with_override("duration", 0.3)
+    .with_override("on_hidden_markers", "continue")
+    .setup()
+)
 AT = 40
 """In which period it happens: the arm moves by then."""
 
@@ -52,9 +59,15 @@ def endless() -> FakeArm:
 class Fault:
     """Happens where it is asked for, from a call on, so many times."""
 
-    def __init__(self, where: str, happens: Callable[[Any], Any], times: float = 1, at: int = AT) -> None:
-        self.where, self.happens, self.times, self.at = where, happens, times, at
-        self.calls, self.happened = 0, 0
+    def __init__(
+        self, where: str, happens: Callable[[Any], Any], times: float = 1, at: int = AT
+    ) -> None:
+        self.where = where
+        self.happens = happens
+        self.times = times
+        self.at = at
+        self.calls = 0
+        self.happened = 0
 
     def __call__(self, where: str, value: Any = None) -> Any:
         """The value, or what becomes of it."""
@@ -75,7 +88,9 @@ class Faulty(Driver):
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(Address("faulty"), SETUP)
-        self.fault, self.arm, self.moving = fault, endless(), 0.0
+        self.fault = fault
+        self.arm = endless()
+        self.moving = 0.0
 
     def connect(self) -> None:
         self.fault("connect")
@@ -106,7 +121,8 @@ class Law(Controller):
     name = "faulty"
 
     def __init__(self, fault: Fault) -> None:
-        self._law, self._fault = HierarchicalQP(), fault
+        self._law = HierarchicalQP()
+        self._fault = fault
 
     def solve(self, rows: Rows, task: Task) -> Command:
         command = self._law.solve(rows, task)
@@ -143,11 +159,15 @@ class OwnExit(BaseException):
 
 KINDS = (RuntimeError, ArmError, MemoryError, SystemExit, KeyboardInterrupt, GeneratorExit, OwnExit)
 WHERE = ("begin", "read", "send", "halt", "close", "law", "camera", "log")
-RAISED = [(where, kind, again) for where, kind, again in itertools.product(WHERE, KINDS, (1, np.inf))]
+RAISED = [
+    (where, kind, again) for where, kind, again in itertools.product(WHERE, KINDS, (1, np.inf))
+]
 
 
 @pytest.mark.parametrize(
-    ("where", "kind", "times"), RAISED, ids=[f"{where}-{kind.__name__}-{times}" for where, kind, times in RAISED]
+    ("where", "kind", "times"),
+    RAISED,
+    ids=[f"{where}-{kind.__name__}-{times}" for where, kind, times in RAISED],
 )
 def test_whatever_is_raised_the_arm_stops(
     where: str, kind: type[BaseException], times: float, monkeypatch: pytest.MonkeyPatch
@@ -198,7 +218,11 @@ def test_whatever_is_said_the_arm_stops(where: str, what: str, times: float) -> 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("where", ["begin", "read", "send", "law", "camera"])
 def test_whenever_a_signal_comes_the_arm_stops(where: str, number: signal.Signals) -> None:
-    fault = Fault(where, lambda value: [value, os.kill(os.getpid(), number)][0], at=1 if where == "begin" else AT)
+    fault = Fault(
+        where,
+        lambda value: [value, os.kill(os.getpid(), number)][0],
+        at=1 if where == "begin" else AT,
+    )
     driver, log = run(fault)
     assert (log.ended, log.signal) == ("stopped", number)
     assert_at_rest(driver.arm)
@@ -234,7 +258,8 @@ def served() -> Iterator[tuple[FakeArm, int]]:
     """The endless arm behind a socket."""
     arm = endless()
     # setpoints come late on a slow machine
-    arm.limits.qd_max[:], arm.limits.acceleration[:] = 100.0, 1e4
+    arm.limits.qd_max[:] = 100.0
+    arm.limits.acceleration[:] = 1e4
     port, end = in_thread(arm)
     yield arm, port
     end()
@@ -242,7 +267,9 @@ def served() -> Iterator[tuple[FakeArm, int]]:
 
 VICTIM = Path(__file__).with_name("arm_victim.py")
 HARD = [
-    *itertools.product(("law", "camera", "read", "send"), ("exit", "killed", "crash", "suspended", "held")),
+    *itertools.product(
+        ("law", "camera", "read", "send"), ("exit", "killed", "crash", "suspended", "held")
+    ),
     # where a stop can still be streamed, it is
     *itertools.product(("read", "send"), ("held in the end", "interrupted")),
 ]
@@ -252,7 +279,9 @@ def assert_guarded(where: str, what: str) -> None:
     """The arm is told to stop, though the process that ran the loop is in no state to."""
     with served() as (arm, port):
         words = [sys.executable, str(VICTIM), where, what, str(port)]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(
+            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
             until = time.monotonic() + 120.0
             while not arm.stopped and time.monotonic() < until and process.poll() is None:
                 time.sleep(0.01)
@@ -283,7 +312,8 @@ class Told:
     """Stops nothing, but leaves a file."""
 
     def __init__(self, path: Path, fails: int = 0) -> None:
-        self.path, self.fails = path, fails
+        self.path = path
+        self.fails = fails
 
     def __call__(self) -> None:
         self.fails -= 1
@@ -296,11 +326,22 @@ class Told:
     ("safe", "fails", "said"),
     [
         (True, 0, ""),
-        (False, 2, "the loop has ended, and a process of its own told the arm to stop by its own means"),
-        (False, 3, "the loop has ended, and a process of its own COULD NOT TELL THE ARM TO STOP (SystemExit: no route"),
+        (
+            False,
+            2,
+            "the loop has ended, and a process of its own told the arm to stop by its own means",
+        ),
+        (
+            False,
+            3,
+            "the loop has ended, and a process of its own COULD NOT TELL THE ARM TO STOP "
+            "(SystemExit: no route",
+        ),
     ],
 )
-def test_a_guardian_is_told_that_all_is_well(safe: bool, fails: int, said: str, tmp_path: Path) -> None:
+def test_a_guardian_is_told_that_all_is_well(
+    safe: bool, fails: int, said: str, tmp_path: Path
+) -> None:
     guardian = Guardian(Told(tmp_path / "told", fails), 60.0)
     guardian.alive()
     assert not guardian.lost
@@ -344,10 +385,14 @@ def test_what_a_guardian_says_of_its_stop_is_not_taken_for_an_answer(tmp_path: P
     guardian.alive()
     guardian.process.wait(30.0)
     assert heard_after(guardian, 30.0) == "has ended"
-    assert guardian.end(False).startswith("the loop has said nothing for 200 ms, and a process of its own told the arm")
+    assert guardian.end(False).startswith(
+        "the loop has said nothing for 200 ms, and a process of its own told the arm"
+    )
 
 
-@pytest.mark.parametrize(("number", "told"), [(signal.SIGKILL, "has ended"), (signal.SIGSTOP, "has not answered for ")])
+@pytest.mark.parametrize(
+    ("number", "told"), [(signal.SIGKILL, "has ended"), (signal.SIGSTOP, "has not answered for ")]
+)
 def test_a_loop_whose_guardian_is_gone_or_suspended_brakes(
     number: signal.Signals, told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -364,7 +409,9 @@ def test_a_loop_whose_guardian_is_gone_or_suspended_brakes(
     with served() as (arm, port):
         driver = SocketArm(Address.parse(f"socket://127.0.0.1:{port}?patience=20"), setup)
         # nothing else ends it on a machine that is late
-        patient = Supervision(late_s=10.0, hang_s=0.5, following_rad=10.0, speed_rad_s=1e3, stalled_s=10.0)
+        patient = Supervision(
+            late_s=10.0, hang_s=0.5, following_rad=10.0, speed_rad_s=1e3, stalled_s=10.0
+        )
         log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=patient))[1]
         assert f"the process that would stop the arm in place of this one {told}" in log.cause
         assert_at_rest(arm)

@@ -1,4 +1,6 @@
-"""The least time in which an arm can arrive: against linear programs, by hand, and where it is not known."""
+"""The least time in which an arm can arrive: against linear programs, by hand, and where it is not
+known.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ acceleration = { choice = [ACCELERATION] }
 
 
 def farthest(T: float, a: float, v: float, steps: int) -> float:
-    """How far a joint comes from rest to rest in a time: the linear program over its accelerations step by step."""
+    """How far a joint comes from rest to rest in a time: the linear program over its accelerations
+    step by step.
+    """
     h = T / steps
     speeds = h * np.tril(np.ones((steps, steps)))
     before = np.vstack((np.zeros(steps), speeds[:-1]))
@@ -54,7 +58,9 @@ def farthest(T: float, a: float, v: float, steps: int) -> float:
 @settings(max_examples=40, deadline=None)
 @given(POSITIVE, POSITIVE, POSITIVE)
 def test_no_joint_comes_farther_in_the_least_time(d: float, a: float, v: float) -> None:
-    """Whoever accelerates in steps comes no farther than d, and as far but for what one step of 60 loses."""
+    """Whoever accelerates in steps comes no farther than d, and as far but for what one step of 60
+    loses.
+    """
     T = float(rest_to_rest(np.array([d]), np.array([a]), np.array([v]))[0])
     reached = farthest(T, a, v, 60)
     assert reached <= d * (1.0 + 1e-7)
@@ -62,9 +68,12 @@ def test_no_joint_comes_farther_in_the_least_time(d: float, a: float, v: float) 
 
 
 def test_joints_by_hand() -> None:
-    """1 rad at 4 rad/s²: half a second up to 2 rad/s and half down; at 1 rad/s, ¼ + ¾ + ¼ s; at rest, or at once."""
+    """1 rad at 4 rad/s²: half a second up to 2 rad/s and half down; at 1 rad/s, ¼ + ¾ + ¼ s; at
+    rest, or at once.
+    """
     inf = math.inf
-    d, a = np.array([1.0, 1.0, 0.0, 3.0, 3.0]), np.array([4.0, 4.0, 4.0, inf, inf])
+    d = np.array([1.0, 1.0, 0.0, 3.0, 3.0])
+    a = np.array([4.0, 4.0, 4.0, inf, inf])
     found = rest_to_rest(d, a, np.array([inf, 1.0, 1.0, 2.0, inf]))
     np.testing.assert_allclose(found, [1.0, 1.25, 0.0, 1.5, 0.0], rtol=1e-15)
 
@@ -86,13 +95,16 @@ def test_the_slowest_joint_tells(arm: tuple[Setup, np.ndarray]) -> None:
     (rows,) = (each for each in setup.constraints.constraints if each.kind == "speed")
     times = []
     for i in range(3):
-        d, v = abs(goal[i] - setup.q0[i]), rows.upper[i] * (1.0 + setup.Ts * rows.switching_gain)
+        d = abs(goal[i] - setup.q0[i])
+        v = rows.upper[i] * (1.0 + setup.Ts * rows.switching_gain)
         times.append(2.0 * math.sqrt(d / 5.0) if d <= v * v / 5.0 else d / v + v / 5.0)
     assert least_time(setup, ends_of(setup, goal)) == pytest.approx(max(times), rel=1e-14)
     # rows that allow one direction less, and a robot that keeps its own speed by itself
     rest = [each for each in setup.constraints.constraints if each is not rows]
     there = float(np.sign(goal[0] - setup.q0[0]))
-    slow: dict[str, Any] = {"upper": [9.0], "lower": [-9.0]} | ({"upper": [0.1]} if there > 0.0 else {"lower": [-0.1]})
+    slow: dict[str, Any] = {"upper": [9.0], "lower": [-9.0]} | (
+        {"upper": [0.1]} if there > 0.0 else {"lower": [-0.1]}
+    )
     one = type(rows)(setup.scene.robot, switching_gain=20.0, joints=[1], margin=0.2, **slow)
     other = replace(setup, constraints=type(setup.constraints)([*rest, one], setup.scene))
     v = 0.1 * (0.8 + setup.Ts * 20.0)
@@ -102,7 +114,8 @@ def test_the_slowest_joint_tells(arm: tuple[Setup, np.ndarray]) -> None:
 
 def test_limits_that_keep_speeds_count() -> None:
     drawn = Family.load("ur5").scene(0)
-    setup, goal = drawn.setup(), np.array(drawn.tables["nominal"]["task"]["goals"][0]["camera_at_q"])
+    setup = drawn.setup()
+    goal = np.array(drawn.tables["nominal"]["task"]["goals"][0]["camera_at_q"])
     others = [each for each in setup.constraints.constraints if each.kind != "speed"]
     free = replace(setup, constraints=type(setup.constraints)(others, setup.scene))
     kept = replace(free, limits=ActuatorLimits(acceleration=1e9, ranges=True))
@@ -115,7 +128,9 @@ def test_limits_that_keep_speeds_count() -> None:
 def test_where_it_is_not_known(arm: tuple[Setup, np.ndarray]) -> None:
     setup, goal = arm
     assert math.isnan(least_time(replace(setup, limits=ActuatorLimits()), ends_of(setup, goal)))
-    assert math.isnan(least_time(replace(setup, qd0=np.array([0.0, 0.1, 0.0])), ends_of(setup, goal)))
+    assert math.isnan(
+        least_time(replace(setup, qd0=np.array([0.0, 0.1, 0.0])), ends_of(setup, goal))
+    )
     assert math.isnan(least_time(setup, ends_of(setup, None)))
 
 
@@ -143,7 +158,10 @@ def slow(tmp_path: Path) -> Callable[[str], str]:
 def test_the_command_counts_scenes_that_are_too_far(slow: Callable[[str], str]) -> None:
     done = CliRunner().invoke(app, ["families", slow("0.5, 5000.0"), "--scenes", "6"])
     family = Family.load(slow("0.5, 5000.0"))
-    late = [family.scene(i).scenario("limited").tables["limits"]["acceleration"] == 0.5 for i in range(6)]
+    late = [
+        family.scene(i).scenario("limited").tables["limits"]["acceleration"] == 0.5
+        for i in range(6)
+    ]
     assert 0 < sum(late) < 6
     assert [family.scene(i).too_far for i in range(6)] == late
     assert f"no law can arrive in time in {sum(late)} of 6 scenes" in done.output

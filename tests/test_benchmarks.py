@@ -1,4 +1,6 @@
-"""The benchmark measures what it says: every part in a tiny form, and its independent transcription of the paper."""
+"""The benchmark measures what it says: every part in a tiny form, and its independent transcription
+of the paper.
+"""
 
 import json
 import math
@@ -29,7 +31,9 @@ from benchmarks.steps import Walk  # noqa: E402
 
 
 def test_appendix_b_agrees_with_the_sliding_mode_on_the_case_study():
-    """Written on its own, from the paper: the whole step, from joint coordinates to accelerations."""
+    """Written on its own, from the paper: the whole step, from joint coordinates to
+    accelerations.
+    """
     # line 2 of Appendix B takes ṡ from differences, as line 5 does J̇_s
     scenario = Scenario.load("case-study-6r").with_override("task.velocity", "differences")
     run = simulate(scenario.setup(), SlidingMode())
@@ -50,7 +54,9 @@ def tiny(tmp_path_factory):
 
 
 def test_laws_that_look_ahead_are_timed_at_consecutive_samples_and_others_along_the_whole_run():
-    """Asked elsewhere than where its last plan leads, a law would compute what it never does in a loop."""
+    """Asked elsewhere than where its last plan leads, a law would compute what it never does in a
+    loop.
+    """
     setup = Scenario.load("case-study-6r").with_override("duration", 0.5).setup()
     run = simulate(setup, SlidingMode())
     ahead, alone = (Walk(setup, law, run, 20) for law in (PredictiveControl(), SlidingMode()))
@@ -101,8 +107,17 @@ def test_targets_name_numbers_that_there_are(tiny):
 
 def test_rows_between_tracking_and_command_are_the_scenarios(tiny):
     lines = tiny[0]["steps"].tables[0].lines
-    assert {line[1] for line in lines} >= {"tracking", "sliding-mode", "potential-field", "hierarchical-qp"}
-    assert {(line[0], line[3]) for line in lines} == {("case-study-6r", "9"), ("ur5-fov", "28"), ("panda-fov", "32")}
+    assert {line[1] for line in lines} >= {
+        "tracking",
+        "sliding-mode",
+        "potential-field",
+        "hierarchical-qp",
+    }
+    assert {(line[0], line[3]) for line in lines} == {
+        ("case-study-6r", "9"),
+        ("ur5-fov", "28"),
+        ("panda-fov", "32"),
+    }
     if available():
         assert {line[2] for line in lines} == {"compiled"}
 
@@ -181,25 +196,35 @@ def test_a_missing_peer_is_named(monkeypatch):
         beside_peers.peer("pink", 1)
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.25, "0.250"), (12.345, "12.3"), (99.96, "100"), (math.nan, "–")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.25, "0.250"), (12.345, "12.3"), (99.96, "100"), (math.nan, "–")]
+)
 def test_digits(value, text):
     assert digits(value) == text
 
 
 @pytest.mark.parametrize(
-    ("noise", "spread", "verdict"), [(1.2, 2.0, "met"), (1.2, 4.0, "**not met**"), (3.0, 4.0, "not judged")]
+    ("noise", "spread", "verdict"),
+    [(1.2, 2.0, "met"), (1.2, 4.0, "**not met**"), (3.0, 4.0, "not judged")],
 )
 def test_verdicts_on_tails_need_an_idle_machine(noise, spread, verdict):
     part = Part("", "", numbers={"unit: p99/median": noise, "greatest p99/median": spread})
     line = next(
-        line for line in targets.judged({"steps": part}).lines if line[0] == "p99 / median, every law and scenario"
+        line
+        for line in targets.judged({"steps": part}).lines
+        if line[0] == "p99 / median, every law and scenario"
     )
     assert line[4].startswith(verdict)
 
 
 def test_times_stand_beside_ratios():
     part = Part(
-        "", "", numbers={"case-study-6r, sliding-mode: ratio": 0.27, "case-study-6r, sliding-mode: median": 5.3e-6}
+        "",
+        "",
+        numbers={
+            "case-study-6r, sliding-mode: ratio": 0.27,
+            "case-study-6r, sliding-mode: median": 5.3e-6,
+        },
     )
     line = next(iter(targets.judged({"steps": part}).lines))
     assert line[1:] == ["0.22", "0.270", "5.30", "**not met**"]
@@ -208,12 +233,19 @@ def test_times_stand_beside_ratios():
 def test_own_constraints_are_the_built_in_ones():
     """What is compared costs differently, and does the same."""
     setup = Scenario.load("ur5-fov").setup()
-    q, qd = setup.q0, np.full(6, 0.1)
+    q = setup.q0
+    qd = np.full(6, 0.1)
     for constraints in own.pairs().values():
         found = []
         for constraint in constraints.values():
-            scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers, constraint.points)
-            rows = ControlStep(scene, ConstraintSet([constraint], scene), setup.task).evaluate(0.0, q, qd).rows
+            scene = Scene(
+                setup.scene.robot, setup.scene.camera, setup.scene.markers, constraint.points
+            )
+            rows = (
+                ControlStep(scene, ConstraintSet([constraint], scene), setup.task)
+                .evaluate(0.0, q, qd)
+                .rows
+            )
             found.append((rows.phi, rows.Lg, rows.Lf))
         for others in found[1:]:
             for value, definition in zip(others, found[0], strict=True):

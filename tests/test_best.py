@@ -1,4 +1,6 @@
-"""What can be done at all: motions that leave a row between their nodes, scenes that are closed off, and the table."""
+"""What can be done at all: motions that leave a row between their nodes, scenes that are closed
+off, and the table.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,21 @@ from vsconstraints.simulation import Setup
 
 
 def there_and_back(upper: float) -> tuple[Setup, best.Motion]:
-    """Joint 1 goes out at 0.5 rad/s for 0.1 s, returns at once as fast, and comes to rest where it began.
+    """Joint 1 goes out at 0.5 rad/s for 0.1 s, returns at once as fast, and comes to rest where it
+    began.
 
-    It is 0.05 rad farther out at the two nodes between which it turns back, and 0.0625 rad between them.
+    It is 0.05 rad farther out at the two nodes between which it turns back, and 0.0625 rad between
+    them.
     """
     scenario = Scenario.load("example-2d-fov")
     q0 = np.array(scenario.tables["q0"])
-    limit = {"joints": [1], "lower": [q0[0] - 1.0], "upper": [q0[0] + upper], "K": 0.1, "switching_gain": 1.0}
+    limit = {
+        "joints": [1],
+        "lower": [q0[0] - 1.0],
+        "upper": [q0[0] + upper],
+        "K": 0.1,
+        "switching_gain": 1.0,
+    }
     scenario = scenario.with_override("constraints", [{"type": "joint-range", **limit}])
     setup = scenario.with_override("task.goals", [{"camera_at_q": q0.tolist()}]).setup()
     along = np.array([[1.0, 0.0, 0.0]])
@@ -67,7 +77,9 @@ def test_a_motion_that_does_not_stay_at_the_goal_has_not_settled() -> None:
 
 
 def walled(height: float, markers: list[int] | None = None, v: float = 0.0, **other: Any) -> Setup:
-    """The first example, its second marker above and below a wall from one side of the image to the other."""
+    """The first example, its second marker above and below a wall from one side of the image to the
+    other.
+    """
     scenario = Scenario.load("example-2d-fov")
     curve = {"shape": "hyperellipse", "a": 300.0, "b": height, "n": 8.0, "centre_px": [0.0, v]}
     wall = {"type": "occlusion", "K": 0.1, "switching_gain": 10.0, "curve": curve, **other}
@@ -77,12 +89,19 @@ def walled(height: float, markers: list[int] | None = None, v: float = 0.0, **ot
 
 def test_a_wall_across_the_image_closes_the_goal_off() -> None:
     plain = Scenario.load("example-2d-fov").setup()
-    first, goal = plain.scene.glance(plain.q0)[0], plain.task.goals[0].pixels
-    crossing = [i for i in range(2) if first[i, 1] * goal[i, 1] < 0.0 and min(abs(first[i, 1]), abs(goal[i, 1])) > 40.0]
+    first = plain.scene.glance(plain.q0)[0]
+    goal = plain.task.goals[0].pixels
+    crossing = [
+        i
+        for i in range(2)
+        if first[i, 1] * goal[i, 1] < 0.0 and min(abs(first[i, 1]), abs(goal[i, 1])) > 40.0
+    ]
     assert crossing, "the markers of the first example change sides"
     number = crossing[0] + 1
     assert best.separated(plain) == ""
-    assert best.separated(walled(10.0)) == f"marker {number} is closed off from its goal in the image"
+    assert (
+        best.separated(walled(10.0)) == f"marker {number} is closed off from its goal in the image"
+    )
     assert best.separated(walled(10.0, [number])).startswith(f"marker {number} ")
     # a wall that moves proves nothing, nor does one that leaves a gap
     assert best.separated(walled(10.0, motion={"velocity": [0.0, 1.0]})) == ""
@@ -100,9 +119,20 @@ def test_the_bowl_and_the_hearts_are_as_the_package_says() -> None:
     assert best.separated(Scenario.load("example-2d-heart-concave").setup()) == ""
 
 
-def test_scenes_in_the_table_are_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scenes_in_the_table_are_not_done_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "best.parquet"
-    command = ["--family", "planar-arm", "--laws", "hierarchical-qp", "--seconds", "0", "--table", str(path)]
+    command = [
+        "--family",
+        "planar-arm",
+        "--laws",
+        "hierarchical-qp",
+        "--seconds",
+        "0",
+        "--table",
+        str(path),
+    ]
     assert best.main([*command, "--scenes", "1"]) == 0
     assert best.main([*command, "--scenes", "2"]) == 0
     lines = best.read(path, TestSet.load())
@@ -125,14 +155,24 @@ def test_optimal_control_is_sooner_and_a_changed_motion_is_refused(
         warnings.simplefilter("ignore")  # of SWIG
         pytest.importorskip("casadi")
         path = tmp_path / "best.parquet"
-        command = ["--family", "planar-arm", "--laws", "hierarchical-qp", "--scenes", "1", "--table", str(path)]
+        command = [
+            "--family",
+            "planar-arm",
+            "--laws",
+            "hierarchical-qp",
+            "--scenes",
+            "1",
+            "--table",
+            str(path),
+        ]
         assert best.main(command) == 0
     (line,) = best.read(path, TestSet.load())
     assert line["known_by"] == "optimal control"
     assert line["best_time_s"] < 0.6 * line["law_time_s"]
     assert best.main([*command, "--verify"]) == 0
     motion = best.Motion.read(line["motion"])
-    faster = best.Motion(motion.intervals / 1.01, motion.qdd * 1.01**2)  # the same way, speeds 1 % higher
+    # the same way, speeds 1 % higher
+    faster = best.Motion(motion.intervals / 1.01, motion.qdd * 1.01**2)
     line["motion"] = faster.text()
     parquet.write(path, parquet.table(best.COLUMNS, [line]), parquet.facts_of(path))
     assert best.main([*command, "--verify"]) == 1

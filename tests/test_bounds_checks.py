@@ -1,4 +1,6 @@
-"""No compiled code leaves its arrays: every law with bounds checks on problems without rows, joints or room."""
+"""No compiled code leaves its arrays: every law with bounds checks on problems without rows, joints
+or room.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,9 @@ except IndexError:
 
 
 def test_bounds_checks_see_code_that_is_called_by_its_address(tmp_path: Path) -> None:
-    """Its errors are passed on, which they are not without these checks: nothing else raises there."""
+    """Its errors are passed on, which they are not without these checks: nothing else raises
+    there.
+    """
     script = tmp_path / "beyond.py"
     script.write_text(BEYOND, encoding="utf-8")
     assert output(script, NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path)) == "found\n"

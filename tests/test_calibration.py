@@ -99,8 +99,15 @@ def test_a_file_of_ros_is_read(tmp_path: Path) -> None:
 
 
 def test_a_printed_message_of_ros_is_read(tmp_path: Path) -> None:
-    message = {"header": {"frame_id": "wrist"}, "height": 480, "width": 640, "distortion_model": "plumb_bob"}
-    file = written(tmp_path / "info.yaml", {**message, "d": D, "k": K.ravel().tolist(), "binning_x": 0})
+    message = {
+        "header": {"frame_id": "wrist"},
+        "height": 480,
+        "width": 640,
+        "distortion_model": "plumb_bob",
+    }
+    file = written(
+        tmp_path / "info.yaml", {**message, "d": D, "k": K.ravel().tolist(), "binning_x": 0}
+    )
     file.write_text(file.read_text() + "---\n")
     assert_read(Camera.from_calibration(file))
 
@@ -118,7 +125,9 @@ def test_a_printed_message_of_ros_is_read(tmp_path: Path) -> None:
         ("equidistant", [0.0] * 4, Distortion("fisheye", [0.0] * 4)),
     ],
 )
-def test_models_of_ros_are_lenses(tmp_path: Path, name: str | None, coefficients: list[float], lens: Any) -> None:
+def test_models_of_ros_are_lenses(
+    tmp_path: Path, name: str | None, coefficients: list[float], lens: Any
+) -> None:
     table = ros(distortion_model=name, distortion_coefficients=matrix(coefficients))
     assert_read(Camera.from_calibration(written(tmp_path / "camera.yaml", table)), lens)
 
@@ -129,10 +138,15 @@ def test_which_lens_it_is_can_be_said_where_a_file_does_not(tmp_path: Path) -> N
     fisheye = by_opencv(tmp_path / "fisheye.yaml", distortion_coefficients=four, fisheye_model=1)
     with pytest.warns(CalibrationWarning, match="tangential"):
         assert_read(Camera.from_calibration(silent), Distortion("brown-conrady", four[0].tolist()))
-    assert_read(Camera.from_calibration(silent, distortion_model="fisheye"), Distortion("fisheye", four[0].tolist()))
+    assert_read(
+        Camera.from_calibration(silent, distortion_model="fisheye"),
+        Distortion("fisheye", four[0].tolist()),
+    )
     assert_read(Camera.from_calibration(fisheye), Distortion("fisheye", four[0].tolist()))
     # what the caller says overrides the file's label, which may be wrong
-    with pytest.warns(CalibrationWarning, match="tangential coefficients p₁ = 0.03, p₂ = 0.04 are larger"):
+    with pytest.warns(
+        CalibrationWarning, match="tangential coefficients p₁ = 0.03, p₂ = 0.04 are larger"
+    ):
         read = Camera.from_calibration(fisheye, distortion_model="brown-conrady")
     assert_read(read, Distortion("brown-conrady", four[0].tolist()))
 
@@ -161,11 +175,23 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
         ({"image_height": 0}, "image_height must be a positive number"),
         ({"camera_matrix": matrix([1.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
         ({"camera_matrix": matrix([0.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
-        ({"camera_matrix": {"rows": 3, "cols": 3, "data": [1.0] * 8}}, "3 × 3 finite numbers as data; it has 8"),
-        ({"camera_matrix": {"rows": 3, "data": [1.0] * 9}}, "camera_matrix must have rows, cols and data"),
+        (
+            {"camera_matrix": {"rows": 3, "cols": 3, "data": [1.0] * 8}},
+            "3 × 3 finite numbers as data; it has 8",
+        ),
+        (
+            {"camera_matrix": {"rows": 3, "data": [1.0] * 9}},
+            "camera_matrix must have rows, cols and data",
+        ),
         ({"camera_matrix": {"rows": 3, "cols": 3}}, "camera_matrix must have rows, cols and data"),
-        ({"camera_matrix": {"data": [1.0] * 8}}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v, .* not 8 numbers"),
-        ({"calibration_model": "double_sphere"}, "unknown calibration_model .*'double_sphere'.*distortion_model says"),
+        (
+            {"camera_matrix": {"data": [1.0] * 8}},
+            r"camera_matrix must be \[F_u, 0, c_x, 0, F_v, .* not 8 numbers",
+        ),
+        (
+            {"calibration_model": "double_sphere"},
+            "unknown calibration_model .*'double_sphere'.*distortion_model says",
+        ),
         ({"distortion_model": None, "model": "omni"}, "unknown model .*'omni'"),
         ({"distortion_model": None, "lens": "omni"}, "unknown lens .*'omni'"),
         ({"Distortion-Type": "fov"}, "unknown Distortion-Type .*'fov'"),
@@ -173,25 +199,59 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
             {"camera_model": "fisheye"},
             "two things of the lens: camera_model = 'fisheye' and distortion_model = 'plumb_bob'",
         ),
-        ({"distortion_model": "none"}, "says that the lens has no distortion, but distortion_coefficients is not zero"),
-        ({"camera_matrix": {"rows": 3, "cols": 3, "data": ["a"] * 9}}, "3 × 3 finite numbers as data; it has 0"),
-        ({"distortion_model": "thin_prism"}, "unknown distortion_model in .* 'thin_prism'.*plumb_bob"),
-        ({"distortion_coefficients": matrix([0.1] * 3)}, "has 4 or 5 or 8 finite coefficients, not 3"),
-        ({"distortion_coefficients": matrix([0.1] * 12)}, "has 4 or 5 or 8 finite coefficients, not 12"),
-        ({"distortion_coefficients": matrix([float("nan")] * 5)}, "finite numbers"),
-        ({"binning_x": 2, "binning_y": 1}, r"fewer pixels \(binning_x = '2'\): calibrate it as it is used"),
         (
-            {"roi": {"x_offset": 10, "y_offset": 0, "width": 320, "height": 480, "do_rectify": True}},
+            {"distortion_model": "none"},
+            "says that the lens has no distortion, but distortion_coefficients is not zero",
+        ),
+        (
+            {"camera_matrix": {"rows": 3, "cols": 3, "data": ["a"] * 9}},
+            "3 × 3 finite numbers as data; it has 0",
+        ),
+        (
+            {"distortion_model": "thin_prism"},
+            "unknown distortion_model in .* 'thin_prism'.*plumb_bob",
+        ),
+        (
+            {"distortion_coefficients": matrix([0.1] * 3)},
+            "has 4 or 5 or 8 finite coefficients, not 3",
+        ),
+        (
+            {"distortion_coefficients": matrix([0.1] * 12)},
+            "has 4 or 5 or 8 finite coefficients, not 12",
+        ),
+        ({"distortion_coefficients": matrix([float("nan")] * 5)}, "finite numbers"),
+        (
+            {"binning_x": 2, "binning_y": 1},
+            r"fewer pixels \(binning_x = '2'\): calibrate it as it is used",
+        ),
+        (
+            {
+                "roi": {
+                    "x_offset": 10,
+                    "y_offset": 0,
+                    "width": 320,
+                    "height": 480,
+                    "do_rectify": True,
+                }
+            },
             r"\(roi.x_offset = '10', roi.width = '320'\)",
         ),
         # the matrix is one of images twice as large
         (
-            {"camera_matrix": {"rows": 3, "cols": 3, "data": [1206.4, 0, 645.0, 0, 1203.6, 472.7, 0, 0, 1]}},
+            {
+                "camera_matrix": {
+                    "rows": 3,
+                    "cols": 3,
+                    "data": [1206.4, 0, 645.0, 0, 1203.6, 472.7, 0, 0, 1],
+                }
+            },
             r"the principal point \(645, 472.7\) lies outside an image of 640 × 480 px",
         ),
     ],
 )
-def test_a_calibration_that_cannot_be_used_says_why(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+def test_a_calibration_that_cannot_be_used_says_why(
+    tmp_path: Path, changes: dict[str, Any], words: str
+) -> None:
     file = written(tmp_path / "camera.yaml", ros(**changes))
     with pytest.raises(ConfigurationError, match=words) as no:
         read_calibration(file)
@@ -201,20 +261,26 @@ def test_a_calibration_that_cannot_be_used_says_why(tmp_path: Path, changes: dic
 @pytest.mark.parametrize("text", ["", "just words", "a: [1", "\x00", "- 1\n- 2\n"])
 def test_what_is_no_calibration_at_all_says_so(tmp_path: Path, text: str) -> None:
     (tmp_path / "camera.yaml").write_text(text)
-    with pytest.raises(ConfigurationError, match=r"calibration.*camera\.yaml|camera\.yaml is no calibration"):
+    with pytest.raises(
+        ConfigurationError, match=r"calibration.*camera\.yaml|camera\.yaml is no calibration"
+    ):
         read_calibration(tmp_path / "camera.yaml")
 
 
 def test_a_file_that_runs_code_is_not_obeyed(tmp_path: Path) -> None:
     (tmp_path / "camera.yaml").write_text("image_width: !!python/object/apply:os.getcwd []\n")
-    with pytest.raises(ConfigurationError, match="image_width must be a positive number of pixels, not a list"):
+    with pytest.raises(
+        ConfigurationError, match="image_width must be a positive number of pixels, not a list"
+    ):
         read_calibration(tmp_path / "camera.yaml", size=None)
     with pytest.raises(ConfigurationError, match=r"cannot read the calibration .*No such file"):
         read_calibration(tmp_path / "none.yaml")
 
 
 def test_mutated_files_are_read_or_refused_by_name(tmp_path: Path) -> None:
-    """A sample of ``python -m checks.calibrations``: no raw error, nothing run or opened, no content, in no time."""
+    """A sample of ``python -m checks.calibrations``: no raw error, nothing run or opened, no
+    content, in no time.
+    """
     found, outcomes = calibrations.findings(1, range(1000), tmp_path)
     assert found == []
     assert set(outcomes) == {"read", "refused"}
@@ -252,12 +318,24 @@ def test_the_fuzz_sees_what_it_looks_for(tmp_path: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"image_width": float("inf")}, "image_width must be a positive number of pixels, not '.inf'"),
+        (
+            {"image_width": float("inf")},
+            "image_width must be a positive number of pixels, not '.inf'",
+        ),
         ({"image_width": "1e400"}, "image_width must be a positive number of pixels, not '1e400'"),
-        ({"image_width": 1e9}, "image_width must be a positive number of pixels, not '1000000000.0'"),
+        (
+            {"image_width": 1e9},
+            "image_width must be a positive number of pixels, not '1000000000.0'",
+        ),
         ({"distortion_model": ["plumb_bob"]}, "distortion_model must be a name, not a list"),
-        ({"fisheye_model": "maybe", "distortion_model": None}, "fisheye_model must be 0 or 1, not 'maybe'"),
-        ({"image_width": "x" * 300}, "image_width must be a positive number of pixels, not a long text"),
+        (
+            {"fisheye_model": "maybe", "distortion_model": None},
+            "fisheye_model must be 0 or 1, not 'maybe'",
+        ),
+        (
+            {"image_width": "x" * 300},
+            "image_width must be a positive number of pixels, not a long text",
+        ),
     ],
 )
 def test_values_that_no_camera_has(tmp_path: Path, change: dict[str, Any], words: str) -> None:
@@ -307,7 +385,8 @@ def test_no_content_of_another_file_is_shown(tmp_path: Path) -> None:
 def test_a_calibration_for_another_image_size_is_refused(tmp_path: Path) -> None:
     file = by_opencv(tmp_path / "camera.yaml")
     with pytest.raises(
-        ConfigurationError, match="of images of 640 × 480 px, not of 1280 × 960 px: calibrate the camera"
+        ConfigurationError,
+        match="of images of 640 × 480 px, not of 1280 × 960 px: calibrate the camera",
     ):
         Camera.from_calibration(file, size_px=(1280, 960))
 
@@ -316,7 +395,9 @@ def test_a_file_without_a_size_is_told_it(tmp_path: Path) -> None:
     file = written(tmp_path / "intrinsics.yml", {"K": K.tolist(), "D": D})
     with pytest.raises(ConfigurationError, match=r"'image_width' is missing; .* Or say size_px"):
         Camera.from_calibration(file)
-    assert read_calibration(file, size=(640.0, 480.0)) == read_calibration(by_opencv(tmp_path / "b.yaml"))
+    assert read_calibration(file, size=(640.0, 480.0)) == read_calibration(
+        by_opencv(tmp_path / "b.yaml")
+    )
     assert Camera.from_calibration(file, size_px=(640, 480)).size_px == (640.0, 480.0)
     half = written(tmp_path / "half.yml", {"K": K.tolist(), "D": D, "image_width": 640})
     with pytest.raises(ConfigurationError, match="'image_height' is missing"):
@@ -335,12 +416,15 @@ def test_what_ros_says_of_whole_images_changes_nothing(tmp_path: Path) -> None:
 def by_opencv_projected(points: Array, case: dict[str, Any]) -> Array:
     """(N, 2) pixels of points (N, 3) by OpenCV, from the numbers that a case expects."""
     fx, fy, cx, cy = case["K"]
-    matrix, coefficients = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), np.array(case["D"], dtype=float)
+    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    coefficients = np.array(case["D"], dtype=float)
     still = np.zeros(3)
     if case["model"] == "fisheye":
         pixels = cv2.fisheye.projectPoints(points[:, None], still, still, matrix, coefficients)[0]
     else:
-        pixels = cv2.projectPoints(points, still, still, matrix, coefficients if len(coefficients) else None)[0]
+        pixels = cv2.projectPoints(
+            points, still, still, matrix, coefficients if len(coefficients) else None
+        )[0]
     projected: Array = pixels.reshape(-1, 2)
     return projected
 
@@ -392,7 +476,8 @@ EXPECTED = {
     },
 }
 REFUSED = {
-    "c08_typo_key.yaml": "'distortion_coefficients' is missing.*Is 'distortion_coefficents' misspelt",
+    "c08_typo_key.yaml": "'distortion_coefficients' is missing.*Is 'distortion_coefficents' "
+    "misspelt",
     "c11_thinprism12.yaml": "has 4 or 5 or 8 finite coefficients, not 12",
     "c18_gbk_comment.yaml": "line 1 is in another encoding than UTF-8",
     "c20_skew.yaml": r"skew of 1.7 px as its second number, which moves pixels by up to 0.68 px",
@@ -414,10 +499,16 @@ def test_every_case_says_what_is_expected() -> None:
     assert all(name in read for name, case in CASES.items() if case["read"] is True)
 
 
-@pytest.mark.parametrize("name", sorted({name for name, case in CASES.items() if "K" in case} | set(EXPECTED)))
+@pytest.mark.parametrize(
+    "name", sorted({name for name, case in CASES.items() if "K" in case} | set(EXPECTED))
+)
 def test_files_are_read_as_opencv_has_their_numbers(name: str) -> None:
     case = EXPECTED.get(name, CASES[name])
-    expects = pytest.warns(CalibrationWarning, match=case["warning"]) if "warning" in case else nullcontext()
+    expects = (
+        pytest.warns(CalibrationWarning, match=case["warning"])
+        if "warning" in case
+        else nullcontext()
+    )
     with expects:
         eye = Camera.from_calibration(CAMERAS / name)
     assert_as_opencv(eye, case)
@@ -426,7 +517,9 @@ def test_files_are_read_as_opencv_has_their_numbers(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(REFUSED))
 def test_files_that_cannot_be_used_are_refused_by_name(name: str) -> None:
     with pytest.raises(ConfigurationError, match=REFUSED[name]) as refused:
-        Camera.from_calibration(CAMERAS / name, size_px=(640, 480) if name.startswith("c25") else None)
+        Camera.from_calibration(
+            CAMERAS / name, size_px=(640, 480) if name.startswith("c25") else None
+        )
     assert name in str(refused.value)
     assert all(word in str(refused.value) for word in CASES[name].get("names", ()))
 
@@ -441,12 +534,17 @@ def test_a_wrong_label_is_overridden_by_the_caller() -> None:
 @pytest.mark.parametrize(
     "key", ["distortion_model", "camera_model", "calibration_model", "lens_model", "model", "lens"]
 )
-@pytest.mark.parametrize("name", ["fisheye", "opencv_fisheye", "equidistant", "Kannala Brandt4", "FISHEYE"])
-def test_whatever_key_says_that_it_is_a_fisheye_is_heard(tmp_path: Path, key: str, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["fisheye", "opencv_fisheye", "equidistant", "Kannala Brandt4", "FISHEYE"]
+)
+def test_whatever_key_says_that_it_is_a_fisheye_is_heard(
+    tmp_path: Path, key: str, name: str
+) -> None:
     table = ros(distortion_model=None, distortion_coefficients=matrix([0.02, 0.01, 0.0, 0.0]))
     table[key] = name
     assert_read(
-        Camera.from_calibration(written(tmp_path / "camera.yaml", table)), Distortion("fisheye", (0.02, 0.01, 0, 0))
+        Camera.from_calibration(written(tmp_path / "camera.yaml", table)),
+        Distortion("fisheye", (0.02, 0.01, 0, 0)),
     )
 
 
@@ -464,8 +562,17 @@ def test_byte_order_marks_are_understood(tmp_path: Path, encoding: str) -> None:
 
 
 def camchain(**changes: Any) -> dict[str, Any]:
-    camera = {"camera_model": "pinhole", "intrinsics": [603.2, 601.8, 322.4, 236.1], "resolution": [640, 480]}
-    return {**camera, "distortion_model": "equidistant", "distortion_coeffs": [0.02, 0.01, 0.0, 0.0], **changes}
+    camera = {
+        "camera_model": "pinhole",
+        "intrinsics": [603.2, 601.8, 322.4, 236.1],
+        "resolution": [640, 480],
+    }
+    return {
+        **camera,
+        "distortion_model": "equidistant",
+        "distortion_coeffs": [0.02, 0.01, 0.0, 0.0],
+        **changes,
+    }
 
 
 def test_camchains_of_kalibr_are_read_or_named(tmp_path: Path) -> None:
@@ -473,12 +580,20 @@ def test_camchains_of_kalibr_are_read_or_named(tmp_path: Path) -> None:
     file = tmp_path / "camchain.yaml"
     assert_read(Camera.from_calibration(written(file, {"cam0": camchain()})), lens)
     # EuRoC's sensor.yaml
-    euroc = camchain(distortion_model="radial-tangential", distortion_coefficients=D[:4], distortion_coeffs=None)
+    euroc = camchain(
+        distortion_model="radial-tangential", distortion_coefficients=D[:4], distortion_coeffs=None
+    )
     euroc.pop("distortion_coeffs")
     assert_read(Camera.from_calibration(written(file, euroc)), Distortion("brown-conrady", D[:4]))
     for table, words in (
-        ({"cam0": camchain(), "cam1": camchain()}, r"this is a Kalibr camchain of 2 cameras \(cam0, cam1\): copy"),
-        ({"cam0": camchain(camera_model="omni")}, r"this is a Kalibr camchain of a camera that is no pinhole .*'omni'"),
+        (
+            {"cam0": camchain(), "cam1": camchain()},
+            r"this is a Kalibr camchain of 2 cameras \(cam0, cam1\): copy",
+        ),
+        (
+            {"cam0": camchain(camera_model="omni")},
+            r"this is a Kalibr camchain of a camera that is no pinhole .*'omni'",
+        ),
         ({"cam0": camchain(distortion_model="fov")}, "unknown distortion_model .*'fov'"),
         ({"cam0": camchain(intrinsics=[1.0, 2.0])}, "must be the four numbers f_u, f_v, c_u, c_v"),
         ({"cam0": camchain(resolution=None)}, "'image_width' is missing"),
@@ -488,21 +603,28 @@ def test_camchains_of_kalibr_are_read_or_named(tmp_path: Path) -> None:
 
 
 def test_xml_of_opencv_is_read_as_it_is_in_yaml(tmp_path: Path) -> None:
-    assert read_calibration(by_opencv(tmp_path / "a.xml")) == read_calibration(by_opencv(tmp_path / "a.yaml"))
+    assert read_calibration(by_opencv(tmp_path / "a.xml")) == read_calibration(
+        by_opencv(tmp_path / "a.yaml")
+    )
     file = by_opencv(
-        tmp_path / "fisheye.xml", distortion_coefficients=np.array([[0.01, 0.02, 0.0, 0.0]]), fisheye_model=1
+        tmp_path / "fisheye.xml",
+        distortion_coefficients=np.array([[0.01, 0.02, 0.0, 0.0]]),
+        fisheye_model=1,
     )
     assert_read(Camera.from_calibration(file), Distortion("fisheye", (0.01, 0.02, 0.0, 0.0)))
 
 
 def test_xml_defines_no_entities_and_is_bounded(tmp_path: Path) -> None:
-    secret, file = tmp_path / "secret", by_opencv(tmp_path / "camera.xml")
+    secret = tmp_path / "secret"
+    file = by_opencv(tmp_path / "camera.xml")
     secret.write_text("640")
     sound = file.read_text()
     entity = f'<!DOCTYPE opencv_storage [<!ENTITY width SYSTEM "file://{secret}">]>'
     for text, words in (
         (
-            sound.replace("<opencv_storage>", f"{entity}<opencv_storage>").replace(">640<", ">&width;<"),
+            sound.replace("<opencv_storage>", f"{entity}<opencv_storage>").replace(
+                ">640<", ">&width;<"
+            ),
             "a document type",
         ),
         (sound.replace(">640<", ">&width;<"), "it is no XML"),
@@ -539,12 +661,16 @@ def test_a_scenario_says_at_the_start_what_of_a_calibration_seems_wrong(tmp_path
 
 
 def scenario(folder: Path, camera: str) -> Scenario:
-    (folder / "own.toml").write_text(f'extends = "ur5-fov"\nduration = 0.1\n[camera]\n{camera}\n', encoding="utf-8")
+    (folder / "own.toml").write_text(
+        f'extends = "ur5-fov"\nduration = 0.1\n[camera]\n{camera}\n', encoding="utf-8"
+    )
     return Scenario.load(folder / "own.toml")
 
 
 def test_a_scenario_names_its_calibration(tmp_path: Path) -> None:
-    """It takes the place of what the scenario that is extended says of the camera, but for where it is mounted."""
+    """It takes the place of what the scenario that is extended says of the camera, but for where it
+    is mounted.
+    """
     by_opencv(tmp_path / "camera.yaml")
     there = scenario(tmp_path, 'calibration = "camera.yaml"')
     assert [file.name for file in there.files] == ["camera.yaml"]
@@ -560,9 +686,18 @@ def test_a_scenario_names_its_calibration(tmp_path: Path) -> None:
     ("camera", "words"),
     [
         ('calibration = "none.yaml"', "cannot read the calibration"),
-        ('calibration = "camera.yaml"\nsize_px = [320, 240]', "of 640 × 480 px, not of 320 × 240 px"),
-        ('calibration = "camera.yaml"\nfocal_px = [600, 600]', "the calibration says focal_px: give one of the two"),
-        ('calibration = "camera.yaml"\nfocus = 1', "key in own.camera 'focus'.*camera_in_tip.*tip_in_camera"),
+        (
+            'calibration = "camera.yaml"\nsize_px = [320, 240]',
+            "of 640 × 480 px, not of 320 × 240 px",
+        ),
+        (
+            'calibration = "camera.yaml"\nfocal_px = [600, 600]',
+            "the calibration says focal_px: give one of the two",
+        ),
+        (
+            'calibration = "camera.yaml"\nfocus = 1',
+            "key in own.camera 'focus'.*camera_in_tip.*tip_in_camera",
+        ),
         ("calibration = 3", "calibration must be a string"),
         (
             'distortion = { model = "plumb_bob", coefficients = [0, 0, 0, 0] }',
@@ -577,7 +712,9 @@ def test_a_camera_that_is_told_wrongly_is_refused(tmp_path: Path, camera: str, w
         scenario(tmp_path, camera).setup()
 
 
-@pytest.mark.parametrize(("name", "model"), [("camera_info.yaml", "brown-conrady"), ("opencv_fisheye.yaml", "fisheye")])
+@pytest.mark.parametrize(
+    ("name", "model"), [("camera_info.yaml", "brown-conrady"), ("opencv_fisheye.yaml", "fisheye")]
+)
 def test_the_examples_can_be_read(name: str, model: str) -> None:
     eye = Camera.from_calibration(EXAMPLES / name, size_px=(640, 480))
     assert eye.distortion is not None

@@ -14,8 +14,14 @@ from vsconstraints.vision.scene import MINIMUM_DEPTH, Scene, interaction_matrix
 
 
 def project_from_corner(eye: Camera, points: Array) -> Array:
-    """Pixels (m, 2) from the top left corner: the textbook's K [X Y Z]ᵀ, for points in the camera's frame."""
-    u0, v0 = (0.5 * eye.size[0], 0.5 * eye.size[1]) if eye.principal_point_px is None else eye.principal_point_px
+    """Pixels (m, 2) from the top left corner: the textbook's K [X Y Z]ᵀ, for points in the camera's
+    frame.
+    """
+    u0, v0 = (
+        (0.5 * eye.size[0], 0.5 * eye.size[1])
+        if eye.principal_point_px is None
+        else eye.principal_point_px
+    )
     K = np.array([[eye.focal[0], 0.0, u0], [0.0, eye.focal[1], v0], [0.0, 0.0, 1.0]])
     homogeneous = points @ K.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
@@ -41,7 +47,9 @@ def test_pixels_are_those_of_the_intrinsic_matrix(eye: Camera) -> None:
 
 def test_pixels_count_from_the_images_centre_and_not_from_the_principal_point() -> None:
     eye = camera()
-    np.testing.assert_allclose(eye.pixels(np.zeros(2)), np.subtract(eye.principal_point_px, (320.0, 240.0)))
+    np.testing.assert_allclose(
+        eye.pixels(np.zeros(2)), np.subtract(eye.principal_point_px, (320.0, 240.0))
+    )
     np.testing.assert_allclose(eye.offset, [-9.5, 10.25])
     np.testing.assert_array_equal(Camera((1.0, 1.0), (640, 480)).offset, [0.0, 0.0])
     np.testing.assert_array_equal(eye.from_corner(np.array([0.0, 0.0])), [-320.0, -240.0])
@@ -80,9 +88,11 @@ def test_a_camera_that_is_none_is_refused(arguments: dict[str, object], words: s
 
 def test_markers_are_seen_where_the_intrinsic_matrix_puts_them() -> None:
     """From the base frame through tip and mount: ᶜP = ᶜMₑ ᵉM_b P."""
-    arm, rng = robot("viper-s650"), np.random.default_rng(2)
+    arm = robot("viper-s650")
+    rng = np.random.default_rng(2)
     scene, q, qd = random_scene(arm, rng)
-    tip, eye = arm.pose(q), scene.camera
+    tip = arm.pose(q)
+    eye = scene.camera
     in_tip = (scene.markers - tip.t) @ tip.R
     in_camera = in_tip @ eye.mount.R.T + eye.mount.t
     expected = project_from_corner(eye, in_camera) - np.array(eye.size) / 2.0
@@ -95,7 +105,9 @@ def test_markers_are_seen_where_the_intrinsic_matrix_puts_them() -> None:
 
 def test_interaction_matrix_is_the_textbooks() -> None:
     """Chaumette and Hutchinson, Visual Servo Control part I (2006), eq. (11)."""
-    x, y, Z = 0.3, -0.7, 1.3
+    x = 0.3
+    y = -0.7
+    Z = 1.3
     expected = [
         [-1 / Z, 0, x / Z, x * y, -(1 + x * x), y],
         [0, -1 / Z, y / Z, 1 + y * y, -x * y, -x],
@@ -124,7 +136,9 @@ def test_markers_of_the_wrong_shape_are_refused(markers: Array) -> None:
 def test_the_first_examples_start_is_the_printed_image() -> None:
     """Marker positions in base frame and image were recorded together by an independent program."""
     eye = Camera((543.7, 543.7), (512, 512))
-    scene = Scene(robot("planar-3r"), eye, np.array([[-0.24613, -1.24385, -1.0], [-0.47884, -1.04071, -1.0]]))
+    scene = Scene(
+        robot("planar-3r"), eye, np.array([[-0.24613, -1.24385, -1.0], [-0.47884, -1.04071, -1.0]])
+    )
     pixels = scene.project(scene.camera_pose([-0.72, -1.744, 1.074]))
     # positions are given to 1e-5 m: 0.005 px
     np.testing.assert_allclose(pixels, [[-44.1, 112.9], [-175.5, 217.5]], atol=0.06)

@@ -1,4 +1,6 @@
-"""No law gains by seeking scores instead of doing the task: the zoo of :mod:`cheats`, in columns and in reports."""
+"""No law gains by seeking scores instead of doing the task: the zoo of :mod:`cheats`, in columns
+and in reports.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ HONEST = "sliding-mode", "hierarchical-qp"
 
 
 def best_of(results: Results, *names: str) -> set[tuple[int, int]]:
-    """Tables of a comparison's only scenario, and their columns, in which a value of one of these laws is bold."""
+    """Tables of a comparison's only scenario, and their columns, in which a value of one of these
+    laws is bold.
+    """
     (scenario,) = results.scenarios
     tables = [law_table(results), *(metric_table(results, scenario, group) for group in GROUPS)]
     return {
@@ -46,20 +50,27 @@ def best_of(results: Results, *names: str) -> set[tuple[int, int]]:
 def test_who_overspeeds_by_less_than_a_switching_step_does_not_succeed(tmp_path: Path) -> None:
     scene = Scenario.load("case-study-6r").with_override("constraints.2.switching_gain", 30.0)
     laws = ["hierarchical-qp", Overspeeds()]
-    results = Results(compare(laws, scene, workers=0, out=tmp_path / "results", progress=False).stored)
+    results = Results(
+        compare(laws, scene, workers=0, out=tmp_path / "results", progress=False).stored
+    )
     assert not any(map(clean, results.all_runs("Overspeeds")))
 
 
 def test_who_bounces_uses_little_of_the_space(tmp_path: Path) -> None:
-    """A third of the image is unused on average, while the only sample that is held is near the boundary."""
-    found = compare(Bounces(), "example-2d-fov", workers=0, out=tmp_path / "results", progress=False)
+    """A third of the image is unused on average, while the only sample that is held is near the
+    boundary.
+    """
+    found = compare(
+        Bounces(), "example-2d-fov", workers=0, out=tmp_path / "results", progress=False
+    )
     (bouncing,) = Results(found.stored).all_runs("Bounces")
     assert bouncing["utilization"] < 0.8
 
 
 @pytest.mark.parametrize("cheat", CHEATS)
 def test_no_cheat_is_the_best_of_anything(cheat: type[Cheat], zoo: Results) -> None:
-    # an honest law that is as good has won nothing by cheating: who claims a loss of rank in vain is a sliding mode
+    # an honest law that is as good has won nothing by cheating: who claims a loss of rank in vain
+    # is a sliding mode
     assert not best_of(zoo, cheat.__name__) - best_of(zoo, *HONEST)
     assert best_of(zoo, "hierarchical-qp")
 
@@ -72,7 +83,10 @@ def test_no_cheat_succeeds(cheat: type[Cheat], zoo: Results) -> None:
 
 def test_what_is_skipped_or_slow_is_named(zoo: Results) -> None:
     (skipped,) = zoo.all_runs("SkipsAGoal")
-    assert (skipped["status"], skipped["reason"]) == ("unfinished", "goal 1 was not reached before goal 2 began")
+    assert (skipped["status"], skipped["reason"]) == (
+        "unfinished",
+        "goal 1 was not reached before goal 2 began",
+    )
     assert np.isnan(skipped["settling_time_s"])
     (still,) = zoo.all_runs("StandsStill")
     assert still["status"] == "trapped"
@@ -90,7 +104,9 @@ def test_a_law_that_exits_is_a_failed_run() -> None:
 
 
 def test_a_tunnel_is_seen() -> None:
-    """The camera is 6 cm from the sphere's centre at both ends of a period, and in it at the middle."""
+    """The camera is 6 cm from the sphere's centre at both ends of a period, and in it at the
+    middle.
+    """
     setup = Scenario("tunnel", TUNNEL, Path()).setup()
     run = simulate(setup, Tunnels())
     assert run.status == "converged"

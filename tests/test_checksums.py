@@ -1,4 +1,6 @@
-"""What was stored is what is read: changes are refused by name, and so are shards that are not the plan's."""
+"""What was stored is what is read: changes are refused by name, and so are shards that are not the
+plan's.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,15 @@ from documents import ROOT
 from test_evidence import HERE
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare, keep_trajectories
-from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Shard, collect, merge, parquet
+from vsconstraints.comparisons.evidence import (
+    TABLES,
+    Campaign,
+    Evidence,
+    Shard,
+    collect,
+    merge,
+    parquet,
+)
 from vsconstraints.comparisons.evidence import folder as folders
 from vsconstraints.comparisons.runs.files import SUMS, recorded, seal
 from vsconstraints.comparisons.runs.folder import manifest_of
@@ -33,7 +43,9 @@ from checks import stored
 
 
 def suite(*settings: str) -> Suite:
-    return Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.05", *settings])
+    return Suite.load().select(
+        ["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.05", *settings]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +57,9 @@ def chosen(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
-    """A campaign whose scenes two machines have run, all of a family in one shard each, and one has run all."""
+    """A campaign whose scenes two machines have run, all of a family in one shard each, and one has
+    run all.
+    """
     folder = tmp_path_factory.mktemp("parts")
     small = campaign(folder, scenes=4)
     with pytest.MonkeyPatch.context() as patch:
@@ -58,19 +72,30 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
 def verified(folder: Path) -> tuple[int, str]:
     done = CliRunner().invoke(app, ["verify", str(folder)])
     assert "Traceback" not in done.output
-    return (2, str(done.exception)) if isinstance(done.exception, ConfigurationError) else (done.exit_code, done.output)
+    return (
+        (2, str(done.exception))
+        if isinstance(done.exception, ConfigurationError)
+        else (done.exit_code, done.output)
+    )
 
 
 def test_sums_are_those_of_sha256sum(chosen: Path, parts: tuple[Campaign, Path]) -> None:
     for folder in (chosen, parts[1] / "1"):
-        done = subprocess.run(["sha256sum", "--check", "--strict", SUMS], cwd=folder, capture_output=True, text=True)
+        done = subprocess.run(
+            ["sha256sum", "--check", "--strict", SUMS], cwd=folder, capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stderr
         kept = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
         assert set(recorded(folder) or ()) == kept - {SUMS, ".vsconstraints-lock"}
         assert verified(folder)[0] == 0
 
 
-FILES = ("manifest.json", "results.csv", "constraints.csv", "trajectories/example-2d-fov--tracking--0.npz")
+FILES = (
+    "manifest.json",
+    "results.csv",
+    "constraints.csv",
+    "trajectories/example-2d-fov--tracking--0.npz",
+)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -80,7 +105,9 @@ def test_a_changed_file_of_a_comparison_is_named(name: str, chosen: Path, tmp_pa
     content[len(content) // 2] ^= 1
     (folder / name).write_bytes(content)
     for read in (StoredComparison.load, write_report):
-        with pytest.raises(ConfigurationError, match=rf"is not whole: not what was stored .*: {name}"):
+        with pytest.raises(
+            ConfigurationError, match=rf"is not whole: not what was stored .*: {name}"
+        ):
             read(folder)
     code, said = verified(folder)
     assert code == 1
@@ -89,7 +116,9 @@ def test_a_changed_file_of_a_comparison_is_named(name: str, chosen: Path, tmp_pa
     if name != "manifest.json":
         assert verified(folder)[0] == 1
     if name.endswith("npz"):
-        assert "The trajectory of tracking is missing" in write_report(folder).read_text(encoding="utf-8")
+        assert "The trajectory of tracking is missing" in write_report(folder).read_text(
+            encoding="utf-8"
+        )
     else:
         with pytest.raises(ConfigurationError, match="missing"):
             write_report(folder)
@@ -123,7 +152,8 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
         pass
 
     for moment in range(100):
-        folder, left = tmp_path / str(moment), [moment]
+        folder = tmp_path / str(moment)
+        left = [moment]
 
         def counted(*arguments: Any, real: Callable[..., Any], left: list[int] = left) -> Any:
             left[0] -= 1
@@ -132,7 +162,14 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
             return real(*arguments)
 
         with monkeypatch.context() as patch:
-            for name in ("write_json", "write_table", "append_lines", "add_sums", "remove_changed", "seal"):
+            for name in (
+                "write_json",
+                "write_table",
+                "append_lines",
+                "add_sums",
+                "remove_changed",
+                "seal",
+            ):
                 real = getattr(sys.modules["vsconstraints.comparisons.runner"], name)
                 patch.setattr(
                     f"vsconstraints.comparisons.runner.{name}",
@@ -144,7 +181,11 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
                 ended = True
             else:
                 ended = False
-        if ended and (folder / "constraints.csv").is_file() and "finished" not in manifest_of(folder):
+        if (
+            ended
+            and (folder / "constraints.csv").is_file()
+            and "finished" not in manifest_of(folder)
+        ):
             (remark,) = StoredComparison.load(folder).remarks
             assert "not finished, without checksums yet: manifest.json, results.csv" in remark
         assert (verified(folder)[0] != 0) == ended
@@ -156,10 +197,15 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
 
 
 def arrow(folder: Path, name: str) -> dict[str, Any]:
-    return {table: parquet.read([folders.shard_file(folder, table, name)], TABLES[table]) for table in TABLES}
+    return {
+        table: parquet.read([folders.shard_file(folder, table, name)], TABLES[table])
+        for table in TABLES
+    }
 
 
-def rewritten(folder: Path, change: Callable[[dict[str, pd.DataFrame], dict[str, Any]], None]) -> str:
+def rewritten(
+    folder: Path, change: Callable[[dict[str, pd.DataFrame], dict[str, Any]], None]
+) -> str:
     """Change lines and facts of a folder's only shard, and make its checksums anew; its name."""
     import pyarrow as pa
 
@@ -195,7 +241,9 @@ def doubled(frames: dict[str, pd.DataFrame], facts: dict[str, Any]) -> None:
     frames["runs"] = pd.concat([frames["runs"].iloc[:-1], frames["runs"].iloc[:1]])
 
 
-def in_place(table: str, column: str, value: Any) -> Callable[[dict[str, pd.DataFrame], dict[str, Any]], None]:
+def in_place(
+    table: str, column: str, value: Any
+) -> Callable[[dict[str, pd.DataFrame], dict[str, Any]], None]:
     def change(frames: dict[str, pd.DataFrame], facts: dict[str, Any]) -> None:
         frames[table].loc[0, column] = value
 
@@ -218,7 +266,10 @@ WRONG = {
     ),
     "emptied": (emptied, "it has 0 lines of 2 scenes"),
     "a run twice": (doubled, "it has (no run|more than once)"),
-    "rows emptied": (lambda frames, facts: frames.update(rows=frames["rows"].iloc[:0]), "its rows are not those"),
+    "rows emptied": (
+        lambda frames, facts: frames.update(rows=frames["rows"].iloc[:0]),
+        "its rows are not those",
+    ),
     "a foreign law": (in_place("runs", "controller", "mine"), "it has (no|a) run"),
     "a foreign law in a row": (in_place("rows", "controller", "mine"), "its rows are not those"),
     "a foreign condition": (in_place("runs", "condition", "windy"), "it has (no|a) run"),
@@ -249,7 +300,9 @@ def test_a_shard_that_is_not_the_plans_is_refused_by_name(
     assert name in text
 
 
-def test_merging_takes_nothing_that_was_changed_or_is_gone(parts: tuple[Campaign, Path], tmp_path: Path) -> None:
+def test_merging_takes_nothing_that_was_changed_or_is_gone(
+    parts: tuple[Campaign, Path], tmp_path: Path
+) -> None:
     one, two = (shutil.copytree(parts[1] / name, tmp_path / name) for name in "12")
     (trajectory, *_) = sorted((one / "trajectories").glob("*.npz"))
     content = trajectory.read_bytes()
@@ -267,7 +320,9 @@ def test_merging_takes_nothing_that_was_changed_or_is_gone(parts: tuple[Campaign
     # a shard that is there under two names
     (name,) = folders.shard_names(one)
     for table in TABLES:
-        shutil.copy(folders.shard_file(one, table, name), folders.shard_file(one, table, f"{name}-again"))
+        shutil.copy(
+            folders.shard_file(one, table, name), folders.shard_file(one, table, f"{name}-again")
+        )
     (one / SUMS).unlink()
     with pytest.raises(ConfigurationError, match="has scene 0 of quick, too"):
         Evidence.load(one)
@@ -279,7 +334,8 @@ def test_no_flipped_bit_of_a_shard_gives_other_numbers_even_without_sums(
     """By the checksums of its pages alone, and what its footer has to say."""
     folder = shutil.copytree(parts[1] / "1", tmp_path / "copy")
     (folder / SUMS).unlink()
-    expected, chance = tables(folder), random.Random(4)
+    expected = tables(folder)
+    chance = random.Random(4)
     files = list(folder.rglob("*.parquet"))
     refused = 0
     for _ in range(250):
@@ -299,7 +355,8 @@ def test_no_flipped_bit_of_a_shard_gives_other_numbers_even_without_sums(
 def test_a_command_that_is_refused_leaves_checksums_alone(
     parts: tuple[Campaign, Path], chosen: Path, tmp_path: Path
 ) -> None:
-    one, two = shutil.copytree(parts[1] / "1", tmp_path / "1"), shutil.copytree(chosen, tmp_path / "2")
+    one = shutil.copytree(parts[1] / "1", tmp_path / "1")
+    two = shutil.copytree(chosen, tmp_path / "2")
     old = shutil.copytree(one, tmp_path / "old", ignore=shutil.ignore_patterns(SUMS))
     for folder in (one, old):
         before = recorded(folder)
@@ -312,8 +369,12 @@ def test_a_command_that_is_refused_leaves_checksums_alone(
     assert recorded(two) == before
 
 
-def test_verifying_names_what_is_not_there(parts: tuple[Campaign, Path], chosen: Path, tmp_path: Path) -> None:
-    code, text = verified(shutil.copytree(chosen, tmp_path / "bare", ignore=shutil.ignore_patterns(SUMS)))
+def test_verifying_names_what_is_not_there(
+    parts: tuple[Campaign, Path], chosen: Path, tmp_path: Path
+) -> None:
+    code, text = verified(
+        shutil.copytree(chosen, tmp_path / "bare", ignore=shutil.ignore_patterns(SUMS))
+    )
     assert (code, "carries no checksums" in text) == (1, True)
     few = tmp_path / "few"
     collect(replace(parts[0], scenes=2), few, HERE)

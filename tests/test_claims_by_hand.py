@@ -48,9 +48,17 @@ def test_fulfilled(run: Any, good: bool) -> None:
         (Told({ROW: at({5: 1.0})}, {ROW: at({5: 0.001})}), NO),
         (Told({ROW: at({5: 1.0})}, {ROW: 0.0}, {ROW: -0.001}), NO),
         (Told({ROW: at({5: 1.0}), "b": -0.5}, {ROW: at({5: 0.001})}), NO),
-        # the first of two rows is the worst; a speed has no σ of its own, and no clearance that counts
+        # the first of two rows is the worst; a speed has no σ of its own, and no clearance that
+        # counts
         (Told({ROW: at({5: 2.01}), "fov[marker 3]": -0.5}, {ROW: 0.0}), NO),
-        (Told({"speed[joint 2].upper": at({5: 0.01}), ROW: -1.0}, {}, {"speed[joint 2].upper": -1.0}), PARTLY),
+        (
+            Told(
+                {"speed[joint 2].upper": at({5: 0.01}), ROW: -1.0},
+                {},
+                {"speed[joint 2].upper": -1.0},
+            ),
+            PARTLY,
+        ),
     ],
 )
 def test_never_positive(run: Any, expected: str) -> None:
@@ -59,16 +67,29 @@ def test_never_positive(run: Any, expected: str) -> None:
 
 @pytest.mark.parametrize(
     ("first", "second", "expected"),
-    [(0.0, 0.01, YES), (0.0, 0.0101, PARTLY), (-0.0001, 0.01, PARTLY), (0.02, 0.02, NO), (-0.001, -0.001, NO)],
+    [
+        (0.0, 0.01, YES),
+        (0.0, 0.0101, PARTLY),
+        (-0.0001, 0.01, PARTLY),
+        (0.02, 0.02, NO),
+        (-0.001, -0.001, NO),
+    ],
 )
 def test_fully_used(first: float, second: float, expected: str) -> None:
-    run: Any = Told({ROW: -1.0, "b": -1.0}, {}, {ROW: at({7: first}, 0.5), "b": at({9: second}, 0.5)})
+    run: Any = Told(
+        {ROW: -1.0, "b": -1.0}, {}, {ROW: at({7: first}, 0.5), "b": at({9: second}, 0.5)}
+    )
     assert boundary.fully_used(run, ROW, "b").verdict == expected
 
 
 def approach(first: float, later: float, greatest: float, last: float = 0.6) -> Any:
-    """A row that acts from 0.2 s on, with K = 0.1: normal speeds then, at 0.35 s, at 0.5 s, and nonsense elsewhere."""
-    return Told({ROW: during((0.2, last))}, speed=at({20: first, 35: greatest, 50: later, 19: 99.0, 51: 99.0}, 0.0))
+    """A row that acts from 0.2 s on, with K = 0.1: normal speeds then, at 0.35 s, at 0.5 s, and
+    nonsense elsewhere.
+    """
+    return Told(
+        {ROW: during((0.2, last))},
+        speed=at({20: first, 35: greatest, 50: later, 19: 99.0, 51: 99.0}, 0.0),
+    )
 
 
 @pytest.mark.parametrize(
@@ -108,14 +129,19 @@ def test_smoothly_of_two_rows() -> None:
 
 
 def camera_error(**columns: Any) -> Array:
-    return np.column_stack([np.broadcast_to(columns.get(name, 0.0), T.shape) for name in ("position", "angle")])
+    return np.column_stack(
+        [np.broadcast_to(columns.get(name, 0.0), T.shape) for name in ("position", "angle")]
+    )
 
 
 @pytest.mark.parametrize(
     ("sigma", "clearance", "expected"), [(0.0, 0.0, YES), (0.001, 0.001, NO), (-0.001, -0.001, NO)]
 )
 def test_1a(sigma: float, clearance: float, expected: str) -> None:
-    assert verdict("1a", Told({ROW: -1.0}, {ROW: at({3: sigma})}, {ROW: at({3: clearance}, 1.0)})) == expected
+    assert (
+        verdict("1a", Told({ROW: -1.0}, {ROW: at({3: sigma})}, {ROW: at({3: clearance}, 1.0)}))
+        == expected
+    )
 
 
 @pytest.mark.parametrize(("last", "expected"), [(0.0199, YES), (0.02, NO)])
@@ -141,7 +167,10 @@ def test_1d_and_3b(last: float, expected: str) -> None:
 )
 def test_1e(changed: dict[int, float], expected: str) -> None:
     """A position error with a peak of 100 in the middle of 0.2 to 0.9 s, when the row acts."""
-    run = Told({ROW: during((0.2, 0.9))}, camera_error=camera_error(position=at({50: 100.0} | changed, 0.0)))
+    run = Told(
+        {ROW: during((0.2, 0.9))},
+        camera_error=camera_error(position=at({50: 100.0} | changed, 0.0)),
+    )
     assert verdict("1e", run) == expected
 
 
@@ -165,17 +194,22 @@ def test_1f(spans: Any, other: Any, expected: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed", "jump", "expected"), [(0.6, 0.8, YES), (0.61, 0.8, NO), (0.6, 0.79, PARTLY), (0.61, 0.79, NO)]
+    ("speed", "jump", "expected"),
+    [(0.6, 0.8, YES), (0.61, 0.8, NO), (0.6, 0.79, PARTLY), (0.61, 0.79, NO)],
 )
 def test_1h(speed: float, jump: float, expected: str) -> None:
     """Greatest steps beside those of 1 with the whole sampling time; a step down is one too."""
     whole = Told(qd=at({50: 0.0})[:, None], qdd_command=at({50: 0.0})[:, None])
-    half = Told(qd=at({50: -1.0 - speed + 1e-12})[:, None], qdd_command=at({50: -1.0 + jump + 1e-12})[:, None])
+    half = Told(
+        qd=at({50: -1.0 - speed + 1e-12})[:, None],
+        qdd_command=at({50: -1.0 + jump + 1e-12})[:, None],
+    )
     assert verdict("1h", whole, half) == expected
 
 
 @pytest.mark.parametrize(
-    ("ratio", "expected"), [(2.25, YES), (3.75, YES), (2.24, PARTLY), (3.76, PARTLY), (1.01, PARTLY), (1.0, NO)]
+    ("ratio", "expected"),
+    [(2.25, YES), (3.75, YES), (2.24, PARTLY), (3.76, PARTLY), (1.01, PARTLY), (1.0, NO)],
 )
 def test_2a(ratio: float, expected: str) -> None:
     assert verdict("2a", Told(settling_time=2.0 * ratio), Told(settling_time=2.0)) == expected
@@ -201,21 +235,33 @@ def band(width: float) -> Told:
 def test_2d_2e_and_2f() -> None:
     assert [verdict("2d", band(1.0), band(width)) for width in (0.99, 1.0, 1.01)] == [NO, NO, YES]
     assert [verdict("2f", band(1.0), band(width)) for width in (1.09, 1.11)] == [YES, NO]
-    assert [verdict("2e", Told(needed=1.0), Told(needed=gain)) for gain in (0.9, 1.0, 1.1)] == [NO, NO, YES]
+    assert [verdict("2e", Told(needed=1.0), Told(needed=gain)) for gain in (0.9, 1.0, 1.1)] == [
+        NO,
+        NO,
+        YES,
+    ]
 
 
 # --- claims 3 and 4 ---
 
-BOWL, HEART = "occlusion[bowl, marker 1]", "occlusion[heart, marker 1]"
+BOWL = "occlusion[bowl, marker 1]"
+HEART = "occlusion[heart, marker 1]"
 
 
 @pytest.mark.parametrize(
     ("status", "until", "expected"),
-    [("trapped", 11.0, YES), ("trapped", 10.9, PARTLY), ("converged", 11.0, PARTLY), ("converged", 10.9, NO)],
+    [
+        ("trapped", 11.0, YES),
+        ("trapped", 10.9, PARTLY),
+        ("converged", 11.0, PARTLY),
+        ("converged", 10.9, NO),
+    ],
 )
 def test_3a(status: str, until: float, expected: str) -> None:
     """Of 12 s, the row acts until a second before the end."""
-    assert verdict("3a", Told({BOWL: during((5.0, until), t=LONG)}, t=LONG, status=status)) == expected
+    assert (
+        verdict("3a", Told({BOWL: during((5.0, until), t=LONG)}, t=LONG, status=status)) == expected
+    )
 
 
 @pytest.mark.parametrize(("last", "expected"), [(0.0051, YES), (0.005, NO)])
@@ -263,10 +309,17 @@ def test_4a(run: Any, expected: str) -> None:
 
 @pytest.mark.parametrize(
     ("phi", "sigma", "away", "expected"),
-    [(5.01, 0.01, 19.9, YES), (5.0, 0.01, 19.9, NO), (5.01, 0.0, 19.9, PARTLY), (5.01, 0.01, 20.0, PARTLY)],
+    [
+        (5.01, 0.01, 19.9, YES),
+        (5.0, 0.01, 19.9, NO),
+        (5.01, 0.0, 19.9, PARTLY),
+        (5.01, 0.01, 20.0, PARTLY),
+    ],
 )
 def test_4b(phi: float, sigma: float, away: float, expected: str) -> None:
-    run = Told({HEART: at({5: phi})}, {HEART: at({9: sigma})}, features_px=pixels(-102.0, 35.0 + away))
+    run = Told(
+        {HEART: at({5: phi})}, {HEART: at({9: sigma})}, features_px=pixels(-102.0, 35.0 + away)
+    )
     assert verdict("4b", run) == expected
 
 
@@ -275,7 +328,9 @@ def test_4b(phi: float, sigma: float, away: float, expected: str) -> None:
 )
 def test_4c(samples: int, last: float, expected: str) -> None:
     """T_s u⁺ = 10 here; of 12 s, the last 2 begin with sample 100."""
-    phi = at({**dict.fromkeys(range(20, 20 + samples), 50.0), 99: 50.0, 100: 10.0 * last}, -1.0, LONG)
+    phi = at(
+        {**dict.fromkeys(range(20, 20 + samples), 50.0), 99: 50.0, 100: 10.0 * last}, -1.0, LONG
+    )
     error = np.zeros((len(LONG), 2))
     assert verdict("4c", Told({HEART: phi}, t=LONG, camera_error=error)) == expected
 
@@ -294,20 +349,30 @@ def test_4c(samples: int, last: float, expected: str) -> None:
         ((ROW,), 0.0, -0.001, NO),
     ],
 )
-def test_one_marker_slides(active: tuple[str, ...], sigma: float, clearance: float, expected: str) -> None:
+def test_one_marker_slides(
+    active: tuple[str, ...], sigma: float, clearance: float, expected: str
+) -> None:
     names = (ROW, "fov[marker 1]")
     acts = np.column_stack([at({5: 1.0, 6: 1.0}, 0.0) * (name in active) > 0.0 for name in names])
     acts[50, 0] = True
-    run: Any = Told(dict.fromkeys(names, -1.0), {ROW: at({5: sigma})}, {ROW: at({5: clearance}, 1.0)}, active=acts)
+    run: Any = Told(
+        dict.fromkeys(names, -1.0),
+        {ROW: at({5: sigma})},
+        {ROW: at({5: clearance}, 1.0)},
+        active=acts,
+    )
     assert one_marker_slides(run, "fov").verdict == expected
 
 
 @pytest.mark.parametrize("sample", [20, 40, 60])
 @pytest.mark.parametrize(
-    ("speed", "clearance", "good"), [(1.09, 0.1, True), (1.11, 0.1, False), (0.5, 0.0, False), (0.5, -0.1, False)]
+    ("speed", "clearance", "good"),
+    [(1.09, 0.1, True), (1.11, 0.1, False), (0.5, 0.0, False), (0.5, -0.1, False)],
 )
 def test_exponentially(speed: float, clearance: float, good: bool, sample: int) -> None:
-    """K = 0.1 s: from 0.1 px away no faster than 1 px/s; before and after the row acts, it may be."""
+    """K = 0.1 s: from 0.1 px away no faster than 1 px/s; before and after the row acts, it may
+    be.
+    """
     run: Any = Told(
         {ROW: during((0.2, 0.6))},
         {},

@@ -30,11 +30,15 @@ from vsconstraints.controllers import CONTROLLERS
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import shipped_scenarios
 
-GROUP_COMMANDS = {name: command for group in GROUPS.values() for name, (command, _) in group.items()}
+GROUP_COMMANDS = {
+    name: command for group in GROUPS.values() for name, (command, _) in group.items()
+}
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
 
 
-def run(*arguments: str, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+def run(
+    *arguments: str, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*MAIN, *arguments],
         capture_output=True,
@@ -68,7 +72,17 @@ def test_what_is_printed_is_printed_as_it_is() -> None:
 def test_list_names_everything_on_one_screen() -> None:
     shown = run("list")
     assert shown.returncode == 0, shown.stderr
-    for name in (*shipped_scenarios(), *CONTROLLERS, "proxqp", "osqp", "daqp", "quadprog", "ur5", "panda", "heart"):
+    for name in (
+        *shipped_scenarios(),
+        *CONTROLLERS,
+        "proxqp",
+        "osqp",
+        "daqp",
+        "quadprog",
+        "ur5",
+        "panda",
+        "heart",
+    ):
         assert name in shown.stdout
     assert shown.stdout.count("\n") < 60
 
@@ -98,26 +112,40 @@ def help_pages() -> Iterator[tuple[str, str]]:
 
 
 def test_help_fits_80_columns_and_cuts_nothing() -> None:
-    """Neither an example nor a word is cut or broken in two, and no name between colons becomes a picture."""
+    """Neither an example nor a word is cut or broken in two, and no name between colons becomes a
+    picture.
+    """
     for name, page in help_pages():
         assert max(map(cell_len, page.splitlines())) <= 80, name
         assert not re.search("[\U0001f000-\U0001ffff\u2600-\u27bf]", page), name
         words = {word for line in page.splitlines() for word in line.strip("│ ").split()}
-        examples = [example for group in GROUPS.values() for each, (_, example) in group.items() if each == name]
+        examples = [
+            example
+            for group in GROUPS.values()
+            for each, (_, example) in group.items()
+            if each == name
+        ]
         for example in examples:
             assert f" Example: vsconstraints {name} {example} " in page
         known = OPTIONS["shared"] | OPTIONS.get(name, {})
-        for parameter in inspect.signature(GROUP_COMMANDS[name]).parameters if name in GROUP_COMMANDS else ():
+        for parameter in (
+            inspect.signature(GROUP_COMMANDS[name]).parameters if name in GROUP_COMMANDS else ()
+        ):
             missing = {*known.get(parameter, {}).get("help", "").split()} - words
             assert not missing, f"{name}: {parameter} shows no {missing}"
 
 
-def test_tables_fit_80_columns_and_break_no_word(capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
+def test_tables_fit_80_columns_and_break_no_word(
+    capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
     """A table that is too wide is printed as several, each of which names its lines again."""
     screen = Console(width=80, markup=False, soft_wrap=True)
     monkeypatch.setattr(terminal, "console", screen)
     names = ["robust-hierarchical-qp-observer", "cbf-filter"]
-    lines = [[name, "12 of 12 (75–100 %)", "(98.12)", "0.0001 [0–0.2]", "needs σ, T_s and memory"] for name in names]
+    lines = [
+        [name, "12 of 12 (75–100 %)", "(98.12)", "0.0001 [0–0.2]", "needs σ, T_s and memory"]
+        for name in names
+    ]
     header = ["controller", "converged inside", "median utilization [%]", "worst depth", "requires"]
     terminal.print_columns(header, lines, wrapped={4: 12})
     shown = capsys.readouterr().out
@@ -134,7 +162,10 @@ def test_tables_fit_80_columns_and_break_no_word(capsys: pytest.CaptureFixture[s
 def test_every_command_begins_its_help_with_an_example_that_can_be_typed() -> None:
     group = typer.main.get_command(app)
     below = group.commands["testset"].commands  # type: ignore[attr-defined]
-    for name, command in [*group.commands.items(), *((f"testset {word}", each) for word, each in below.items())]:  # type: ignore[attr-defined]
+    for name, command in [
+        *group.commands.items(),
+        *((f"testset {word}", each) for word, each in below.items()),
+    ]:  # type: ignore[attr-defined]
         example = (command.help or "").partition("\n")[0]
         words = shlex.split(example.removeprefix("Example: "))
         typed = ["vsconstraints", *name.split()]
@@ -201,13 +232,18 @@ def test_what_a_reader_should_know_of_a_scenario_is_noted(tmp_path: Path) -> Non
 
 
 def test_the_form_that_ran_is_what_the_report_says(tmp_path: Path) -> None:
-    """Where nothing compiled can be kept the NumPy form runs: told once, stored, and never taken for the other one."""
+    """Where nothing compiled can be kept the NumPy form runs: told once, stored, and never taken
+    for the other one.
+    """
     (tmp_path / "file").touch()
     command = (
         "compare", "--scenario", "example-2d-fov", "--controller", "sliding-mode", "--set", "scenario.duration=0.05",
         "--jobs", "2", "--out", str(tmp_path / "out"),
     )  # fmt: skip
-    for variables, form, other in (({"NUMBA_CACHE_DIR": str(tmp_path / "file")}, "NumPy", "compiled"), ({}, "", "")):
+    for variables, form, other in (
+        ({"NUMBA_CACHE_DIR": str(tmp_path / "file")}, "NumPy", "compiled"),
+        ({}, "", ""),
+    ):
         done = subprocess.run(
             [sys.executable, "-c", MAIN[-1], *command],
             env={**os.environ, **variables},
@@ -219,12 +255,18 @@ def test_the_form_that_ran_is_what_the_report_says(tmp_path: Path) -> None:
         assert "were stored in" not in done.stdout
         if not form and not available():
             return
-        form, other = form or "compiled", other or "NumPy"
+        form = form or "compiled"
+        other = other or "NumPy"
         assert done.stderr.count("runs without its compiler") == (form == "NumPy")
-        assert json.loads((tmp_path / "out" / "manifest.json").read_text())["compiled"] == {form: 2, other: 0}
+        assert json.loads((tmp_path / "out" / "manifest.json").read_text())["compiled"] == {
+            form: 2,
+            other: 0,
+        }
         flags = [line["compiled"] for line in read_table(tmp_path / "out" / "results.csv")]
         assert flags == [form == "compiled"] * 2
-        assert re.search(rf"\| control step +\| {form} ", (tmp_path / "out" / "report.md").read_text())
+        assert re.search(
+            rf"\| control step +\| {form} ", (tmp_path / "out" / "report.md").read_text()
+        )
 
 
 RAISES = """
@@ -246,8 +288,20 @@ class Own(Controller):
 )
 def test_exit_codes_tell_what_came_of_it(begin: str, code: int, words: str, tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(RAISES.format(begin=begin))
-    (tmp_path / "s.toml").write_text('scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n')
-    done = run("compare", "s.toml", "--set", "scenario.duration=0.05", "--jobs", "1", "--out", "out", cwd=tmp_path)
+    (tmp_path / "s.toml").write_text(
+        'scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n'
+    )
+    done = run(
+        "compare",
+        "s.toml",
+        "--set",
+        "scenario.duration=0.05",
+        "--jobs",
+        "1",
+        "--out",
+        "out",
+        cwd=tmp_path,
+    )
     assert done.returncode == code, done.stderr
     assert words in done.stderr
     assert "Traceback" not in done.stderr
@@ -262,7 +316,9 @@ def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> Non
     assert "file" in done.stderr
 
 
-@pytest.mark.parametrize("encoding", [{"PYTHONIOENCODING": "latin-1"}, {"PYTHONIOENCODING": "ascii:strict"}])
+@pytest.mark.parametrize(
+    "encoding", [{"PYTHONIOENCODING": "latin-1"}, {"PYTHONIOENCODING": "ascii:strict"}]
+)
 def test_list_is_shown_on_any_terminal(encoding: dict[str, str]) -> None:
     shown = run("list", **encoding)
     assert shown.returncode == 0, shown.stderr
@@ -285,16 +341,29 @@ def test_names_with_spaces_umlauts_and_marks_and_failures_that_are_counted(tmp_p
     mark = "\ufeff"
     (tmp_path / "law_for_test.py").write_text(LAW)
     (tmp_path / "mein Ärmchen.toml").write_text(
-        f'{mark}extends = "example-2d-fov"\nduration = 0.02\nstart_deviation = 0.01\n', encoding="utf-8"
+        f'{mark}extends = "example-2d-fov"\nduration = 0.02\nstart_deviation = 0.01\n',
+        encoding="utf-8",
     )
     (tmp_path / "große Läufe.toml").write_text(
-        f'{mark}scenarios = ["mein Ärmchen.toml"]\ntrials = 3\n[controllers."mein Regler"]\ntype = "sliding-mode"\n'
+        f'{mark}scenarios = ["mein Ärmchen.toml"]\ntrials = 3\n[controllers."mein Regler"]\ntype '
+        f'= "sliding-mode"\n'
         '[controllers.raises]\ntype = "law_for_test:Raises"\n',
         encoding="utf-8",
     )
-    done = run("compare", "große Läufe.toml", "--jobs", "1", "--no-figures", "--out", "aus\udcff", cwd=tmp_path)
+    done = run(
+        "compare",
+        "große Läufe.toml",
+        "--jobs",
+        "1",
+        "--no-figures",
+        "--out",
+        "aus\udcff",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("ValueError: no data at") == 2, "the first one, and how many there were"
+    assert done.stderr.count("ValueError: no data at") == 2, (
+        "the first one, and how many there were"
+    )
     assert "law_for_test.py, line 8" in done.stderr
     assert "3 of 3 trials" in done.stderr
     folder = tmp_path / "aus\udcff"
@@ -302,7 +371,9 @@ def test_names_with_spaces_umlauts_and_marks_and_failures_that_are_counted(tmp_p
     assert "mein Ärmchen" in text
     assert "mein Regler" in text
     details = (folder / "details.md").read_text(encoding="utf-8")
-    assert re.search(r"\| raises +\| failed +\| t = 0 s: ValueError: no data at .*\| 3 of 3 ", details)
+    assert re.search(
+        r"\| raises +\| failed +\| t = 0 s: ValueError: no data at .*\| 3 of 3 ", details
+    )
     assert not (folder / "figures").exists()
     again = run("report", "aus\udcff", cwd=tmp_path)
     assert again.returncode == 0, again.stderr

@@ -34,7 +34,8 @@ def moved(view: View, law: str, pixels: Any, clearance: float | None = None) -> 
     """The same, but for the second marker's track in a run, and the clearance of its row."""
     run = view.runs[law]
     trajectory = run.trajectory
-    features, clear = trajectory.features_px.copy(), trajectory.clearance.copy()
+    features = trajectory.features_px.copy()
+    clear = trajectory.clearance.copy()
     features[:, 1] = pixels
     if clearance is not None:
         clear[:, trajectory.labels.index(ROW)] = clearance
@@ -44,9 +45,13 @@ def moved(view: View, law: str, pixels: Any, clearance: float | None = None) -> 
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-3e3, 3e3), st.floats(-3e3, 3e3), st.floats(-200.0, 0.0))
-def test_a_close_up_shows_a_boundary_within_what_is_shown(view: View, u: float, v: float, clearance: float) -> None:
+def test_a_close_up_shows_a_boundary_within_what_is_shown(
+    view: View, u: float, v: float, clearance: float
+) -> None:
     """Wherever a marker goes, and however wrongly its distance from the boundary is told there."""
-    changed = moved(moved(view, "sliding-mode", (u, v), clearance), "hierarchical-qp", (u, -v), clearance)
+    changed = moved(
+        moved(view, "sliding-mode", (u, v), clearance), "hierarchical-qp", (u, -v), clearance
+    )
     plane = Plane.of(view.setup)  # type: ignore[arg-type]
     found = close_up(changed, plane)
     if found is None:

@@ -1,4 +1,6 @@
-"""Runs made by the workers of a Dask scheduler: the same runs, and what goes wrong with a cluster."""
+"""Runs made by the workers of a Dask scheduler: the same runs, and what goes wrong with a
+cluster.
+"""
 
 from __future__ import annotations
 
@@ -65,9 +67,16 @@ def answer(number: int) -> tuple[int, int]:
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[LocalCluster]:
-    """A scheduler and a worker with two threads, both in this process; the processes that make calls are their own."""
+    """A scheduler and a worker with two threads, both in this process; the processes that make
+    calls are their own.
+    """
     with LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1"
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        dashboard_address=":0",
+        protocol="tcp",
+        host="127.0.0.1",
     ) as local:
         yield local
 
@@ -101,13 +110,18 @@ def test_workers_that_would_give_other_results_are_refused(
 ) -> None:
     (worker,) = scheduler.scheduler_info["workers"]
     with (
-        pytest.raises(ConfigurationError, match=rf"{worker} would give other results: packages\.numpy is '\d+' there"),
+        pytest.raises(
+            ConfigurationError,
+            match=rf"{worker} would give other results: packages\.numpy is '\d+' there",
+        ),
         cluster(scheduler.scheduler_address, told_otherwise),
     ):
         pass
     monkeypatch.setenv("TEST_OF_CLUSTER", str(os.getpid()))
     with (
-        pytest.raises(ConfigurationError, match=f"{worker} cannot make runs: RuntimeError: no idea"),
+        pytest.raises(
+            ConfigurationError, match=f"{worker} cannot make runs: RuntimeError: no idea"
+        ),
         cluster(scheduler.scheduler_address, not_told),
     ):
         pass
@@ -120,7 +134,8 @@ def test_a_campaign_gives_the_same_on_a_cluster(scheduler: LocalCluster, tmp_pat
     found = Evidence.load(tmp_path)
     here = Part.joined([scored(task) for task in tasks_of(campaign)])
     for name in ("runs", "rows", "scenes"):
-        one, other = getattr(found, name), getattr(here, name).to_pandas()
+        one = getattr(found, name)
+        other = getattr(here, name).to_pandas()
         assert len(one) == len(other) > 0
         for column in set(one.columns).difference(TIMING_COLUMNS):
             values = one[column].astype(other[column].dtype)
@@ -135,7 +150,15 @@ def test_a_scheduler_that_is_not_there(tmp_path: Path, monkeypatch: pytest.Monke
         (nobody(), "no Dask scheduler answers"),
         ("nonsense://127.0.0.1", "unknown address scheme 'nonsense'"),
     ):
-        arguments = ["evidence", "--cluster", address, "--family", "planar-arm", "--out", str(tmp_path / "out")]
+        arguments = [
+            "evidence",
+            "--cluster",
+            address,
+            "--family",
+            "planar-arm",
+            "--out",
+            str(tmp_path / "out"),
+        ]
         failed = CliRunner().invoke(app, arguments).exception
         assert isinstance(failed, ConfigurationError)
         assert why in str(failed)
@@ -148,7 +171,9 @@ def test_a_scheduler_that_is_not_there(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_a_scheduler_without_workers() -> None:
     with (
-        LocalCluster(n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1") as local,
+        LocalCluster(
+            n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1"
+        ) as local,
         pytest.raises(ConfigurationError, match=r"has no worker; start one .* `dask worker tcp://"),
         cluster(local.scheduler_address, told),
     ):
@@ -172,7 +197,16 @@ def joining(address: str, folder: Path, **environment: str) -> Iterator[subproce
     """A Dask worker with an environment of its own, which is told where this module is."""
     path = environment.pop("PYTHONPATH", "")
     before = [path, str(Path(__file__).parent), *filter(None, sys.path)]
-    options = "--host", "127.0.0.1", "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder)
+    options = (
+        "--host",
+        "127.0.0.1",
+        "--no-nanny",
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+        "--local-directory",
+        str(folder),
+    )
     process = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_worker", address, *options],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, before)), **environment},
@@ -196,8 +230,11 @@ def wait_for(what: Callable[[], bool]) -> None:
 def test_workers_that_join_midway_with_other_code_are_given_nothing(
     scheduler: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that would give other results, and one on which nothing of this package can be imported; a third helps."""
-    given, submit = [], Client.submit
+    """One that would give other results, and one on which nothing of this package can be imported;
+    a third helps.
+    """
+    given = []
+    submit = Client.submit
 
     def submitted(*arguments: Any, workers: list[str], **options: Any) -> Any:
         given.append(workers)
@@ -207,10 +244,17 @@ def test_workers_that_join_midway_with_other_code_are_given_nothing(
     broken = tmp_path / "broken" / "vsconstraints"
     broken.mkdir(parents=True)
     (broken / "__init__.py").write_text("raise ImportError('no such luck')")
-    address, found, said, after = scheduler.scheduler_address, [], list[str](), 0
+    address = scheduler.scheduler_address
+    found = []
+    said = list[str]()
+    after = 0
     there = len(scheduler.scheduler_info["workers"])
     with cluster(address, told_by_environment) as workers, ExitStack() as stack:
-        for own in ({"OTHER_CODE": "older"}, {"PYTHONPATH": str(broken.parent)}, {"GOOD_WORKER": "good"}):
+        for own in (
+            {"OTHER_CODE": "older"},
+            {"PYTHONPATH": str(broken.parent)},
+            {"GOOD_WORKER": "good"},
+        ):
             stack.enter_context(joining(address, tmp_path, **own))
         wait_for(lambda: len(scheduler.scheduler_info["workers"]) == there + 3)
         with workers(environment) as open_workers, warnings.catch_warnings(record=True) as caught:
@@ -218,7 +262,9 @@ def test_workers_that_join_midway_with_other_code_are_given_nothing(
             for key, answer in open_workers.run({i: (i,) for i in range(1000)}):
                 assert answer[0] == key
                 found.append(answer[1])
-                said = [str(warning.message) for warning in caught if warning.category is RuntimeWarning]
+                said = [
+                    str(warning.message) for warning in caught if warning.category is RuntimeWarning
+                ]
                 after += len(said) == 2
                 if after > 40 and found.count("good") > 5:
                     break
@@ -228,20 +274,26 @@ def test_workers_that_join_midway_with_other_code_are_given_nothing(
     for text in said:  # asked what results depend on there, and nothing else
         assert [workers for workers in given if text.split()[1] in workers] == [[text.split()[1]]]
     assert re.search(
-        r"^worker \S+ would give other results: the package's source differs .*; it is given nothing$", other
+        r"^worker \S+ would give other results: the package's source differs .*; it is given nothing$",
+        other,
     )
     assert re.search(r"^worker \S+ ended when it was asked .*; it is given nothing$", nothing)
 
 
 def test_calls_outlive_the_only_worker(tmp_path: Path) -> None:
     """What it was at, and what it was sent ahead, is done by one that comes later."""
-    with LocalCluster(n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1") as local:
+    with LocalCluster(
+        n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1"
+    ) as local:
         address = local.scheduler_address
         with ExitStack() as stack:
             first = stack.enter_context(joining(address, tmp_path, GOOD_WORKER="first"))
             wait_for(lambda: len(local.scheduler_info["workers"]) == 1)
             answers = {}
-            with cluster(address, told_by_environment) as workers, workers(environment) as open_workers:
+            with (
+                cluster(address, told_by_environment) as workers,
+                workers(environment) as open_workers,
+            ):
                 for key, (_, who) in open_workers.run({i: (i,) for i in range(20)}):
                     answers[key] = who
                     if len(answers) == 3:
@@ -256,7 +308,9 @@ def test_calls_outlive_the_only_worker(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two authorities, ``own`` and ``foreign``, and a key that each has signed, made as the documentation says."""
+    """Two authorities, ``own`` and ``foreign``, and a key that each has signed, made as the
+    documentation says.
+    """
     folder = tmp_path_factory.mktemp("keys")
     if shutil.which("openssl") is None:
         pytest.skip("keys are made by openssl, which is not installed")
@@ -270,11 +324,17 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tls(folder: Path) -> dict[str, Any]:
     """The documentation's settings, with keys from this folder."""
     text = SETTINGS.replace("/etc/dask/keys", str(folder))
-    return {"distributed": dask.config.merge(dask.config.get("distributed"), yaml.safe_load(text)["distributed"])}
+    return {
+        "distributed": dask.config.merge(
+            dask.config.get("distributed"), yaml.safe_load(text)["distributed"]
+        )
+    }
 
 
 def test_only_who_has_a_key_takes_part(keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The documentation's recipe; a client without a key, or with one that another authority has signed, is refused."""
+    """The documentation's recipe; a client without a key, or with one that another authority has
+    signed, is refused.
+    """
     monkeypatch.setattr(near, "CONNECT", 2.0)
     with (
         dask.config.set(tls(keys / "own")),
@@ -292,6 +352,8 @@ def test_only_who_has_a_key_takes_part(keys: Path, monkeypatch: pytest.MonkeyPat
             pass
         with refused, dask.config.set(tls(keys / "foreign")), cluster(address, told):
             pass
-    without = pytest.raises(ConfigurationError, match=r"no Dask scheduler answers at tls://.*: TLS .*docs/suites")
+    without = pytest.raises(
+        ConfigurationError, match=r"no Dask scheduler answers at tls://.*: TLS .*docs/suites"
+    )
     with without, cluster(address, told):
         pass

@@ -1,4 +1,6 @@
-"""Commands that act late: against an ODE solver with the delayed input, and against commands shifted by hand."""
+"""Commands that act late: against an ODE solver with the delayed input, and against commands
+shifted by hand.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.intersample import inspected_periods
 from vsconstraints.simulation.plant import Actuation, Plant
 
-TS, TAU = 0.01, 0.03
+TS = 0.01
+TAU = 0.03
 
 
 def derivative(actuation: Actuation, tau: float, x: Array, u: Array, d: Array) -> Array:
@@ -43,8 +46,12 @@ def derivative(actuation: Actuation, tau: float, x: Array, u: Array, d: Array) -
 def test_a_late_command_is_the_delayed_input_of_the_differential_equation(
     actuation: Actuation, tau: float, delay: float
 ) -> None:
-    rng, n, N = np.random.default_rng(5), 2, 12
-    q0, qd0, commands = rng.normal(size=n), rng.normal(size=n), 3.0 * rng.normal(size=(N, n))
+    rng = np.random.default_rng(5)
+    n = 2
+    N = 12
+    q0 = rng.normal(size=n)
+    qd0 = rng.normal(size=n)
+    commands = 3.0 * rng.normal(size=(N, n))
     d = np.zeros(n) if (actuation, tau) == ("position", 0.0) else rng.normal(size=n)
     pushed = {"acceleration": tuple(d), "time_constant": tau, "command_delay": delay}
     plant = Plant(q0, qd0, TS, actuation, Disturbances(**pushed))
@@ -54,7 +61,9 @@ def test_a_late_command_is_the_delayed_input_of_the_differential_equation(
         return commands[k] if k >= 0 else np.zeros(n)
 
     def at(start: Array, begin: float, end: float) -> Array:
-        """The state after the ODE solver went from one time to another, from switch to switch of its input."""
+        """The state after the ODE solver went from one time to another, from switch to switch of
+        its input.
+        """
         switches = [t for k in range(N) if begin + 1e-9 < (t := k * TS + delay) < end - 1e-9]
         for first, last in zip([begin, *switches], [*switches, end], strict=True):
             held = u(0.5 * (first + last))
@@ -80,7 +89,8 @@ def test_a_late_command_is_the_delayed_input_of_the_differential_equation(
 
 
 def test_by_hand() -> None:
-    """0.04 s late in periods of 0.1 s, from rest: q̈ = 10 acts for 0.06 s, q̇ = 0.6, q = 0.018; −10 for as long then.
+    """0.04 s late in periods of 0.1 s, from rest: q̈ = 10 acts for 0.06 s, q̇ = 0.6, q = 0.018; −10
+    for as long then.
 
     In between 10 acts on: q̇ = 1, q = 0.05 at 0.14 s; q̇ = 0.4, q = 0.092 at 0.2 s.
     """
@@ -107,8 +117,14 @@ class Shifted(Controller):
 
     def solve(self, rows: Rows, task: Task) -> Command:
         command = self.law.solve(rows, task)
-        before, self.waiting = self.waiting, command.qdd
-        return Command(np.zeros_like(command.qdd) if before is None else before, "ok", command.acted, command.labels)
+        before = self.waiting
+        self.waiting = command.qdd
+        return Command(
+            np.zeros_like(command.qdd) if before is None else before,
+            "ok",
+            command.acted,
+            command.labels,
+        )
 
 
 def late(delay: float, **settings: Any) -> Setup:
@@ -116,15 +132,25 @@ def late(delay: float, **settings: Any) -> Setup:
 
 
 @pytest.mark.parametrize(
-    "limits", [NO_LIMITS, ActuatorLimits(acceleration=1.0, jerk=200.0, known=False)], ids=["free", "limited"]
+    "limits",
+    [NO_LIMITS, ActuatorLimits(acceleration=1.0, jerk=200.0, known=False)],
+    ids=["free", "limited"],
 )
-@pytest.mark.parametrize("settings", [{}, {"time_constant": 0.01}, {"actuation": "position"}], ids=str)
-def test_a_delay_of_one_period_is_a_shift_by_one_sample(settings: dict[str, Any], limits: ActuatorLimits) -> None:
+@pytest.mark.parametrize(
+    "settings", [{}, {"time_constant": 0.01}, {"actuation": "position"}], ids=str
+)
+def test_a_delay_of_one_period_is_a_shift_by_one_sample(
+    settings: dict[str, Any], limits: ActuatorLimits
+) -> None:
     at_once, setup = (replace(late(delay, **settings), limits=limits) for delay in (0.0, 0.002))
     assert setup.Ts == 0.002
     run, shifted, free = (
         simulate(*pair)
-        for pair in ((setup, SlidingMode()), (at_once, Shifted(SlidingMode())), (at_once, SlidingMode()))
+        for pair in (
+            (setup, SlidingMode()),
+            (at_once, Shifted(SlidingMode())),
+            (at_once, SlidingMode()),
+        )
     )
     assert len(run.t) == len(shifted.t) == setup.samples
     assert run.saturated.any() == limits.any
@@ -135,26 +161,33 @@ def test_a_delay_of_one_period_is_a_shift_by_one_sample(settings: dict[str, Any]
 
 @pytest.mark.parametrize("by_public_call", [False, True])
 def test_the_loop_integrates_its_late_commands(by_public_call: bool) -> None:
-    """1.5 periods late: half of each period has the command before the last one, half the last one."""
+    """1.5 periods late: half of each period has the command before the last one, half the last
+    one.
+    """
     setup = late(0.003)
     run = simulate(setup, HierarchicalQP(), by_public_call=by_public_call)
     u = np.vstack((np.zeros((2, 6)), run.qdd_command))
     halves = np.repeat(u[: len(run.t)], 2, axis=0)[1:-1]
     halves = np.vstack((u[:1], halves, u[len(run.t) - 1 : len(run.t)]))
-    h, q, qd = 0.5 * setup.Ts, setup.q0.copy(), setup.qd0.copy()
+    h = 0.5 * setup.Ts
+    q = setup.q0.copy()
+    qd = setup.qd0.copy()
     for k in range(len(run.t) - 1):
         np.testing.assert_allclose(run.q[k], q, atol=1e-12)
         for half in (2 * k, 2 * k + 1):
             command = u[k + half % 2]
-            q, qd = q + h * qd + 0.5 * h * h * command, qd + h * command
+            q = q + h * qd + 0.5 * h * h * command
+            qd = qd + h * command
 
 
 def test_no_delay_changes_no_bit() -> None:
-    free, none = simulate(case(0.2), SlidingMode()), simulate(late(0.0), SlidingMode())
+    free = simulate(case(0.2), SlidingMode())
+    none = simulate(late(0.0), SlidingMode())
     np.testing.assert_array_equal(free.q[:100], none.q[:100])
     plant = Plant(np.ones(1), np.ones(1), TS, "acceleration", Disturbances())
     np.testing.assert_array_equal(
-        plant.transition, [[1, TS, TS**2 / 2, TS**2 / 2], [0, 1, TS, TS], [0, 0, 1, 0], [0, 0, 0, 1]]
+        plant.transition,
+        [[1, TS, TS**2 / 2, TS**2 / 2], [0, 1, TS, TS], [0, 0, 1, 0], [0, 0, 0, 1]],
     )
 
 
@@ -168,7 +201,8 @@ def test_a_joint_that_turns_where_the_command_changes_is_seen() -> None:
     states = [plant.x.copy()]
     plant.step()
     assert plant.qd[0] == pytest.approx(1.0)
-    states, far = np.array([*states, plant.x]), np.ones((2, 1))
+    states = np.array([*states, plant.x])
+    far = np.ones((2, 1))
     setup = SimpleNamespace(Ts=0.1, constraints=SimpleNamespace(characteristic_length=np.ones(1)))
     np.testing.assert_array_equal(inspected_periods(cast(Any, setup), plant, states, far), [0])
     plant.switch = 0.0
@@ -186,7 +220,10 @@ def test_a_situation_counts_the_delay_as_latency() -> None:
     [
         (-1e-3, "command_delay must be zero or more"),
         (float("inf"), "command_delay must be finite"),
-        (0.002 * MAX_PENDING + 1e-4, "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s"),
+        (
+            0.002 * MAX_PENDING + 1e-4,
+            "command_delay must not exceed 100 sampling times, 0.2 s, not 0.2001 s",
+        ),
     ],
 )
 def test_a_delay_of_nonsense_is_refused(delay: float, words: str) -> None:

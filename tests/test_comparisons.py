@@ -15,7 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsconstraints.comparisons import ControllerSpec, RunRecord, StoredComparison, Suite, compare, score
+from vsconstraints.comparisons import (
+    ControllerSpec,
+    RunRecord,
+    StoredComparison,
+    Suite,
+    compare,
+    score,
+)
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.record import FACTS, SHAPES, run_file, stored_run
 from vsconstraints.comparisons.tables import read_table
@@ -138,12 +145,19 @@ def test_columns_and_files_are_those_promised(stored: StoredComparison) -> None:
         assert arrays["active"].shape == (701, len(arrays["labels"]))
     for key in ("version", "git_commit", "command", "seed", "configuration", "machine", "packages"):
         assert key in stored.manifest
-    assert stored.manifest["loaded"].items() >= {name: version(name) for name in ("numpy", "pin", "numba")}.items()
+    assert (
+        stored.manifest["loaded"].items()
+        >= {name: version(name) for name in ("numpy", "pin", "numba")}.items()
+    )
     assert not list(stored.folder.rglob("*.part"))
 
 
 def test_results_have_one_line_per_run_with_tracking_first(stored: StoredComparison) -> None:
-    assert [line["controller"] for line in stored.results] == ["tracking", "sliding-mode", "hierarchical-qp"]
+    assert [line["controller"] for line in stored.results] == [
+        "tracking",
+        "sliding-mode",
+        "hierarchical-qp",
+    ]
     rows_per_run = 2  # two markers
     assert len(stored.constraints) == 3 * rows_per_run
 
@@ -154,7 +168,9 @@ def test_scores_agree_with_the_trajectories(stored: StoredComparison) -> None:
     run = stored.run("example-2d-fov", "sliding-mode").trajectory
     line = next(line for line in stored.results if line["controller"] == "sliding-mode")
     marker = next(
-        c for c in stored.constraints if c["controller"] == "sliding-mode" and c["constraint"] == "fov[marker 2]"
+        c
+        for c in stored.constraints
+        if c["controller"] == "sliding-mode" and c["constraint"] == "fov[marker 2]"
     )
     half = 256 * 0.95
     assert (tracking.clearance[:, 1] < 0).any()
@@ -166,23 +182,35 @@ def test_scores_agree_with_the_trajectories(stored: StoredComparison) -> None:
     # stopped before the goal is reached
     assert np.isnan(line["utilization"])
     assert 0.9 < marker["usage_held"] <= 1.0
-    assert marker["utilization"] == pytest.approx(1.0 - marker["mean_unused_margin"] / half, rel=1e-6)
+    assert marker["utilization"] == pytest.approx(
+        1.0 - marker["mean_unused_margin"] / half, rel=1e-6
+    )
     assert marker["phi_max"] == pytest.approx(run.phi[:, 1].max())
     outside = np.minimum(tracking.clearance, tracking.between_clearance)[:, 1] < -1e-4 * half
-    assert marker["mean_unused_margin"] == pytest.approx(np.maximum(run.clearance[outside, 1], 0).mean(), rel=1e-6)
+    assert marker["mean_unused_margin"] == pytest.approx(
+        np.maximum(run.clearance[outside, 1], 0).mean(), rel=1e-6
+    )
     active = run.phi[:, 1] >= 0
     assert marker["active_time_s"] == pytest.approx(active.sum() * 0.005)
     assert marker["first_active_s"] == pytest.approx(run.t[active][0])
     changes = np.abs(np.diff(run.qdd_command, axis=0))
-    assert line["acceleration_variation"] == pytest.approx(np.sqrt((changes**2).sum(1)).sum() / 3.5, rel=1e-6)
+    assert line["acceleration_variation"] == pytest.approx(
+        np.sqrt((changes**2).sum(1)).sum() / 3.5, rel=1e-6
+    )
     assert line["phi_band_bound"] == pytest.approx(0.005 * 10.0)
-    assert line["switching_rate_hz"] == pytest.approx((np.diff(active.astype(int)) != 0).sum() / 3.5, rel=1e-6)
+    assert line["switching_rate_hz"] == pytest.approx(
+        (np.diff(active.astype(int)) != 0).sum() / 3.5, rel=1e-6
+    )
 
 
 def test_tracking_alone_violates_what_it_challenges(stored: StoredComparison) -> None:
     line = stored.results[0]
     assert line["violated"] == "fov[marker 2]"
-    row = next(c for c in stored.constraints if c["controller"] == "tracking" and c["constraint"] == "fov[marker 2]")
+    row = next(
+        c
+        for c in stored.constraints
+        if c["controller"] == "tracking" and c["constraint"] == "fov[marker 2]"
+    )
     assert row["violation_depth"] > 5.0
     assert line["violation_depth"] == pytest.approx(row["violation_depth"] / (256 * 0.95), rel=1e-6)
     assert row["usage_max"] == pytest.approx(1.0 + line["violation_depth"], rel=1e-6)
@@ -193,7 +221,9 @@ def test_the_same_seed_gives_the_same_results(stored: StoredComparison, tmp_path
     again = StoredComparison.load(tmp_path)
     for ours, theirs in zip(stored.results, again.results, strict=True):
         for name in set(RESULT_COLUMNS) - set(TIMING_COLUMNS):
-            assert ours[name] == theirs[name] or (ours[name] != ours[name] and theirs[name] != theirs[name]), name
+            assert ours[name] == theirs[name] or (
+                ours[name] != ours[name] and theirs[name] != theirs[name]
+            ), name
     first, second = (
         np.load(folder / "trajectories" / "example-2d-fov--hierarchical-qp--0.npz")
         for folder in (stored.folder, tmp_path)
@@ -208,7 +238,11 @@ def test_a_stored_run_is_kept_and_a_changed_one_is_not(tmp_path: Path) -> None:
     assert compare(suite, tmp_path, workers=1).stored_before == 3
     assert compare(suite, tmp_path, workers=1, fresh=True).stored_before == 0
     more = replace(
-        suite, controllers=(*suite.controllers, ControllerSpec("other", "sliding-mode", {"rank_tolerance": 1e-7}))
+        suite,
+        controllers=(
+            *suite.controllers,
+            ControllerSpec("other", "sliding-mode", {"rank_tolerance": 1e-7}),
+        ),
     )
     assert compare(more, tmp_path, workers=1).stored_before == 3
     elsewhere = suite.select(settings=["scenario.q0=[-0.72, -1.744, 1.075]"])
@@ -220,11 +254,15 @@ def test_a_stored_run_is_kept_and_a_changed_one_is_not(tmp_path: Path) -> None:
 
 
 def test_trials_deviate_alike_for_every_controller(tmp_path: Path) -> None:
-    suite = small_suite(trials=3).select(settings=["scenario.duration=0.1", "scenario.start_deviation=0.01"])
+    suite = small_suite(trials=3).select(
+        settings=["scenario.duration=0.1", "scenario.start_deviation=0.01"]
+    )
     compare(suite, tmp_path, workers=1)
     stored = StoredComparison.load(tmp_path)
     starts = {
-        controller: np.array([stored.run("example-2d-fov", controller, k).trajectory.q[0] for k in range(3)])
+        controller: np.array(
+            [stored.run("example-2d-fov", controller, k).trajectory.q[0] for k in range(3)]
+        )
         for controller in stored.controllers
     }
     np.testing.assert_array_equal(starts["tracking"], starts["sliding-mode"])
@@ -249,7 +287,10 @@ def test_failing_runs_become_rows_with_their_reason(tmp_path: Path) -> None:
     assert lines["sliding-mode"]["status"] == "unfinished"
     reason = "t = 0 s: RuntimeError: on purpose (broken.py, line 10)"
     assert (lines["raises"]["status"], lines["raises"]["reason"]) == ("failed", reason)
-    assert (lines["dies"]["status"], lines["dies"]["reason"]) == ("failed", "the process that ran it died")
+    assert (lines["dies"]["status"], lines["dies"]["reason"]) == (
+        "failed",
+        "the process that ran it died",
+    )
     assert lines["nan"]["status"] == "failed"
     assert "not finite" in lines["nan"]["reason"]
     # what is unknown is blank, what is known stays
@@ -281,24 +322,50 @@ def test_a_record_survives_storing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('scenarios = ["example-2d-fow"]\n[controllers.tracking]', ("example-2d-fow", "example-2d-fov")),
-        ('scenarios = ["example-2d-fov"]\n[controllers.slidingmode]', ("slidingmode", "sliding-mode")),
-        ('scenarios = ["example-2d-fov"]\n[controllers.sliding-mode]\nrank = 1', ("rank", "rank_tolerance")),
-        ('scenarios = ["example-2d-fov"]\ntrails = 3\n[controllers.tracking]', ("trails", "trials")),
+        (
+            'scenarios = ["example-2d-fow"]\n[controllers.tracking]',
+            ("example-2d-fow", "example-2d-fov"),
+        ),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers.slidingmode]',
+            ("slidingmode", "sliding-mode"),
+        ),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers.sliding-mode]\nrank = 1',
+            ("rank", "rank_tolerance"),
+        ),
+        (
+            'scenarios = ["example-2d-fov"]\ntrails = 3\n[controllers.tracking]',
+            ("trails", "trials"),
+        ),
         ('scenarios = ["example-2d-fov"]\ntrials = 0\n[controllers.tracking]', ("trials", "0")),
         ("scenarios = []\n[controllers.tracking]", ("nothing to compare: it has no scenario",)),
         ('scenarios = ["example-2d-fov"]', ("controllers", "missing")),
         ("scenarios = [3]\n[controllers.tracking]", ("a name, a path, or a table",)),
         ('scenarios = ["gone.toml"]\n[controllers.tracking]', ("gone.toml",)),
         ('scenarios = ["example-2d-fov"]\n[controllers.a]\ntype = "nowhere:Law"', ("nowhere",)),
-        ('scenarios = ["example-2d-fov"]\n[controllers.a]\ntype = "json:JSONDecoder"', ("JSONDecoder", "Controller")),
-        ('scenarios = ["example-2d-fov"]\n[controllers."a--b"]\ntype = "tracking"', ("a--b", "file names")),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers.a]\ntype = "json:JSONDecoder"',
+            ("JSONDecoder", "Controller"),
+        ),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers."a--b"]\ntype = "tracking"',
+            ("a--b", "file names"),
+        ),
         ("scenarios = [", ("is not TOML",)),
-        ('scenarios = ["example-2d-fov"]\n[controllers.hierarchical-qp]\nsolver = "daqq"', ("daqq", "daqp")),
-        ('scenarios = ["example-2d-fov"]\n[controllers.potential-field]\nregion = -1', ("region", "-1")),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers.hierarchical-qp]\nsolver = "daqq"',
+            ("daqq", "daqp"),
+        ),
+        (
+            'scenarios = ["example-2d-fov"]\n[controllers.potential-field]\nregion = -1',
+            ("region", "-1"),
+        ),
     ],
 )
-def test_a_bad_suite_is_refused_with_words_that_help(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_a_bad_suite_is_refused_with_words_that_help(
+    tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
     (tmp_path / "suite.toml").write_text(text)
     with pytest.raises((ConfigurationError, InvalidInput)) as caught:
         Suite.load(tmp_path / "suite.toml")
@@ -322,7 +389,9 @@ def test_a_bad_suite_is_refused_with_words_that_help(tmp_path: Path, text: str, 
         ("trials=many", ("trials", "many")),
     ],
 )
-def test_a_bad_setting_is_refused_with_words_that_help(setting: str, words: tuple[str, ...]) -> None:
+def test_a_bad_setting_is_refused_with_words_that_help(
+    setting: str, words: tuple[str, ...]
+) -> None:
     with pytest.raises(VsconstraintsError) as caught:
         small_suite().select(settings=[setting])
     for word in words:
@@ -342,10 +411,12 @@ def test_settings_reach_what_they_name() -> None:
     assert suite.trials == 2
     assert suite.scenarios[0].tables["constraints"][0]["K"] == 0.3
     assert suite.controllers[1].options == {"rows": "active"}
-    assert Scenario.load("example-2d-fov").tables["constraints"][0]["K"] == 0.2  # the file's own stays as it is
+    # the file's own stays as it is
+    assert Scenario.load("example-2d-fov").tables["constraints"][0]["K"] == 0.2
 
 
-# A program started in the background of a script inherits an ignored SIGINT; at a terminal it does not.
+# A program started in the background of a script inherits an ignored SIGINT; at a terminal it does
+# not.
 INTERRUPTIBLE = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -378,7 +449,10 @@ def test_an_interrupt_keeps_what_was_finished_and_the_same_command_goes_on(tmp_p
     assert json.loads((tmp_path / "o" / "manifest.json").read_text())["finished"] == 1
     assert "Traceback" not in errors
     again = subprocess.run(
-        [*command, "--set", "case-study-6r.duration=10.0"], capture_output=True, text=True, timeout=120
+        [*command, "--set", "case-study-6r.duration=10.0"],
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert again.returncode == 0, again.stderr
     assert "1 of 3 runs were stored" in again.stdout
@@ -400,7 +474,9 @@ def test_own_modules_of_the_same_name_stay_apart(tmp_path: Path) -> None:
         folder = tmp_path / str(tolerance)
         folder.mkdir()
         (folder / "law.py").write_text(LAW.format(tolerance=tolerance))
-        (folder / "s.toml").write_text('scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n')
+        (folder / "s.toml").write_text(
+            'scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n'
+        )
         controller = Suite.load(folder / "s.toml").controllers[0].make()
         tolerances.append(controller.rank_tolerance)
     assert tolerances == [1e-3, 1e-4]
@@ -408,7 +484,10 @@ def test_own_modules_of_the_same_name_stay_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("setting", ["start_deviation=0.01", "disturbances={pixel_noise = 0.1}"])
 def test_trials_need_something_random(setting: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"3 trials of example-2d-fov would be the same run.*start_deviation"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"3 trials of example-2d-fov would be the same run.*start_deviation",
+    ):
         small_suite().select(settings=["trials=3"])
     assert small_suite().select(settings=[f"scenario.{setting}", "trials=3"]).trials == 3
 
@@ -420,14 +499,20 @@ def test_even_an_exit_inside_a_run_ends_that_run_only(tmp_path: Path) -> None:
         "    def solve(self, rows, task):\n        raise SystemExit(3)\n"
     )
     (tmp_path / "s.toml").write_text(
-        'scenarios = ["example-2d-fov"]\n[controllers.leaves]\ntype = "leaves:Leaves"\n[controllers.sliding-mode]\n'
+        'scenarios = ["example-2d-fov"]\n[controllers.leaves]\ntype = '
+        '"leaves:Leaves"\n[controllers.sliding-mode]\n'
     )
     suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.1"])
     lines = compare(suite, tmp_path / "out", workers=1).scores
-    assert lines["example-2d-fov", "leaves", 0].result["reason"] == "t = 0 s: SystemExit: 3 (leaves.py, line 5)"
+    assert (
+        lines["example-2d-fov", "leaves", 0].result["reason"]
+        == "t = 0 s: SystemExit: 3 (leaves.py, line 5)"
+    )
     assert lines["example-2d-fov", "sliding-mode", 0].result["status"] == "unfinished"
 
 
 def test_everything_that_a_record_holds_is_checked_when_it_is_read() -> None:
-    held = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)} - {"trajectory"}
+    held = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)} - {
+        "trajectory"
+    }
     assert held == {*SHAPES, *FACTS}

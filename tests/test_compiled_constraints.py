@@ -1,4 +1,6 @@
-"""The contract of compiled rows: those of every constraint, own ones too, as in NumPy and as differences say."""
+"""The contract of compiled rows: those of every constraint, own ones too, as in NumPy and as
+differences say.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ import numpy as np
 import pytest
 
 from numpy_form import believed, define
-from scenes import WORLDS, build_constraint, constraint_tables, random_scene, robot, robot_names, slope
+from scenes import (
+    WORLDS,
+    build_constraint,
+    constraint_tables,
+    random_scene,
+    robot,
+    robot_names,
+    slope,
+)
 from vsconstraints import RobotPoint
 from vsconstraints.compiled import available
 from vsconstraints.constraints import (
@@ -105,14 +115,23 @@ class Sum(JointConstraint):
         return np.ones(1)
 
 
-OWN = {"corridor": lambda: Corridor(markers=[3, 1]), "cone": Cone, "hill": Hill, "sum": lambda: Sum(**GAINS)}
+OWN = {
+    "corridor": lambda: Corridor(markers=[3, 1]),
+    "cone": Cone,
+    "hill": Hill,
+    "sum": lambda: Sum(**GAINS),
+}
 
 
-def step_of(constraints: list[Constraint], name: str, world: str = WORLDS[0], known: bool = True) -> tuple[Any, ...]:
+def step_of(
+    constraints: list[Constraint], name: str, world: str = WORLDS[0], known: bool = True
+) -> tuple[Any, ...]:
     """A step, and a state of it."""
     scene, q, qd = random_scene(robot(name), np.random.default_rng(len(world)), constraints, world)
     state = scene.evaluate(0.7, q, qd)
-    goal = Goal(0.0, state.pixels.position + 9.0, state.normalised.position + 0.01, None, state.depth)
+    goal = Goal(
+        0.0, state.pixels.position + 9.0, state.normalised.position + 0.01, None, state.depth
+    )
     task = VisualTask(ImagePoints(), [goal], TrackingGains(5.0))
     return ControlStep(scene, ConstraintSet(constraints, scene), task, known=known), q, qd
 
@@ -120,7 +139,8 @@ def step_of(constraints: list[Constraint], name: str, world: str = WORLDS[0], kn
 def agree(step: ControlStep, q: Array, qd: Array, known: bool = True) -> None:
     """Compiled rows are those in NumPy, σ̇ and φ̇ those of differences."""
     state = step.scene.evaluate(0.7, q, qd)
-    found, defined = step.evaluate(0.7, q, qd), define(step, state if known else believed(step.scene, state))
+    found = step.evaluate(0.7, q, qd)
+    defined = define(step, state if known else believed(step.scene, state))
     for name, mine, theirs in (
         ("sigma", found.sigma, defined.sigma),
         *(
@@ -133,14 +153,18 @@ def agree(step: ControlStep, q: Array, qd: Array, known: bool = True) -> None:
     if known:
         phi_dot = slope(lambda t: step.evaluate(0.7 + t, q + t * qd, qd).rows.phi, 1e-5)
         phi = np.abs(found.rows.phi).max()
-        np.testing.assert_allclose(found.rows.Lf, phi_dot, rtol=1e-4, atol=1e-5 * max(1.0, phi), err_msg="L_fφ")
+        np.testing.assert_allclose(
+            found.rows.Lf, phi_dot, rtol=1e-4, atol=1e-5 * max(1.0, phi), err_msg="L_fφ"
+        )
 
 
 def moved(constraint: Constraint, known: bool) -> None:
     """Let what it forbids move, if it can."""
     if hasattr(constraint, "moving"):
         d = constraint.coordinates
-        constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, known=known))
+        constraint.moving(
+            Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, known=known)
+        )
 
 
 @pytest.mark.parametrize("type_name", CONSTRAINTS)
@@ -156,7 +180,9 @@ def test_every_registered_constraint(name: str, type_name: str) -> None:
 
 
 @pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize("type_name", ["occlusion", "forbidden-sphere", "forbidden-box", "forbidden-capsule"])
+@pytest.mark.parametrize(
+    "type_name", ["occlusion", "forbidden-sphere", "forbidden-box", "forbidden-capsule"]
+)
 def test_what_moves(type_name: str, known: bool) -> None:
     arm = robot("ur5")
     one = build_constraint(type_name, {**constraint_tables(type_name, arm)[0]}, arm)
@@ -203,7 +229,9 @@ def test_who_says_more_than_the_formula_runs_in_numpy() -> None:
 
 
 def test_rows_stand_in_their_order() -> None:
-    """Compiled ones and those in NumPy, several of each kind, with points of their own; the command follows them."""
+    """Compiled ones and those in NumPy, several of each kind, with points of their own; the command
+    follows them.
+    """
     arm = robot("ur5")
     kinds = (
         "forbidden-box", "field-of-view", "forbidden-half-space", "self-collision", "forbidden-sphere", "occlusion",
@@ -211,7 +239,9 @@ def test_rows_stand_in_their_order() -> None:
     )  # fmt: skip
     several = {kind: 2 if kind.startswith("forbidden") else 1 for kind in kinds}
     some = [
-        build_constraint(kind, table, arm) for kind in kinds for table in constraint_tables(kind, arm)[: several[kind]]
+        build_constraint(kind, table, arm)
+        for kind in kinds
+        for table in constraint_tables(kind, arm)[: several[kind]]
     ]
     for i, one in enumerate(some):
         if hasattr(one, "name"):
@@ -219,8 +249,10 @@ def test_rows_stand_in_their_order() -> None:
     step, q, qd = step_of(some, "ur5")
     assert [one.kind for one in step.in_numpy] == ["self-collision"]
     agree(step, q, qd)
-    law, defined = SlidingMode(), define(step, step.scene.evaluate(0.7, q, qd))
-    command, expected = step.command(law, 0.7, q, qd)[1], law.command(defined.rows, defined.task)
+    law = SlidingMode()
+    defined = define(step, step.scene.evaluate(0.7, q, qd))
+    command = step.command(law, 0.7, q, qd)[1]
+    expected = law.command(defined.rows, defined.task)
     np.testing.assert_allclose(command.qdd, expected.qdd, rtol=1e-6)
 
 
@@ -245,7 +277,9 @@ def test_a_formula_that_the_compiler_refuses_runs_in_numpy_and_is_named() -> Non
 
         @staticmethod
         def formula(x, y, z, h, s):
-            return np.asarray([h - z, *np.zeros_like([x, y]), -1.0 + 0.0 * x], dtype="object").astype(float)
+            return np.asarray(
+                [h - z, *np.zeros_like([x, y]), -1.0 + 0.0 * x], dtype="object"
+            ).astype(float)
 
     with pytest.warns(RuntimeWarning, match=r"refuses a formula.*Refused\.formula \(.*\.py, line"):
         step, q, qd = step_of([Refused()], "viper-s650")
@@ -264,5 +298,9 @@ def test_a_constraint_without_a_formula_is_refused() -> None:
 @pytest.mark.skipif(not available(), reason="there is no compiler")
 def test_rows_on_joints_are_compiled() -> None:
     setup = Scenario.load("ur5-fov").setup()
-    assert {type(c).__name__ for c in setup.constraints.constraints} == {"FieldOfView", "JointRange", "JointSpeed"}
+    assert {type(c).__name__ for c in setup.constraints.constraints} == {
+        "FieldOfView",
+        "JointRange",
+        "JointSpeed",
+    }
     assert ControlStep(setup.scene, setup.constraints, setup.task).in_numpy == ()

@@ -31,10 +31,14 @@ WRIST = [0.3, -1.2, 1.4, -0.8, 0.0, 0.2]
 """Of a UR5, with two axes of the wrist in line."""
 
 
-def world(arm: Robot, constraints: list[Any], seed: int = 0) -> tuple[Scene, VisualTask, Array, Array]:
+def world(
+    arm: Robot, constraints: list[Any], seed: int = 0
+) -> tuple[Scene, VisualTask, Array, Array]:
     scene, q, qd = random_scene(arm, np.random.default_rng(seed), constraints)
     pixels = scene.glance(q)[0]
-    task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    task = VisualTask(
+        ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0)
+    )
     return scene, task, q, qd
 
 
@@ -42,7 +46,9 @@ def rows_of(arm: Robot, part: Any, q: Array, qd: Array) -> tuple[Any, Any]:
     """Of the compiled step and of an oracle, wherever the markers are."""
     one = Manipulability(arm, minimum=0.05, scale=0.2, part=part, **GAINS)
     scene, task, _, _ = world(arm, [one])
-    scene.markers[:] = scene.camera_pose(q).act(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0], [-0.1, 0.0, 1.2]]))
+    scene.markers[:] = scene.camera_pose(q).act(
+        np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0], [-0.1, 0.0, 1.2]])
+    )
     step = ControlStep(scene, ConstraintSet([one], scene), task)
     assert step.in_numpy == ()
     return step.evaluate(0.0, q, qd), oracle(one, scene.evaluate(0.0, q, qd).robot.J, qd)
@@ -51,26 +57,37 @@ def rows_of(arm: Robot, part: Any, q: Array, qd: Array) -> tuple[Any, Any]:
 def oracle(one: Manipulability, J: Array, qd: Array) -> Any:
     """σ, φ, L_gφ and L_fφ by the singular values of LAPACK, and brackets as matrices."""
     at = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}[one.part]
-    weighted, change = weighted_inverse(J[at]), jacobian_derivatives(J)[:, at]
+    weighted = weighted_inverse(J[at])
+    change = jacobian_derivatives(J)[:, at]
     slope = change.reshape(len(change), -1) @ weighted.T.ravel()
     A, B, C = J[at], *(rate[at] for rate in jacobian_rates(J, qd))
     if A.shape[0] > A.shape[1]:
-        A, B, C = A.T, B.T, C.T
+        A = A.T
+        B = B.T
+        C = C.T
     U, s, _ = np.linalg.svd(A, full_matrices=False)
-    w, s = s.prod(), np.maximum(s, SINGULAR)
+    w = s.prod()
+    s = np.maximum(s, SINGULAR)
     inverse = (U / s**2) @ U.T
     X = inverse @ (B @ A.T + A @ B.T)
     second = 2.0 * np.trace(inverse @ (C @ A.T + B @ B.T))
     bent = s.prod() * ((0.5 * np.trace(X)) ** 2 + 0.5 * (second - (X * X.T).sum()))
     factor = -1.0 / one.w_scale
     block = one.block(
-        np.array([(one.minimum - w) / one.w_scale]), factor * slope @ qd[:, None], factor * slope[None], factor * bent
+        np.array([(one.minimum - w) / one.w_scale]),
+        factor * slope @ qd[:, None],
+        factor * slope[None],
+        factor * bent,
     )
-    return SimpleNamespace(sigma=block.sigma, rows=SimpleNamespace(phi=block.phi, Lg=block.Lg, Lf=block.Lf))
+    return SimpleNamespace(
+        sigma=block.sigma, rows=SimpleNamespace(phi=block.phi, Lg=block.Lg, Lf=block.Lf)
+    )
 
 
 def weighted_inverse(J: Array) -> Array:
-    """(n, r) w J⁺ with w the product of the singular values: finite also where one of them is zero."""
+    """(n, r) w J⁺ with w the product of the singular values: finite also where one of them is
+    zero.
+    """
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     others = np.where(np.eye(len(s), dtype=np.bool_), 1.0, s).prod(axis=1)
     weighted: Array = (Vt.T * others) @ U.T
@@ -78,7 +95,9 @@ def weighted_inverse(J: Array) -> Array:
 
 
 def _structure() -> Array:
-    """(6, 36) C with (a C) as a 6 × 6 matrix times b being [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b)."""
+    """(6, 36) C with (a C) as a 6 × 6 matrix times b being [a, b] = (ω_a × v_b + v_a × ω_b, ω_a ×
+    ω_b).
+    """
     C = np.zeros((6, 6, 6))
     turns = skew(np.eye(3))
     C[:3, :3, 3:] = turns
@@ -135,13 +154,18 @@ def test_arms_of_every_shape(seed: int, n: int, part: Any) -> None:
         Manipulability(arm, minimum=0.05, part=part, **GAINS)
     except ConfigurationError:  # this arm never moves its tip so
         return
-    q, qd = rng.uniform(-2.0, 2.0, n), rng.normal(size=n)
-    J = arm.jacobian(q, axes="tip")[{"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}[part]]
+    q = rng.uniform(-2.0, 2.0, n)
+    qd = rng.normal(size=n)
+    J = arm.jacobian(q, axes="tip")[
+        {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}[part]
+    ]
     gains = np.linalg.svd(J, compute_uv=False)
     if gains[-1] > 1e-2 * gains[0]:
         found, defined = rows_of(arm, part, q, qd)
         for mine, theirs in zip(numbers(found), numbers(defined), strict=True):
-            np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(theirs).max()))
+            np.testing.assert_allclose(
+                mine, theirs, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(theirs).max())
+            )
 
 
 def numbers(found: Any) -> tuple[Array, ...]:
@@ -150,13 +174,17 @@ def numbers(found: Any) -> tuple[Array, ...]:
 
 @pytest.mark.parametrize("angle", [1e-3, -1e-3, 1e-5, 1e-7])
 def test_near_a_singular_configuration(angle: float) -> None:
-    """There LAPACK's decomposition loses digits of the curvature, which is continuous on each side."""
+    """There LAPACK's decomposition loses digits of the curvature, which is continuous on each
+    side.
+    """
     arm = robot("ur5")
     found, defined = rows_of(arm, "pose", np.array(WRIST) + np.eye(6)[4] * angle, 0.5 * np.ones(6))
     np.testing.assert_allclose(found.sigma, defined.sigma, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.rows.phi, defined.rows.phi, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.rows.Lg, defined.rows.Lg, rtol=0.0, atol=1e-9)
-    beside = rows_of(arm, "pose", np.array(WRIST) + np.eye(6)[4] * np.copysign(1e-3, angle), 0.5 * np.ones(6))[1]
+    beside = rows_of(
+        arm, "pose", np.array(WRIST) + np.eye(6)[4] * np.copysign(1e-3, angle), 0.5 * np.ones(6)
+    )[1]
     np.testing.assert_allclose(found.rows.Lf, beside.rows.Lf, rtol=2e-3)
 
 

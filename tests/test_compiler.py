@@ -50,7 +50,10 @@ def test_compilation_can_be_turned_off(tmp_path):
 @pytest.mark.parametrize(
     ("numba", "reason"),
     [
-        ("raise ImportError('Numba needs NumPy 1.0 or less')", "ImportError: Numba needs NumPy 1.0 or less"),
+        (
+            "raise ImportError('Numba needs NumPy 1.0 or less')",
+            "ImportError: Numba needs NumPy 1.0 or less",
+        ),
         ("", "'numba' is not a package"),
     ],
 )
@@ -78,7 +81,11 @@ def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "VSCONSTRAINTS_COMPILE": "alone"}
     for _ in range(3):
         done = subprocess.run(
-            [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=120
+            [sys.executable, "-W", "error", "-c", code],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
         )
         assert done.returncode == 0, done.stderr
         (file,) = tmp_path.rglob(f"polylines.search-*.{cut}")
@@ -89,10 +96,19 @@ def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
 def load_polylines(cache, code="", **variables):
     """A process that loads one module by a cache: what it writes to its standard error."""
     code = code or "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone", **variables}
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(cache),
+        "VSCONSTRAINTS_COMPILE": "alone",
+        **variables,
+    }
     environment = {name: value for name, value in environment.items() if value is not None}
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=300
+        [sys.executable, "-W", "error", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert done.returncode == 0, (done.returncode, done.stderr)
     return done.stderr
@@ -148,9 +164,15 @@ def test_a_user_without_a_home_runs_compiled(tmp_path):
 
 
 def test_that_something_is_compiled_once_is_said_once(tmp_path):
-    """Of the control step at first; a later process names what was not needed before, and the next one is silent."""
+    """Of the control step at first; a later process names what was not needed before, and the next
+    one is silent.
+    """
     more = "from vsconstraints.compiled import load; load('polylines'); load('delay')"
-    told = [load_polylines(tmp_path), load_polylines(tmp_path, more), load_polylines(tmp_path, more)]
+    told = [
+        load_polylines(tmp_path),
+        load_polylines(tmp_path, more),
+        load_polylines(tmp_path, more),
+    ]
     assert [text.count("compiling the control step, once") for text in told] == [1, 0, 0]
     assert [text.count("which nothing has needed before") for text in told] == [0, 1, 0]
     assert told[2] == ""
@@ -173,7 +195,12 @@ def test_a_formula_has_the_same_folder_in_every_process(tmp_path):
     for seed in ("1", "2", "3"):
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONHASHSEED": seed}
         done = subprocess.run(
-            [sys.executable, "-c", NESTED], env=environment, capture_output=True, text=True, timeout=300, check=True
+            [sys.executable, "-c", NESTED],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=True,
         )
         names.add(done.stdout)
     assert len(names) == 1
@@ -212,7 +239,9 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     cache = tmp_path / "cache"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
     fill = "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
-    subprocess.run([sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300)
+    subprocess.run(
+        [sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300
+    )
 
     def files():
         return {path: path.stat().st_mtime_ns for path in cache.rglob("*") if path.is_file()}
@@ -239,7 +268,9 @@ PYTHON = {"checksums", "compiler", "numba_internals"}
 
 
 def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
-    """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
+    """Also of the files that kernels take constants from, which are compiled in and leave no
+    trace.
+    """
     compiler = kernels.load("compiler")
     package = Path(kernels.__file__).parents[1]
     files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler.sources()}
@@ -253,7 +284,11 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
                 module = (node.module or "").replace(".", "/")
                 if module in types:
                     continue
-                names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
+                names = (
+                    [f"{module}/{name.name}" for name in node.names]
+                    if (package / module).is_dir()
+                    else [module]
+                )
                 assert set(names) <= files, f"{kernel.name} imports from {names}"
     assert all(file.is_file() for file in compiler.sources())
     folder = compiler.cache_folder(kernels.load("task_priority").priority)
@@ -261,13 +296,15 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
 
 
 def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
-    """Here one needs the search alone; the second process begins with the laws, and ends with the first.
+    """Here one needs the search alone; the second process begins with the laws, and ends with the
+    first.
 
-    Another one compiles what is asked of it, but where all was found compiled. Nor does a process that the first one
-    starts, and that compiles something else, say again what it said.
+    Another one compiles what is asked of it, but where all was found compiled. Nor does a process
+    that the first one starts, and that compiles something else, say again what it said.
     """
     code = (
-        "import subprocess, sys, time; from pathlib import Path; from vsconstraints.compiled import load\n"
+        "import subprocess, sys, time; from pathlib import Path; from vsconstraints.compiled "
+        "import load\n"
         "load('polylines')\n"
         "load('compiler').compile_ahead(['projection'])\n"
         "other = 'from vsconstraints.compiled import load; load(\"delay\")'\n"
@@ -285,8 +322,14 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
         )  # fmt: skip
         assert done.stderr.count("compiling the control step, once, for") == 1
         assert any(kept.glob("polylines-*/**/*.nbi"))
-    assert {folder.name.partition("-")[0] for folder in (tmp_path / "alone").iterdir()} >= {"polylines", "delay"}
-    assert not [*(tmp_path / "alone").glob("task_priority-*"), *(tmp_path / "alone").glob("projection-*")]
+    assert {folder.name.partition("-")[0] for folder in (tmp_path / "alone").iterdir()} >= {
+        "polylines",
+        "delay",
+    }
+    assert not [
+        *(tmp_path / "alone").glob("task_priority-*"),
+        *(tmp_path / "alone").glob("projection-*"),
+    ]
     found = (
         "import os; from vsconstraints.compiled import load\n"
         "load('polylines')\n"
@@ -294,12 +337,15 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
         "try: os.waitpid(-1, os.WNOHANG)\n"
         "except ChildProcessError: print('no other process')"
     )
-    done = subprocess.run([sys.executable, "-c", found], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", found], env=environment, capture_output=True, text=True, check=True
+    )
     assert done.stdout == "no other process\n"
 
 
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
-    compiler, law = kernels.load("compiler"), kernels.load("task_priority").priority
+    compiler = kernels.load("compiler")
+    law = kernels.load("task_priority").priority
     for i in range(12):
         old = tmp_path / f"task_priority-{i:016}"
         (old / "inner").mkdir(parents=True)

@@ -42,17 +42,26 @@ from vsconstraints.scenarios import shipped_scenarios
         ("report first --format s", {"svg"}),
         ("replay example-2d-h", {"example-2d-heart-concave:", "example-2d-heart-convex:"}),
         ("replay mi", {f"mine.toml:{law}" for law in CONTROLLERS}),
-        ("replay ur5-fov:tracking panda-fov:sl", {"panda-fov:sliding-mode", "panda-fov:sliding-mode-ahead"}),
+        (
+            "replay ur5-fov:tracking panda-fov:sl",
+            {"panda-fov:sliding-mode", "panda-fov:sliding-mode-ahead"},
+        ),
         ("replay ur5-fov : tracking panda", {f"panda-fov:{law}" for law in CONTROLLERS}),
         ("reproduce --figure 1", {"10", "11", "12", "14", "15", "16", "17", "18", "19"}),
         ("evidence --family no-such", set()),
     ],
 )
-def test_names_are_offered(typed: str, offered: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_are_offered(
+    typed: str, offered: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").touch()
     (tmp_path / "old.npz").touch()
     words = f"vsconstraints {typed}"
-    asked = {"_VSCONSTRAINTS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    asked = {
+        "_VSCONSTRAINTS_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(words.count(" ")),
+    }
     told = CliRunner().invoke(app, [], env=asked, prog_name="vsconstraints")
     assert set(told.stdout.split()) == offered

@@ -1,4 +1,6 @@
-"""Values, labels, margins and clearances of constraints, against the paper's formulas and scipy's distances."""
+"""Values, labels, margins and clearances of constraints, against the paper's formulas and scipy's
+distances.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,14 @@ def one_scene(*constraints: Constraint, seed: int = 3) -> tuple[Scene, State]:
 def trace_of_pixels(pixels: Array, image_size: tuple[float, float] = (512, 512)) -> Trace:
     """A trace in which one marker is at each of some pixels (T, 2)."""
     T = len(pixels)
-    return Trace(np.zeros(T), np.zeros((T, 6)), np.zeros((T, 6)), pixels[:, None, :], np.empty((T, 0, 3)), image_size)
+    return Trace(
+        np.zeros(T),
+        np.zeros((T, 6)),
+        np.zeros((T, 6)),
+        pixels[:, None, :],
+        np.empty((T, 0, 3)),
+        image_size,
+    )
 
 
 # --- labels ---
@@ -114,7 +123,9 @@ def test_the_set_knows_kind_unit_gain_scale_and_length_of_every_row() -> None:
         JointSpeed(arm, joints=[2], lower=[-0.5], upper=[0.4], switching_gain=1.0, margin=0.1),
         ForbiddenSphere(centre=[0.5, 0.2, 0.4], radius=0.05, K=0.1, switching_gain=0.2),
         Occlusion(Hyperellipse(100.0, 60.0), K=3.0, switching_gain=1.5, markers=[1]),
-        JointRange(arm, joints=[6], lower=[-1.1], upper=[0.1], K=0.1, switching_gain=2.0, margin=0.5),
+        JointRange(
+            arm, joints=[6], lower=[-1.1], upper=[0.1], K=0.1, switching_gain=2.0, margin=0.5
+        ),
     ]
     scene, _ = one_scene(*constraints)
     together = ConstraintSet(constraints, scene)
@@ -151,7 +162,14 @@ def test_no_constraint_at_all() -> None:
     assert rows.labels == ()
     assert rows.Lg.shape == (0, 6)
     assert sigma.shape == (0,)
-    trace = Trace(np.zeros(4), np.zeros((4, 6)), np.zeros((4, 6)), np.zeros((4, 3, 2)), np.empty((4, 0, 3)), (640, 480))
+    trace = Trace(
+        np.zeros(4),
+        np.zeros((4, 6)),
+        np.zeros((4, 6)),
+        np.zeros((4, 3, 2)),
+        np.empty((4, 0, 3)),
+        (640, 480),
+    )
     assert nothing.clearance(trace).shape == (4, 0)
 
 
@@ -159,14 +177,19 @@ def test_rows_of_several_constraints_are_those_of_each() -> None:
     arm = viper()
     constraints: list[Constraint] = []
     for type_name in CONSTRAINTS:
-        constraints += [build_constraint(type_name, table, arm) for table in constraint_tables(type_name, arm)[-1:]]
+        constraints += [
+            build_constraint(type_name, table, arm)
+            for table in constraint_tables(type_name, arm)[-1:]
+        ]
     scene, state = one_scene(*constraints)
     together, sigma = evaluate_rows(ConstraintSet(constraints, scene), state)
     at = 0
     for constraint in constraints:
         alone_scene = Scene(arm, scene.camera, scene.markers, constraint.points)
         alone = ConstraintSet([constraint], alone_scene)
-        rows, alone_sigma = evaluate_rows(alone, alone_scene.evaluate(0.0, state.robot.q, state.robot.qd))
+        rows, alone_sigma = evaluate_rows(
+            alone, alone_scene.evaluate(0.0, state.robot.q, state.robot.qd)
+        )
         part = slice(at, at + len(rows.labels))
         assert together.labels[part] == rows.labels
         np.testing.assert_allclose(sigma[part], alone_sigma, rtol=1e-13)
@@ -190,7 +213,9 @@ def test_rows_of_several_constraints_are_those_of_each() -> None:
         ({}, (320.0, 240.0)),
     ],
 )
-def test_margins_in_fractions_and_pixels(arguments: dict[str, float], half_size: tuple[float, float]) -> None:
+def test_margins_in_fractions_and_pixels(
+    arguments: dict[str, float], half_size: tuple[float, float]
+) -> None:
     fov = FieldOfView(WIDE, **arguments, **GAINS)
     a, b = half_size
     np.testing.assert_allclose(fov.half_size, half_size)
@@ -206,8 +231,12 @@ def test_margins_in_fractions_and_pixels(arguments: dict[str, float], half_size:
 
 def test_field_of_view_is_eq_20() -> None:
     fov = FieldOfView(SQUARE, margin=0.05, n=16, **GAINS)
-    u, v, a = 100.0, -230.0, 256.0 * 0.95
-    assert fov.sigma(np.array([u, v])) == pytest.approx((u / a) ** 16 + (v / a) ** 16 - 1.0, rel=1e-14)
+    u = 100.0
+    v = -230.0
+    a = 256.0 * 0.95
+    assert fov.sigma(np.array([u, v])) == pytest.approx(
+        (u / a) ** 16 + (v / a) ** 16 - 1.0, rel=1e-14
+    )
     assert FieldOfView(SQUARE, n=3, **GAINS).sigma(np.array([-u, v])) == pytest.approx(
         (u / 256) ** 3 + (230 / 256) ** 3 - 1.0, rel=1e-14
     )
@@ -242,7 +271,9 @@ def test_a_field_of_view_that_is_none_is_refused(arguments: dict[str, object], w
 
 
 def test_numpy_numbers_are_numbers() -> None:
-    fov = FieldOfView(WIDE, K=np.int64(1), switching_gain=np.float32(2.0), n=np.int32(4), markers=np.array([2, 1]))
+    fov = FieldOfView(
+        WIDE, K=np.int64(1), switching_gain=np.float32(2.0), n=np.int32(4), markers=np.array([2, 1])
+    )
     assert (fov.K, fov.switching_gain, fov.n) == (1.0, 2.0, 4.0)
     assert fov.markers == (2, 1)
 
@@ -255,7 +286,8 @@ def test_a_marker_that_the_scene_does_not_have_is_named() -> None:
 
 
 def test_rows_of_some_markers_are_theirs() -> None:
-    every, some = FieldOfView(WIDE, **GAINS), FieldOfView(WIDE, markers=[3, 1], **GAINS)
+    every = FieldOfView(WIDE, **GAINS)
+    some = FieldOfView(WIDE, markers=[3, 1], **GAINS)
     scene, state = one_scene()
     all_rows, _ = evaluate_rows(ConstraintSet([every], scene), state)
     rows, _ = evaluate_rows(ConstraintSet([some], scene), state)
@@ -277,10 +309,14 @@ def heart_as_printed(u: float, v: float) -> float:
     return 1 - 35**-2 * (0.8**2 * (u + 102) ** 2 + (v - abs(u + 102)) ** 2)
 
 
-@pytest.mark.parametrize("pixel", [(-50, 20), (-50, 60), (-44, 40.5), (-100, 200), (0, 0), (255, -255), (-43, 71)])
+@pytest.mark.parametrize(
+    "pixel", [(-50, 20), (-50, 60), (-44, 40.5), (-100, 200), (0, 0), (255, -255), (-43, 71)]
+)
 def test_the_bowl_is_eq_45(pixel: tuple[float, float]) -> None:
     curve = Curve(Bowl(), (-50.0, 20.0))
-    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(bowl_as_printed(*pixel), rel=1e-13)
+    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(
+        bowl_as_printed(*pixel), rel=1e-13
+    )
 
 
 PIXELS = [(-102, 0), (-102, 35), (-120, 3), (-90, 40.5), (0, 0), (255, -255), (-130, 71)]
@@ -289,34 +325,48 @@ PIXELS = [(-102, 0), (-102, 35), (-120, 3), (-90, 40.5), (0, 0), (255, -255), (-
 @pytest.mark.parametrize("pixel", PIXELS)
 def test_the_heart_is_eq_46(pixel: tuple[float, float]) -> None:
     curve = Curve(Heart(), (-102.0, 0.0))
-    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(heart_as_printed(*pixel), rel=1e-13)
+    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(
+        heart_as_printed(*pixel), rel=1e-13
+    )
 
 
 @pytest.mark.parametrize("pixel", PIXELS)
-def test_the_rotated_heart_is_evaluated_at_minus_v_and_u_plus_102(pixel: tuple[float, float]) -> None:
-    """Turned clockwise by 90° about its own centre with v drawn upwards: its tip then points to −u."""
+def test_the_rotated_heart_is_evaluated_at_minus_v_and_u_plus_102(
+    pixel: tuple[float, float],
+) -> None:
+    """Turned clockwise by 90° about its own centre with v drawn upwards: its tip then points to
+    −u.
+    """
     curve = Curve(Heart(), (-102.0, 0.0), rotation=-np.pi / 2)
     u, v = pixel
-    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(heart_as_printed(-v - 102, u + 102), rel=1e-12)
+    assert curve.value(np.array(pixel, dtype=float)) == pytest.approx(
+        heart_as_printed(-v - 102, u + 102), rel=1e-12
+    )
 
 
 def test_the_hearts_corners_are_where_they_are_said_to_be() -> None:
     heart = Heart()
     np.testing.assert_allclose(heart.value(np.array([[0.0, 35.0], [0.0, -35.0]])), 0.0, atol=1e-15)
     turned = Curve(heart, (-102.0, 0.0), rotation=-np.pi / 2)
-    np.testing.assert_allclose(turned.value(np.array([[-137.0, 0.0], [-67.0, 0.0]])), 0.0, atol=1e-14)
+    np.testing.assert_allclose(
+        turned.value(np.array([[-137.0, 0.0], [-67.0, 0.0]])), 0.0, atol=1e-14
+    )
     # at a corner the gradient is the mean of both sides
     for v in (35.0, -35.0):
         sides = heart.gradient(np.array([[1e-9, v], [-1e-9, v]]))
-        np.testing.assert_allclose(heart.gradient(np.array([0.0, v])), sides.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(
+            heart.gradient(np.array([0.0, v])), sides.mean(axis=0), atol=1e-9
+        )
 
 
 def test_a_rotated_curve_is_the_curve_at_turned_points() -> None:
     """The rotation turns u towards v: a point of the shape moves by [cos −sin; sin cos]."""
     rng = np.random.default_rng(4)
     for shape in (Bowl(), Heart(), Hyperellipse(80.0, 30.0, 3.0), Circle(20.0)):
-        angle, centre = float(rng.uniform(-3, 3)), rng.uniform(-50, 50, 2)
-        c, s = np.cos(angle), np.sin(angle)
+        angle = float(rng.uniform(-3, 3))
+        centre = rng.uniform(-50, 50, 2)
+        c = np.cos(angle)
+        s = np.sin(angle)
         p = rng.uniform(-60, 60, (10, 2))
         moved = p @ np.array([[c, -s], [s, c]]).T + centre
         found = Curve(shape, tuple(centre), angle).value(moved)
@@ -328,7 +378,9 @@ def test_gradients_of_curves(shape: Shape) -> None:
     curve = Curve(shape, (12.0, -7.0), 0.4)
     for y in np.random.default_rng(5).uniform(-90, 90, (10, 2)):
         numerical = gradient(curve.value, y, 1e-4)
-        np.testing.assert_allclose(curve.gradient(y), numerical, rtol=1e-7, atol=1e-9 * np.abs(numerical).max())
+        np.testing.assert_allclose(
+            curve.gradient(y), numerical, rtol=1e-7, atol=1e-9 * np.abs(numerical).max()
+        )
 
 
 @pytest.mark.parametrize(
@@ -355,7 +407,8 @@ def test_a_curve_that_is_none_is_refused(make, words: str) -> None:
 
 
 def test_an_occlusions_margin_moves_its_boundary_outwards() -> None:
-    plain, wider = Occlusion(Circle(50.0), **GAINS), Occlusion(Circle(50.0), margin=0.44, **GAINS)
+    plain = Occlusion(Circle(50.0), **GAINS)
+    wider = Occlusion(Circle(50.0), margin=0.44, **GAINS)
     on_circle = np.array([50.0, 0.0])
     assert plain.sigma(on_circle) == pytest.approx(0.0, abs=1e-15)
     assert wider.sigma(on_circle) == pytest.approx(0.44)
@@ -368,7 +421,8 @@ def test_an_occlusions_margin_moves_its_boundary_outwards() -> None:
 
 def test_clearance_of_a_circle_is_the_distance_to_it() -> None:
     """Far away, near, inside and at the centre; for an off-centre circle."""
-    centre, radius = np.array([30.0, -20.0]), 70.0
+    centre = np.array([30.0, -20.0])
+    radius = 70.0
     occlusion = Occlusion(Curve(Circle(radius), tuple(centre)), **GAINS)
     rng = np.random.default_rng(6)
     pixels = np.vstack((rng.uniform(-256, 256, (200, 2)), [centre], [[2000.0, -3000.0]]))
@@ -380,7 +434,9 @@ def test_clearance_of_a_circle_is_the_distance_to_it() -> None:
 
 
 def distance_to_hyperellipse(p: Array, a: float, b: float, n: float) -> float:
-    """Least distance to |u/a|ⁿ + |v/b|ⁿ = 1, by scipy over u and over v as the curve's parameter."""
+    """Least distance to |u/a|ⁿ + |v/b|ⁿ = 1, by scipy over u and over v as the curve's
+    parameter.
+    """
     nearest = np.inf
     # by symmetry the nearest point is in the point's own quadrant
     u, v = np.abs(p)
@@ -413,7 +469,9 @@ def test_clearance_of_hyperellipses_is_scipys_distance(a: float, b: float, n: fl
 
 def test_clearance_of_the_field_of_view_is_positive_inside() -> None:
     fov = FieldOfView(WIDE, margin_px=30.0, **GAINS)
-    pixels = np.array([[0.0, 0.0], [289.0, 0.0], [0.0, -209.5], [300.0, 0.0], [0.0, 230.0], [-290.0, 0.0]])
+    pixels = np.array(
+        [[0.0, 0.0], [289.0, 0.0], [0.0, -209.5], [300.0, 0.0], [0.0, 230.0], [-290.0, 0.0]]
+    )
     found = fov.clearance(trace_of_pixels(pixels, (640, 480)), slice(0, 0))[:, 0]
     # the sides of a hyperellipse with n = 16 are all but straight lines at u = ±290, v = ±210
     np.testing.assert_allclose(found, [210.0, 1.0, 0.5, -10.0, -20.0, 0.0], atol=0.01)
@@ -461,20 +519,29 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
     true = cKDTree(np.stack((u, 35.0 * np.sin(angle) + np.abs(u)), axis=1)).query(pixels)[0]
     found = np.abs(heart.clearance(trace_of_pixels(pixels), slice(0, 0))[:, 0])
     np.testing.assert_allclose(found, true, atol=1.5e-3)
-    # a wedge of two long segments and a short one that ends between them: every segment counts, by brute force
-    wedge = [np.array([[-50.0, 40.0], [0.0, 0.0], [50.0, 40.0]]), np.array([[0.0, 30.0], [0.0, 30.2]])]
+    # a wedge of two long segments and a short one that ends between them: every segment counts, by
+    # brute force
+    wedge = [
+        np.array([[-50.0, 40.0], [0.0, 0.0], [50.0, 40.0]]),
+        np.array([[0.0, 30.0], [0.0, 30.2]]),
+    ]
     points = rng.uniform(-40.0, 60.0, size=(300, 2))
     expected = np.full(len(points), np.inf)
     for line in wedge:
         share = np.linspace(0.0, 1.0, 20_001)[:, None]
         dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
         expected = np.minimum(expected, cKDTree(dense).query(points)[0])
-    np.testing.assert_allclose(image_constraint.Polylines(wedge).distance(points), expected, atol=3e-3)
+    np.testing.assert_allclose(
+        image_constraint.Polylines(wedge).distance(points), expected, atol=3e-3
+    )
 
 
 def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of another setting have another one, and where the formula is not all that counts it is found each time."""
-    found, real = [], image_constraint.zero_lines
+    """Those of another setting have another one, and where the formula is not all that counts it is
+    found each time.
+    """
+    found = []
+    real = image_constraint.zero_lines
 
     def counted(*arguments: Any) -> Any:
         found.append(arguments)
@@ -487,7 +554,13 @@ def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPa
         one = Occlusion(Curve(Circle(radius), (centre, 0.0)), **GAINS)
         return one.clearance(trace_of_pixels(pixels), slice(0, 0))
 
-    for radius, centre in ((31.7, 41.37), (31.7, 41.37), (31.8, 41.37), (31.7, 41.38), (31.8, 41.37)):
+    for radius, centre in (
+        (31.7, 41.37),
+        (31.7, 41.37),
+        (31.8, 41.37),
+        (31.7, 41.38),
+        (31.8, 41.37),
+    ):
         away = np.hypot(pixels[:, 0] - centre, pixels[:, 1]) - radius
         np.testing.assert_allclose(clearance(radius, centre)[:, 0], away, atol=2e-3)
     assert len(found) == 3
@@ -498,12 +571,17 @@ def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPa
 
     own = Own(Curve(Circle(31.7), (41.37, 0.0)), **GAINS)
     for _ in range(2):
-        np.testing.assert_array_equal(own.clearance(trace_of_pixels(pixels), slice(0, 0)), clearance(31.7))
+        np.testing.assert_array_equal(
+            own.clearance(trace_of_pixels(pixels), slice(0, 0)), clearance(31.7)
+        )
     assert len(found) == 5
 
 
-def test_a_moving_curve_is_found_once_for_times_that_are_nearly_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, real = [], image_constraint.zero_lines
+def test_a_moving_curve_is_found_once_for_times_that_are_nearly_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = []
+    real = image_constraint.zero_lines
 
     def counted(*arguments: Any) -> Any:
         found.append(arguments)
@@ -535,8 +613,12 @@ def test_clearance_of_a_curve_outside_the_image_is_infinite() -> None:
 
 
 def test_ranges_and_their_gradient_are_the_true_derivative() -> None:
-    """Eq. (25): σ = |q̃| − 1 with q̃ = (q − mid)/(Δq/2), whose derivative is ±2/Δq (eq. 27 has lost the factor)."""
-    row = JointRange(viper(), joints=[6], lower=[-1.1], upper=[0.1], margin=0.1, K=0.1, switching_gain=2.0)
+    """Eq. (25): σ = |q̃| − 1 with q̃ = (q − mid)/(Δq/2), whose derivative is ±2/Δq (eq. 27 has lost
+    the factor).
+    """
+    row = JointRange(
+        viper(), joints=[6], lower=[-1.1], upper=[0.1], margin=0.1, K=0.1, switching_gain=2.0
+    )
     q = np.array([0, 0, 0, 0, 0, -0.35])
     np.testing.assert_allclose(row.sigma(q), [0.15 / 0.6 - 0.9, -0.15 / 0.6 - 0.9])
     np.testing.assert_allclose(row.gradient(q)[:, 5], [2 / 1.2, -2 / 1.2])
@@ -545,7 +627,14 @@ def test_ranges_and_their_gradient_are_the_true_derivative() -> None:
         q[5] = edge
         assert row.sigma(q)[side] == pytest.approx(0.1)
     # clearance in rad, from the range less its margin
-    trace = Trace(np.zeros(1), np.zeros((1, 6)), np.zeros((1, 6)), np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
+    trace = Trace(
+        np.zeros(1),
+        np.zeros((1, 6)),
+        np.zeros((1, 6)),
+        np.empty((1, 0, 2)),
+        np.empty((1, 0, 3)),
+        (1, 1),
+    )
     np.testing.assert_allclose(row.clearance(trace, slice(0, 0)), [[0.04 - 0.0, 0.04 + 1.0]])
 
 
@@ -554,7 +643,9 @@ def test_speeds_have_their_own_limit_on_each_side() -> None:
     qd = np.array([0, 0.2, 0, 0, 0, 0])
     np.testing.assert_allclose(row.phi(qd), [0.2 / 0.4 - 0.9, -0.2 / 0.5 - 0.9])
     np.testing.assert_allclose(row.gradient(qd)[:, 1], [1 / 0.4, -1 / 0.5])
-    trace = Trace(np.zeros(1), np.zeros((1, 6)), qd[None], np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
+    trace = Trace(
+        np.zeros(1), np.zeros((1, 6)), qd[None], np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1)
+    )
     np.testing.assert_allclose(row.clearance(trace, slice(0, 0)), [[0.36 - 0.2, 0.45 + 0.2]])
     symmetric = JointSpeed(viper(), joints=[2], upper=[0.4], switching_gain=1.0)
     np.testing.assert_array_equal(symmetric.lower, [-0.4])
@@ -576,23 +667,41 @@ def test_limits_that_are_not_given_are_the_robots() -> None:
     ("make", "words"),
     [
         (lambda: JointRange(robot("planar-3r"), **GAINS), "planar 3R has no limits for range"),
-        (lambda: JointSpeed(robot("planar-3r"), switching_gain=1.0), "planar 3R has no limits for speed"),
-        (lambda: JointRange(robot("planar-3r"), joints=[1], **GAINS), "lower of range must be a finite number"),
+        (
+            lambda: JointSpeed(robot("planar-3r"), switching_gain=1.0),
+            "planar 3R has no limits for speed",
+        ),
+        (
+            lambda: JointRange(robot("planar-3r"), joints=[1], **GAINS),
+            "lower of range must be a finite number",
+        ),
         (lambda: JointRange(viper(), joints=[0], **GAINS), "counted from 1"),
         (lambda: JointRange(viper(), joints=[7], **GAINS), "from 1 to 6"),
         (lambda: JointRange(viper(), joints=[], **GAINS), "counted from 1"),
         (lambda: JointRange(viper(), joints=[2, 2], **GAINS), "without repetition"),
         (lambda: JointRange(viper(), joints=["2"], **GAINS), "joints of range"),
         (lambda: JointRange(viper(), joints=[1.5], **GAINS), "joints of range"),
-        (lambda: JointRange(viper(), joints=[1], lower=[1.0], upper=[0.0], **GAINS), "lower of range must be below"),
+        (
+            lambda: JointRange(viper(), joints=[1], lower=[1.0], upper=[0.0], **GAINS),
+            "lower of range must be below",
+        ),
         (lambda: JointRange(viper(), joints=[1], upper=[0.0, 1.0], **GAINS), "upper of range"),
         (lambda: JointRange(viper(), joints=[1], upper=[np.nan], **GAINS), "upper of range"),
         (lambda: JointRange(viper(), joints=[1], upper=["a"], **GAINS), "upper of range"),
         (lambda: JointRange(viper(), margin=1.0, **GAINS), r"margin of range must be in \[0, 1\)"),
         (lambda: JointRange(viper(), margin=-0.1, **GAINS), r"margin of range must be in \[0, 1\)"),
-        (lambda: JointSpeed(viper(), margin=np.nan, switching_gain=1.0), r"margin of speed must be in \[0, 1\)"),
-        (lambda: JointSpeed(viper(), joints=[1], lower=[0.1], switching_gain=1.0), "lower < 0 < upper"),
-        (lambda: JointSpeed(viper(), joints=[1], upper=["a"], switching_gain=1.0), "upper of speed"),
+        (
+            lambda: JointSpeed(viper(), margin=np.nan, switching_gain=1.0),
+            r"margin of speed must be in \[0, 1\)",
+        ),
+        (
+            lambda: JointSpeed(viper(), joints=[1], lower=[0.1], switching_gain=1.0),
+            "lower < 0 < upper",
+        ),
+        (
+            lambda: JointSpeed(viper(), joints=[1], upper=["a"], switching_gain=1.0),
+            "upper of speed",
+        ),
         (lambda: JointSpeed(viper(), switching_gain=0.0), "switching_gain of speed"),
         (lambda: JointRange(viper(), K=-0.1, switching_gain=1.0), "K of range"),
     ],
@@ -606,12 +715,18 @@ def test_joint_limits_that_are_none_are_refused(make, words: str) -> None:
 
 
 def test_a_sphere_is_eq_47() -> None:
-    sphere = ForbiddenSphere(centre=[0.57, 0.2, 0.405], radius=0.05, margin=0.01, K=0.1, switching_gain=0.2)
+    sphere = ForbiddenSphere(
+        centre=[0.57, 0.2, 0.405], radius=0.05, margin=0.01, K=0.1, switching_gain=0.2
+    )
     p = np.array([[0.57, 0.2, 0.505], [0.57, 0.14, 0.405], [0.57, 0.2, 0.405]])
     np.testing.assert_allclose(sphere.sigma(p), [0.06 - 0.1, 0.0, 0.06], atol=1e-16)
     np.testing.assert_allclose(sphere.gradient(p)[:2], [[0, 0, -1], [0, 1, 0]], atol=1e-15)
-    trace = Trace(np.zeros(3), np.zeros((3, 6)), np.zeros((3, 6)), np.empty((3, 0, 2)), p[:, None], (1, 1))
-    np.testing.assert_allclose(sphere.clearance(trace, slice(0, 1))[:, 0], [0.04, 0.0, -0.06], atol=1e-16)
+    trace = Trace(
+        np.zeros(3), np.zeros((3, 6)), np.zeros((3, 6)), np.empty((3, 0, 2)), p[:, None], (1, 1)
+    )
+    np.testing.assert_allclose(
+        sphere.clearance(trace, slice(0, 1))[:, 0], [0.04, 0.0, -0.06], atol=1e-16
+    )
 
 
 def test_a_sphere_is_finite_at_its_centre_and_leads_out() -> None:
@@ -682,7 +797,9 @@ class Floor(PointConstraint):
         return 0.1 + y[..., 0] ** 2 - y[..., 1] * y[..., 0] - y[..., 2]
 
     def gradient(self, y: Array) -> Array:
-        x, y_, one = y[..., 0], y[..., 1], np.ones(y.shape[:-1])
+        x = y[..., 0]
+        y_ = y[..., 1]
+        one = np.ones(y.shape[:-1])
         return np.stack((2.0 * x - y_, -x, -one), axis=-1)
 
 
@@ -745,8 +862,12 @@ class Energy(SpeedConstraint):
 OWN = {
     "image": lambda: Wall(K=0.3, switching_gain=1.0, length=80.0, markers=[3, 1]),
     "image with curvature": lambda: WallWithCurvature(K=0.3, switching_gain=1.0, length=80.0),
-    "point": lambda: Floor(K=0.2, switching_gain=1.0, length=0.1, points=[RobotPoint("link 3"), RobotPoint()]),
-    "point with curvature": lambda: FloorWithCurvature(K=0.2, switching_gain=1.0, length=0.1, name="hill"),
+    "point": lambda: Floor(
+        K=0.2, switching_gain=1.0, length=0.1, points=[RobotPoint("link 3"), RobotPoint()]
+    ),
+    "point with curvature": lambda: FloorWithCurvature(
+        K=0.2, switching_gain=1.0, length=0.1, name="hill"
+    ),
     "joint": lambda: Elbow(K=0.1, switching_gain=1.0),
     "joint with curvature": lambda: ElbowWithCurvature(K=0.1, switching_gain=1.0),
     "speed": lambda: Energy(switching_gain=1.0),
@@ -768,7 +889,9 @@ def test_own_constraints_work_through_a_constraint_set(make) -> None:
         expected = sigma + constraint.K * slope(lambda t: along(t)[0], 2e-4)
         np.testing.assert_allclose(rows.phi, expected, rtol=1e-8, atol=1e-8)
         assert np.abs(rows.phi - sigma).max() > 1e-3
-    numerical = gradient(lambda v: evaluate_rows(constraints, scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4)
+    numerical = gradient(
+        lambda v: evaluate_rows(constraints, scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4
+    )
     np.testing.assert_allclose(rows.Lg, numerical, rtol=1e-7, atol=1e-9)
     # default curvatures are differences themselves: 1e-16 over their steps of 1e-6
     np.testing.assert_allclose(rows.Lf, slope(lambda t: along(t)[1], 2e-4), rtol=1e-6, atol=1e-7)
@@ -789,20 +912,27 @@ def test_own_constraints_work_through_a_constraint_set(make) -> None:
 
 @pytest.mark.parametrize("kind", ["image", "point", "joint"])
 def test_default_curvatures_are_the_known_ones(kind: str) -> None:
-    plain, known = OWN[kind](), OWN[f"{kind} with curvature"]()
+    plain = OWN[kind]()
+    known = OWN[f"{kind} with curvature"]()
     rng = np.random.default_rng(10)
     size, shape = {"image": (200.0, (4, 2)), "point": (1.0, (4, 3)), "joint": (1.0, (6,))}[kind]
     y = rng.uniform(-size, size, shape)
     velocity = rng.uniform(-2, 2, y.shape)
-    np.testing.assert_allclose(plain.curvature(y, velocity), known.curvature(y, velocity), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        plain.curvature(y, velocity), known.curvature(y, velocity), rtol=1e-6, atol=1e-9
+    )
     # at rest nothing curves, and nothing is divided by zero
     np.testing.assert_array_equal(plain.curvature(y, np.zeros_like(y)), 0.0)
 
 
 def test_default_clearances_of_own_constraints() -> None:
-    """A wall's distance in pixels is found on its boundary; a floor's to first order is exact for a plane."""
+    """A wall's distance in pixels is found on its boundary; a floor's to first order is exact for a
+    plane.
+    """
     wall = Wall(length=80.0, **GAINS)
-    found = wall.clearance(trace_of_pixels(np.array([[80.0, 0.0], [70.0, 0.0], [95.0, 0.0]])), slice(0, 0))[:, 0]
+    found = wall.clearance(
+        trace_of_pixels(np.array([[80.0, 0.0], [70.0, 0.0], [95.0, 0.0]])), slice(0, 0)
+    )[:, 0]
     np.testing.assert_allclose(found, [0.0, 10.0, -15.0], atol=0.01)
     elbow = Elbow(**GAINS)
     q = np.zeros((1, 6))
@@ -816,7 +946,11 @@ def test_default_clearances_of_own_constraints() -> None:
 def asked(constraints: list[Constraint], scene: Scene, state: State) -> Rows:
     """The rows as a control step gives them."""
     goal = Goal(0.0, state.pixels.position, state.normalised.position)
-    step = ControlStep(scene, ConstraintSet(constraints, scene), VisualTask(ImagePoints(), [goal], TrackingGains(1.0)))
+    step = ControlStep(
+        scene,
+        ConstraintSet(constraints, scene),
+        VisualTask(ImagePoints(), [goal], TrackingGains(1.0)),
+    )
     return step.evaluate(0.0, state.robot.q, state.robot.qd).rows
 
 
@@ -840,18 +974,26 @@ def test_an_own_constraint_with_rows_of_the_wrong_shape_is_named() -> None:
 def test_an_own_point_constraint_keeps_to_its_points() -> None:
     """Each constraint sees its own slice of the scene's points."""
     floor = Floor(length=0.1, points=[RobotPoint("link 2"), RobotPoint("link 4")], **GAINS)
-    sphere = ForbiddenSphere(centre=[0.1, 0.2, 0.3], radius=0.1, points=[RobotPoint("link 6")], **GAINS)
+    sphere = ForbiddenSphere(
+        centre=[0.1, 0.2, 0.3], radius=0.1, points=[RobotPoint("link 6")], **GAINS
+    )
     scene, state = one_scene(sphere, floor)
     assert scene.points == robot_points([sphere, floor])
     _, sigma = evaluate_rows(ConstraintSet([sphere, floor], scene), state)
-    arm, q = viper(), state.robot.q
-    where = arm.kinematics(q, np.zeros(6), [RobotPoint("link 6"), RobotPoint("link 2"), RobotPoint("link 4")]).points
-    np.testing.assert_allclose(sigma, [sphere.sigma(where[0]), floor.sigma(where[1]), floor.sigma(where[2])])
+    arm = viper()
+    q = state.robot.q
+    where = arm.kinematics(
+        q, np.zeros(6), [RobotPoint("link 6"), RobotPoint("link 2"), RobotPoint("link 4")]
+    ).points
+    np.testing.assert_allclose(
+        sigma, [sphere.sigma(where[0]), floor.sigma(where[1]), floor.sigma(where[2])]
+    )
 
 
 def test_a_pose_that_is_not_the_identity_moves_the_points() -> None:
     """Offsets are in the link's own frame."""
-    arm, q = viper(), np.array([0.3, -1.0, 0.5, 0.2, 0.4, 0.1])
+    arm = viper()
+    q = np.array([0.3, -1.0, 0.5, 0.2, 0.4, 0.1])
     tip: Pose = arm.pose(q)
     offset = (0.1, -0.2, 0.3)
     found = arm.kinematics(q, np.zeros(6), [RobotPoint("tip", offset)]).points[0]
@@ -859,28 +1001,43 @@ def test_a_pose_that_is_not_the_identity_moves_the_points() -> None:
 
 
 def test_the_clearance_to_a_sharp_bend_is_that_of_the_curve() -> None:
-    """The bowl's outline bends with a radius of half a pixel; its true points come from solving (45) for v."""
+    """The bowl's outline bends with a radius of half a pixel; its true points come from solving
+    (45) for v.
+    """
     bowl = Occlusion(Curve(Bowl(), (-50.0, 20.0)), K=0.2, switching_gain=10.0)
     u = np.linspace(-64.0, 64.0, 2_000_001)
     half = np.sqrt(np.maximum(45.0**2 - (0.7 * u) ** 2, 0.0))
-    outline = np.concatenate([np.stack((u - 50.0, u**2 + side * half + 20.0), axis=1) for side in (1.0, -1.0)])
+    outline = np.concatenate(
+        [np.stack((u - 50.0, u**2 + side * half + 20.0), axis=1) for side in (1.0, -1.0)]
+    )
     outline = outline[np.abs(outline[:, 1]) < 300.0]
     rng = np.random.default_rng(3)
     pixels = np.stack((rng.uniform(-60.0, -40.0, 60), rng.uniform(-40.0, 90.0, 60)), axis=1)
     nearest = np.array([np.sqrt(((outline - p) ** 2).sum(axis=1)).min() for p in pixels])
     true = np.where(bowl.sigma(pixels) > 0.0, -nearest, nearest)
     trace = Trace(
-        np.zeros(60), np.zeros((60, 3)), np.zeros((60, 3)), pixels[:, None], np.empty((60, 0, 3)), (512.0, 512.0)
+        np.zeros(60),
+        np.zeros((60, 3)),
+        np.zeros((60, 3)),
+        pixels[:, None],
+        np.empty((60, 0, 3)),
+        (512.0, 512.0),
     )
     np.testing.assert_allclose(bowl.clearance(trace, slice(0))[:, 0], true, atol=3e-3)
 
 
 def test_a_curve_that_comes_from_outside_the_image_is_found_when_it_is_there() -> None:
-    """A circle of 40 px that starts 900 px beside the image and crosses it: its clearance is the distance to it."""
-    circle = Occlusion(Curve(Circle(40.0), (-1200.0, 30.0)), K=0.1, switching_gain=1.0).moving(Motion([300.0, -20.0]))
+    """A circle of 40 px that starts 900 px beside the image and crosses it: its clearance is the
+    distance to it.
+    """
+    circle = Occlusion(Curve(Circle(40.0), (-1200.0, 30.0)), K=0.1, switching_gain=1.0).moving(
+        Motion([300.0, -20.0])
+    )
     t = np.linspace(0.0, 8.0, 50)
     pixels = np.random.default_rng(3).uniform(-300.0, 300.0, (50, 1, 2))
-    trace = Trace(t, np.zeros((50, 6)), np.zeros((50, 6)), pixels, np.empty((50, 0, 3)), (640.0, 480.0))
+    trace = Trace(
+        t, np.zeros((50, 6)), np.zeros((50, 6)), pixels, np.empty((50, 0, 3)), (640.0, 480.0)
+    )
     centre = np.array([-1200.0, 30.0]) + t[:, None] * [300.0, -20.0]
     expected = np.linalg.norm(pixels[:, 0] - centre, axis=1) - 40.0
     np.testing.assert_allclose(circle.clearance(trace, slice(0))[:, 0], expected, atol=2e-3)

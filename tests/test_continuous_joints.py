@@ -1,4 +1,6 @@
-"""Joints that turn without end count on the circle wherever joints are compared, as Pinocchio has it."""
+"""Joints that turn without end count on the circle wherever joints are compared, as Pinocchio has
+it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from vsconstraints.arms import Envelope, Job, Joints, Setpoint, Supervision, driver_for, run_on_arm, trajectory_of
+from vsconstraints.arms import (
+    Envelope,
+    Job,
+    Joints,
+    Setpoint,
+    Supervision,
+    driver_for,
+    run_on_arm,
+    trajectory_of,
+)
 from vsconstraints.arms.stream import Stream
 from vsconstraints.arms.supervision import demand_start
 from vsconstraints.constraints.joint_limits import JointRange
@@ -35,11 +46,15 @@ def turned(q: Array, turns: int) -> Array:
     return other
 
 
-def scenario(start: float, constraints: list[dict[str, Any]] | None = None, **changes: Any) -> Scenario:
+def scenario(
+    start: float, constraints: list[dict[str, Any]] | None = None, **changes: Any
+) -> Scenario:
     """README's, with the last joint turned to ``start`` and its goal 1.4 rad farther."""
     loaded = Scenario.load(URDF.with_name("my-arm.toml"))
     loaded = loaded.with_override("q0", [0.0, 0.3, 1.4, 0.0, 1.3, start])
-    loaded = loaded.with_override("task.goals", [{"camera_at_q": [0.12, 0.35, 1.5, 0.1, 1.15, start + 1.4]}])
+    loaded = loaded.with_override(
+        "task.goals", [{"camera_at_q": [0.12, 0.35, 1.5, 0.1, 1.15, start + 1.4]}]
+    )
     if constraints is not None:
         loaded = loaded.with_override("constraints", constraints)
     for key, value in changes.items():
@@ -47,14 +62,23 @@ def scenario(start: float, constraints: list[dict[str, Any]] | None = None, **ch
     return loaded
 
 
-RANGE = {"type": "joint-range", "joints": [6], "lower": [2.0], "upper": [5.0], "K": 0.15, "switching_gain": 4.0}
+RANGE = {
+    "type": "joint-range",
+    "joints": [6],
+    "lower": [2.0],
+    "upper": [5.0],
+    "K": 0.15,
+    "switching_gain": 4.0,
+}
 
 
 # --- the difference itself ---
 
 
 def test_differences_are_pinocchios() -> None:
-    """Of a model that Pinocchio reads from the same file, whose last joint is a point of the unit circle there."""
+    """Of a model that Pinocchio reads from the same file, whose last joint is a point of the unit
+    circle there.
+    """
     model = pin.buildModelFromUrdf(str(URDF))
     assert (model.nq, model.nv) == (7, 6)
     assert ROBOT.continuous.tolist() == [False] * 5 + [True]
@@ -75,11 +99,14 @@ def test_differences_are_pinocchios() -> None:
 
 def test_joints_with_a_range_and_those_that_slide_are_not_on_a_circle() -> None:
     """Two turns apart a joint with a range of four turns is elsewhere."""
-    a, b = np.full(6, 3.0), np.full(6, -3.0)
+    a = np.full(6, 3.0)
+    b = np.full(6, -3.0)
     np.testing.assert_array_equal(viper_s650().difference(a, b), a - b)
     rail = Robot.from_dh([[0.0, 0.0, 0.3, 0.0]] * 2, prismatic=[1])
     assert rail.continuous.tolist() == [False, True]
-    np.testing.assert_allclose(rail.difference(np.array([7.0, 7.0]), np.zeros(2)), [7.0, 7.0 - TURN])
+    np.testing.assert_allclose(
+        rail.difference(np.array([7.0, 7.0]), np.zeros(2)), [7.0, 7.0 - TURN]
+    )
     half = Robot.from_dh([[0.0, 0.0, 0.3, 0.0]], q_min=[-np.inf], q_max=[3.0])
     assert not half.continuous.any()
 
@@ -98,10 +125,14 @@ def test_what_lies_within_half_a_turn_is_a_plain_difference_to_the_last_bit() ->
 @pytest.mark.parametrize("turns", [-2, 1, 3])
 def test_a_range_is_one_of_the_circle(turns: int) -> None:
     setup = scenario(3.0, [RANGE]).setup()
-    q, qd = setup.q0.copy(), np.full(6, 0.1)
-    expected, rows = setup.control().evaluate(0.0, q, qd).rows, setup.control().evaluate(0.0, turned(q, turns), qd).rows
+    q = setup.q0.copy()
+    qd = np.full(6, 0.1)
+    expected = setup.control().evaluate(0.0, q, qd).rows
+    rows = setup.control().evaluate(0.0, turned(q, turns), qd).rows
     for name in ("phi", "sigma", "Lg", "Lf"):
-        np.testing.assert_allclose(getattr(rows, name), getattr(expected, name), atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(rows, name), getattr(expected, name), atol=1e-12, err_msg=name
+        )
     # by hand: 0.5 below the middle of 2 to 5
     np.testing.assert_allclose(rows.sigma, [-0.5 / 1.5 - 1.0, 0.5 / 1.5 - 1.0], atol=1e-12)
     (constraint,) = setup.constraints.constraints
@@ -112,7 +143,9 @@ def test_a_range_is_one_of_the_circle(turns: int) -> None:
 
 def test_a_range_that_a_cable_sets_counts_turns() -> None:
     """Three turns to each side: after four the joint is outside."""
-    cable = JointRange(ROBOT, joints=[6], lower=[-3.0 * TURN], upper=[3.0 * TURN], K=0.1, switching_gain=1.0)
+    cable = JointRange(
+        ROBOT, joints=[6], lower=[-3.0 * TURN], upper=[3.0 * TURN], K=0.1, switching_gain=1.0
+    )
     np.testing.assert_allclose(cable.sigma(turned(np.zeros(6), 4)), [1.0 / 3.0, -7.0 / 3.0])
 
 
@@ -157,12 +190,16 @@ def encoder(q: Array) -> Array:
 
 @pytest.mark.parametrize("address", ["simulated://", "loopback://?time=simulated&patience=5"])
 def test_an_encoder_that_passes_half_a_turn_changes_nothing(address: str) -> None:
-    """The arm's stray, the law, what is sent and what is scored are those of an arm that counts its turns."""
+    """The arm's stray, the law, what is sent and what is scored are those of an arm that counts its
+    turns.
+    """
     setup = scenario(3.0, duration=1.0).setup()
-    logs, runs = [], []
+    logs = []
+    runs = []
     for shows in (lambda q: q, encoder):
         driver = driver_for(address, setup)
-        read, raw = driver.read, []
+        read = driver.read
+        raw = []
 
         def shown(read: Any = read, raw: list[Array] = raw, shows: Any = shows) -> Joints:
             state = read()
@@ -176,14 +213,20 @@ def test_an_encoder_that_passes_half_a_turn_changes_nothing(address: str) -> Non
         runs.append(trajectory_of(started, log, address))
     assert np.abs(np.diff(np.array(raw)[:, LAST])).max() > 6.0, "its encoder has passed half a turn"
     for name in ("q", "qd", "sent_q", "sent_qd"):
-        np.testing.assert_allclose(logs[1].column(name), logs[0].column(name), atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(
+            logs[1].column(name), logs[0].column(name), atol=1e-9, err_msg=name
+        )
     for name in ("q", "sigma", "clearance", "phi"):
-        np.testing.assert_allclose(getattr(runs[1], name), getattr(runs[0], name), atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(runs[1], name), getattr(runs[0], name), atol=1e-9, err_msg=name
+        )
 
 
 def test_a_start_in_another_turn_is_the_start() -> None:
     setup = scenario(3.0, [RANGE]).setup()
-    here = demand_start(setup, Joints(0.0, turned(setup.q0, -1) + 0.001, np.zeros(6)), Supervision(), False)
+    here = demand_start(
+        setup, Joints(0.0, turned(setup.q0, -1) + 0.001, np.zeros(6)), Supervision(), False
+    )
     # the arm's own turn is that in which it is sent setpoints
     np.testing.assert_allclose(here.q0, turned(setup.q0, -1) + 0.001)
     with pytest.raises(ConfigurationError, match=r"joint 6 is at -3\.233, not at 3, 0\.05 away"):
@@ -197,7 +240,8 @@ def test_a_start_in_another_turn_is_the_start() -> None:
 
 def test_a_stop_after_silence_goes_on_in_the_turn_in_which_the_arm_was_sent() -> None:
     setup = scenario(3.0).setup()
-    driver, q = driver_for("simulated://", setup), np.array([0.0, 0.3, 1.4, 0.0, 1.3, np.pi - 0.001])
+    driver = driver_for("simulated://", setup)
+    q = np.array([0.0, 0.3, 1.4, 0.0, 1.3, np.pi - 0.001])
     line = Stream(driver, Envelope.of(setup.scene.robot, setup.limits, setup.Ts), q, 4)
     line.begin()
     moving = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.4])
@@ -209,7 +253,9 @@ def test_a_stop_after_silence_goes_on_in_the_turn_in_which_the_arm_was_sent() ->
         sent.append(q)
 
     states = iter(range(10_000))
-    driver.read = lambda: Joints(float(next(states)), encoder(q + 0.01), 0.0 * moving if sent else moving)  # type: ignore[method-assign]
+    driver.read = lambda: Joints(
+        float(next(states)), encoder(q + 0.01), 0.0 * moving if sent else moving
+    )  # type: ignore[method-assign]
     driver.send = send  # type: ignore[method-assign]
     line.bring_to_rest(False, lambda: None)
     assert line.stop[1], line.stop[0]

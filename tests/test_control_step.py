@@ -22,10 +22,23 @@ from scenes import (
 )
 from vsconstraints import Robot
 from vsconstraints.compiled import available
-from vsconstraints.constraints import Collision, Constraint, ConstraintSet, Manipulability, RowBlock, SelfCollision
+from vsconstraints.constraints import (
+    Collision,
+    Constraint,
+    ConstraintSet,
+    Manipulability,
+    RowBlock,
+    SelfCollision,
+)
 from vsconstraints.control import ControlStep
 from vsconstraints.control.evaluator import Evaluation
-from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+)
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
@@ -35,7 +48,9 @@ from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import Scene, State
 from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
-REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
+REGIONS = tuple(
+    f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule")
+)
 COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS, "manipulability")
 """Types of constraints that have a compiled form."""
 
@@ -69,8 +84,15 @@ def kind_in_numpy(constraint: Constraint) -> bool:
     return isinstance(constraint, Collision | SelfCollision)
 
 
-def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
-    """Walk through states with both forms, told of every motion or not: what a task remembers counts too."""
+def both(
+    scene: Scene,
+    constraints: ConstraintSet,
+    task: VisualTask,
+    states: list[tuple[float, Array, Array]],
+) -> None:
+    """Walk through states with both forms, told of every motion or not: what a task remembers
+    counts too.
+    """
     for known in (True, False):
         step = ControlStep(scene, constraints, task, known=known)
         assert all(kind_in_numpy(one) for one in step.in_numpy)
@@ -79,12 +101,19 @@ def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: lis
             reset(task)
             for t, q, qd in states:
                 state = scene.evaluate(t, q, qd)
-                assert_equal(step.evaluate(t, q, qd), define(step, state if known else believed(scene, state)))
-    pixels, points, seen = step.views(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
+                assert_equal(
+                    step.evaluate(t, q, qd),
+                    define(step, state if known else believed(scene, state)),
+                )
+    pixels, points, seen = step.views(
+        np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states])
+    )
     assert seen.all()
     for k, (t, q, _) in enumerate(states):
         for mine, theirs in zip((pixels[k], points[k]), scene.glance(q, t), strict=True):
-            np.testing.assert_allclose(mine, theirs, rtol=CLOSE, atol=CLOSE * max(1.0, np.abs(theirs).max(initial=0.0)))
+            np.testing.assert_allclose(
+                mine, theirs, rtol=CLOSE, atol=CLOSE * max(1.0, np.abs(theirs).max(initial=0.0))
+            )
 
 
 def examples(arm: Any, world: str) -> list[Constraint]:
@@ -96,7 +125,14 @@ def examples(arm: Any, world: str) -> list[Constraint]:
                 constraint.name = f"{type_name} {i}"
             if world == "moving-target" and type_name in ("occlusion", *REGIONS):
                 d = 2 if type_name == "occlusion" else 3
-                constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, phase=0.4))
+                constraint.moving(
+                    Motion(
+                        [9.0, -0.2, 0.1][:d],
+                        amplitude=[0.1, 0.2, 0.3][:d],
+                        frequency=0.5,
+                        phase=0.4,
+                    )
+                )
                 constraint.motion.known = i % 2 == 0
             found.append(constraint)
     return found
@@ -115,10 +151,18 @@ def test_every_robot_and_constraint_in_every_world(name: str, world: str) -> Non
             state = scene.evaluate(0.7, q, qd)
             turn = [scene.camera_pose(random_configuration(arm, rng), 0.7) for _ in range(2)]
             goals = [
-                Goal(at, state.pixels.position + 9.0, state.normalised.position + 0.01, pose, state.depth * 1.1)
+                Goal(
+                    at,
+                    state.pixels.position + 9.0,
+                    state.normalised.position + 0.01,
+                    pose,
+                    state.depth * 1.1,
+                )
                 for at, pose in zip((0.0, 0.705), turn, strict=True)
             ]
-            task = VisualTask(feature, goals, TrackingGains(20.0, 7.0), ("exact", "differences")[seed % 2])
+            task = VisualTask(
+                feature, goals, TrackingGains(20.0, 7.0), ("exact", "differences")[seed % 2]
+            )
             task.velocity = ("exact", "differences")[seed // 2]
             walk = [(0.7 + 0.002 * k, q + 0.002 * k * qd, qd + 0.01 * k) for k in range(5)]
             both(scene, ConstraintSet([one], scene), task, walk)
@@ -133,7 +177,11 @@ def test_every_shipped_scenario(name: str) -> None:
     setup = brief(name)
     rng = np.random.default_rng(1)
     states = [
-        (0.5 * k * setup.Ts, setup.q0 + 0.01 * rng.normal(size=len(setup.q0)), 0.2 * rng.normal(size=len(setup.q0)))
+        (
+            0.5 * k * setup.Ts,
+            setup.q0 + 0.01 * rng.normal(size=len(setup.q0)),
+            0.2 * rng.normal(size=len(setup.q0)),
+        )
         for k in range(20)
     ]
     both(setup.scene, setup.constraints, setup.task, states)
@@ -151,14 +199,31 @@ def test_the_compiled_loop_runs_every_shipped_scenario_as_the_other_does(
     usual = simulate(brief(name), law)
     assert not usual.compiled
     assert compiled.reason == usual.reason
-    for part in ("q", "qd", "qdd_command", "phi", "sigma", "error", "features_px", "points", "camera_position"):
-        mine, theirs = getattr(compiled, part), getattr(usual, part)
-        np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-7 * max(1.0, np.abs(theirs).max(initial=0.0)))
+    for part in (
+        "q",
+        "qd",
+        "qdd_command",
+        "phi",
+        "sigma",
+        "error",
+        "features_px",
+        "points",
+        "camera_position",
+    ):
+        mine = getattr(compiled, part)
+        theirs = getattr(usual, part)
+        np.testing.assert_allclose(
+            mine, theirs, rtol=1e-7, atol=1e-7 * max(1.0, np.abs(theirs).max(initial=0.0))
+        )
     np.testing.assert_array_equal(compiled.active, usual.active)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-4, 0.0999, 0.1001, 2.0, np.pi - 1e-7, np.pi, -np.pi, 3.5, 6.2])
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, -0.8, 0.0), (-0.48, 0.6, 0.64)])
+@pytest.mark.parametrize(
+    "angle", [0.0, 1e-13, 1e-9, 1e-4, 0.0999, 0.1001, 2.0, np.pi - 1e-7, np.pi, -np.pi, 3.5, 6.2]
+)
+@pytest.mark.parametrize(
+    "axis", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, -0.8, 0.0), (-0.48, 0.6, 0.64)]
+)
 def test_every_angle_of_rotation(angle: float, axis: tuple[float, float, float]) -> None:
     """Small ones, half a turn where the axis is ambiguous, and beyond, continuously."""
     arm = robot("free-camera")
@@ -170,7 +235,10 @@ def test_every_angle_of_rotation(angle: float, axis: tuple[float, float, float])
 
     there = scene.camera_pose(q)
     for whole in (angle, 0.97 * angle):
-        goal_pose = there @ Pose(np.asarray(pin.exp3(np.array(axis) * whole)), np.array([0.1, 0.2, -0.1])).inverse
+        goal_pose = (
+            there
+            @ Pose(np.asarray(pin.exp3(np.array(axis) * whole)), np.array([0.1, 0.2, -0.1])).inverse
+        )
         pixels = scene.project(there)
         goal = Goal(0.0, pixels, scene.camera.normalised(pixels), goal_pose)
         task = VisualTask(CameraPose(), [goal], TrackingGains(5.0))
@@ -184,8 +252,15 @@ def test_what_has_no_compiled_form_runs_in_numpy_between_what_has(type_name: str
     some = [build_constraint(kind, constraint_tables(kind, arm)[0], arm) for kind in kinds]
     scene, q, qd = random_scene(arm, np.random.default_rng(2), some)
     pixels = scene.glance(q)[0]
-    task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
-    both(scene, ConstraintSet(some, scene), task, [(0.01 * k, q + 0.01 * k * qd, qd) for k in range(3)])
+    task = VisualTask(
+        ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0)
+    )
+    both(
+        scene,
+        ConstraintSet(some, scene),
+        task,
+        [(0.01 * k, q + 0.01 * k * qd, qd) for k in range(3)],
+    )
 
 
 class Own(Feature):
@@ -203,7 +278,9 @@ class Own(Feature):
 def test_an_own_feature_is_evaluated_beside_the_compiled_step() -> None:
     scene, q, qd = random_scene(robot("ur5"), np.random.default_rng(2))
     pixels = scene.glance(q)[0]
-    task = VisualTask(Own(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    task = VisualTask(
+        Own(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0)
+    )
     for derivative in ("exact", "differences"):
         task.drift = task.velocity = derivative
         step = ControlStep(scene, ConstraintSet([], scene), task)
@@ -254,7 +331,10 @@ def test_a_subclass_may_compute_anything_and_is_refused_or_runs_in_numpy() -> No
     task = setup.task
     own_task = OwnTask(task.feature, task.goals, task.gains)
     own_gains = VisualTask(task.feature, task.goals, OwnGains(5.0))
-    for other, name in ((own_task, "a VisualTask, not the subclass OwnTask"), (own_gains, "not the subclass OwnGains")):
+    for other, name in (
+        (own_task, "a VisualTask, not the subclass OwnTask"),
+        (own_gains, "not the subclass OwnGains"),
+    ):
         with pytest.raises(ConfigurationError, match=name):
             ControlStep(setup.scene, setup.constraints, other)
     for constraint in setup.constraints.constraints:
@@ -264,22 +344,31 @@ def test_a_subclass_may_compute_anything_and_is_refused_or_runs_in_numpy() -> No
     assert [c.kind for c in step.in_numpy] == ["occlusion"]
 
 
-@pytest.mark.parametrize("law", [Tracking(), SlidingMode(), PotentialField(blend="priority"), HierarchicalQP()])
+@pytest.mark.parametrize(
+    "law", [Tracking(), SlidingMode(), PotentialField(blend="priority"), HierarchicalQP()]
+)
 def test_state_to_command_is_step_then_law(law: Controller) -> None:
-    """In one call or in two, also where the definition of the law is asked, and after an option has changed."""
+    """In one call or in two, also where the definition of the law is asked, and after an option has
+    changed.
+    """
     setup = Scenario.load("case-study-6r").setup()
     one, two = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
     rng = np.random.default_rng(3)
     given = []
     for k in range(30):
-        q, qd = setup.q0 + 0.02 * rng.normal(size=6), rng.normal(size=6) * (0.1 if k % 2 else 2.0)
+        q = setup.q0 + 0.02 * rng.normal(size=6)
+        qd = rng.normal(size=6) * (0.1 if k % 2 else 2.0)
         found, command = one.command(law, 0.002 * k, q, qd)
         expected = two.evaluate(0.002 * k, q, qd)
         answer = law.command(expected.rows, expected.task)
         assert_equal(found, expected)
         np.testing.assert_array_equal(command.qdd, answer.qdd)
         np.testing.assert_array_equal(command.acted, answer.acted)
-        assert (command.status, command.reason, command.labels) == (answer.status, answer.reason, answer.labels)
+        assert (command.status, command.reason, command.labels) == (
+            answer.status,
+            answer.reason,
+            answer.labels,
+        )
         given.append((command, command.qdd.copy()))
         if k == 20 and isinstance(law, SlidingMode):
             law.rank_tolerance = 0.5
@@ -289,8 +378,11 @@ def test_state_to_command_is_step_then_law(law: Controller) -> None:
 
 def test_states_of_other_kinds_are_converted_or_refused() -> None:
     setup = Scenario.load("case-study-6r").setup()
-    law, n = SlidingMode(), len(setup.q0)
-    expected = ControlStep(setup.scene, setup.constraints, setup.task).command(law, 0.0, setup.q0, setup.qd0)
+    law = SlidingMode()
+    n = len(setup.q0)
+    expected = ControlStep(setup.scene, setup.constraints, setup.task).command(
+        law, 0.0, setup.q0, setup.qd0
+    )
     apart = np.zeros((n, 3))
     apart[:, 1] = setup.q0
     for q in (
@@ -310,7 +402,10 @@ def test_states_of_other_kinds_are_converted_or_refused() -> None:
             assert_equal(step.evaluate(0.0, q, setup.qd0), expected[0])
     bad = setup.q0.copy()
     bad[2] = np.nan
-    cases = [(0.0, q, setup.qd0, "q of") for q in (setup.q0[:5], np.append(setup.q0, 0.0), setup.q0[None], bad, 1.0)]
+    cases = [
+        (0.0, q, setup.qd0, "q of")
+        for q in (setup.q0[:5], np.append(setup.q0, 0.0), setup.q0[None], bad, 1.0)
+    ]
     cases += [(0.0, setup.q0, qd, "qd of") for qd in (setup.q0[:1], bad, "fast")]
     cases += [(0.0, setup.q0, setup.qd0.reshape((n,) + (1,) * 11), "qd of")]
     cases += [(t, setup.q0, setup.qd0, "finite number of seconds") for t in (np.nan, np.inf)]
@@ -332,7 +427,9 @@ def test_states_of_other_dimensions_are_refused(n: int) -> None:
     arm = Robot.from_dh(table, q_min=-limits, q_max=limits, qd_max=limits)
     scene, q, qd = random_scene(arm, np.random.default_rng(2))
     pixels = scene.glance(q)[0]
-    task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    task = VisualTask(
+        ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0)
+    )
     to_command = ControlStep(scene, ConstraintSet([], scene), task).bind(SlidingMode())
     to_command(0.0, q, qd)
     for wrong in (q[None], q[:, None], q[0]):
@@ -360,7 +457,8 @@ class Limited(SlidingMode):
 
 def test_own_laws_go_through_their_own_code() -> None:
     setup = Scenario.load("case-study-6r").with_override("duration", 0.1).setup()
-    step, law = ControlStep(setup.scene, setup.constraints, setup.task), Remembering()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    law = Remembering()
     for k in range(3):
         evaluation, _ = step.command(law, k * setup.Ts, setup.q0, setup.qd0)
         np.testing.assert_array_equal(law.last, evaluation.rows.phi)
@@ -371,7 +469,8 @@ def test_own_laws_go_through_their_own_code() -> None:
 
 def test_what_replaces_the_command_of_a_controller_is_asked() -> None:
     setup = Scenario.load("case-study-6r").with_override("duration", 0.05).setup()
-    law, calls = SlidingMode(), list[Rows]()
+    law = SlidingMode()
+    calls = list[Rows]()
 
     def counted(rows: Rows, task: Task) -> Command:
         calls.append(rows)
@@ -385,14 +484,17 @@ def test_what_replaces_the_command_of_a_controller_is_asked() -> None:
 
 def test_a_used_step_can_be_copied_and_a_law_may_hold_arrays() -> None:
     setup = Scenario.load("case-study-6r").with_override("task.velocity", "differences").setup()
-    step, law = ControlStep(setup.scene, setup.constraints, setup.task), SlidingMode()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    law = SlidingMode()
     for k in range(2):
         law.last = np.full(3, float(k))
         step.command(law, 0.002 * k, setup.q0, setup.qd0)
     for copied in (copy.deepcopy(step), pickle.loads(pickle.dumps(step))):
         state = 0.004, setup.q0 + 0.01, setup.qd0
         copied.command(law, 0.004, setup.q0 - 0.01, setup.qd0)
-        found, expected = (ControlStep.command(one, law, *state)[1].qdd for one in (step, copy.deepcopy(step)))
+        found, expected = (
+            ControlStep.command(one, law, *state)[1].qdd for one in (step, copy.deepcopy(step))
+        )
         np.testing.assert_allclose(found, expected)
 
 
@@ -421,7 +523,8 @@ def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
 
 def test_options_that_change_between_samples_count() -> None:
     setup = Scenario.load("case-study-6r").setup()
-    step, law = ControlStep(setup.scene, setup.constraints, setup.task), PotentialField(region=0.2)
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    law = PotentialField(region=0.2)
     first = step.command(law, 0.0, setup.q0, setup.qd0)[1]
     law.region = 3.0
     step.reset()

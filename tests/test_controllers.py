@@ -47,7 +47,11 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         {"blend": "priority"},
         {"blend": "priority", "region": 0.7, "exponent": 0.5},
     ],
-    "hierarchical-qp": [{"rows": "barrier"}, {"rows": "active"}, {"rows": "barrier", "max_acceleration": 5.0}],
+    "hierarchical-qp": [
+        {"rows": "barrier"},
+        {"rows": "active"},
+        {"rows": "barrier", "max_acceleration": 5.0},
+    ],
     "tracking": [{}],
     "implicit-switch": [{}, {"periods": 1.0, "max_acceleration": 5.0}],
     "implicit-switch-with-drift": [{}],
@@ -67,14 +71,20 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "goal-governor": [{}, {"demand": "switch"}],
     "barrier-governor": [{}, {"demand": "switch"}],
 }
-"""Options with which each registered controller is put through the contract; all pairs: see tests/test_laws.py."""
+"""Options with which each registered controller is put through the contract; all pairs: see
+tests/test_laws.py.
+"""
 
 GOVERNORS = "goal-governor", "barrier-governor"
 BARE = [name for name in CONTROLLERS if name not in GOVERNORS]
-"""Controllers that need no scene, and so answer any rows and task; for governors see tests/test_goal_governor.py."""
+"""Controllers that need no scene, and so answer any rows and task; for governors see
+tests/test_goal_governor.py.
+"""
 
 LAWS = [
-    pytest.param(name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())]))
+    pytest.param(
+        name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())])
+    )
     for name in BARE
     for options in VARIANTS.get(name, [{}])
 ]
@@ -83,7 +93,8 @@ LAWS = [
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_every_registered_controller_has_variants(name: str) -> None:
     assert name in VARIANTS, (
-        f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be tested with in VARIANTS"
+        f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be "
+        f"tested with in VARIANTS"
     )
 
 
@@ -94,10 +105,16 @@ def test_governors_ask_for_a_model(name: str) -> None:
             make_controller(name, options).command(*sound())
 
 
-def ready(name: str, options: dict[str, Any] | None = None, given: tuple[Rows, Task] | None = None) -> Controller:
-    """The controller of that name, told the sampling period, and a model of what it is given if it uses one."""
+def ready(
+    name: str, options: dict[str, Any] | None = None, given: tuple[Rows, Task] | None = None
+) -> Controller:
+    """The controller of that name, told the sampling period, and a model of what it is given if it
+    uses one.
+    """
     law = make_controller(name, options)
-    restart(law, 0.01, (lambda: cast(Model, Straight(*(given or sound())))) if name in BARE else None)
+    restart(
+        law, 0.01, (lambda: cast(Model, Straight(*(given or sound())))) if name in BARE else None
+    )
     return law
 
 
@@ -106,7 +123,9 @@ def ready(name: str, options: dict[str, Any] | None = None, given: tuple[Rows, T
 
 @dataclass(frozen=True)
 class Size:
-    """How a random problem is made: n joints, m rows, k task equations, and how large its numbers are."""
+    """How a random problem is made: n joints, m rows, k task equations, and how large its numbers
+    are.
+    """
 
     seed: int
     n: int
@@ -118,10 +137,15 @@ class Size:
 
 
 def problem(size: Size) -> tuple[Rows, Task]:
-    """Rows and task of random numbers; ``singular`` puts zeros, repetitions and opposites among them."""
+    """Rows and task of random numbers; ``singular`` puts zeros, repetitions and opposites among
+    them.
+    """
     rng = np.random.default_rng(size.seed)
-    n, m, k = size.n, size.m, size.k
-    Lg, J = rng.normal(size=(m, n)), rng.normal(size=(k, n))
+    n = size.n
+    m = size.m
+    k = size.k
+    Lg = rng.normal(size=(m, n))
+    J = rng.normal(size=(k, n))
     if size.singular:
         for i in range(m):
             Lg[i] = (Lg[i], np.zeros(n), Lg[i - 1], -Lg[i - 1], Lg[i] * 1e-9)[int(rng.integers(5))]
@@ -180,7 +204,9 @@ def assert_is_an_answer(command: Command, rows: Rows, task: Task) -> None:
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 @given(size=sizes)
-def test_any_finite_problem_has_a_finite_answer(name: str, options: dict[str, Any], size: Size) -> None:
+def test_any_finite_problem_has_a_finite_answer(
+    name: str, options: dict[str, Any], size: Size
+) -> None:
     rows, task = problem(size)
     command = ready(name, options, (rows, task)).command(rows, task)
     assert_is_an_answer(command, rows, task)
@@ -188,12 +214,15 @@ def test_any_finite_problem_has_a_finite_answer(name: str, options: dict[str, An
         assert command.status != "failed", command.reason
 
 
-@pytest.mark.parametrize(("name", "options"), [law for law in LAWS if law.values[0] != "mppi"])  # which is random
+# which is random
+@pytest.mark.parametrize(("name", "options"), [law for law in LAWS if law.values[0] != "mppi"])
 @given(size=sizes)
 def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
     name: str, options: dict[str, Any], size: Size
 ) -> None:
-    """Bit by bit, so that differences between controllers in a report are differences between laws."""
+    """Bit by bit, so that differences between controllers in a report are differences between
+    laws.
+    """
     rows, task = problem(replace(size, rows_scale=1.0, task_scale=1.0))
     rows = far_inside(rows)
     expected = Tracking().command(rows, task).qdd
@@ -211,9 +240,14 @@ def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 @given(size=sizes)
-def test_answers_are_repeatable_and_leave_the_question_alone(name: str, options: dict[str, Any], size: Size) -> None:
+def test_answers_are_repeatable_and_leave_the_question_alone(
+    name: str, options: dict[str, Any], size: Size
+) -> None:
     rows, task = problem(size)
-    kept = [array.copy() for array in (rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b)]
+    kept = [
+        array.copy()
+        for array in (rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b)
+    ]
     law = ready(name, options, (rows, task))
     first = law.command(rows, task)
     law.reset()
@@ -241,9 +275,13 @@ def with_entry(array: Array, value: float, at: int) -> Array:
 def test_a_row_that_is_not_finite_is_named(name: str, options: dict[str, Any]) -> None:
     rows, task = sound()
     law = ready(name, options)
-    for what, value in product(("phi", "Lg", "Lf", "switching_gain", "scale"), (np.nan, np.inf, -np.inf)):
+    for what, value in product(
+        ("phi", "Lg", "Lf", "switching_gain", "scale"), (np.nan, np.inf, -np.inf)
+    ):
         broken = replace(rows, **{what: with_entry(getattr(rows, what), value, 1)})
-        with pytest.raises(InvalidInput, match=rf"rows\.{what} is not finite for range\[joint 6\]\.upper$"):
+        with pytest.raises(
+            InvalidInput, match=rf"rows\.{what} is not finite for range\[joint 6\]\.upper$"
+        ):
             law.command(broken, task)
 
 
@@ -285,7 +323,11 @@ def test_rows_of_the_wrong_shape_are_refused(changes: dict[str, Any], words: str
             ready(name).command(replace(rows, **changes), task)
 
 
-WRONG_TASKS = [(np.ones(6), np.ones(1)), (np.ones((2, 6)), np.ones(3)), (np.ones((2, 6)), np.ones((2, 1)))]
+WRONG_TASKS = [
+    (np.ones(6), np.ones(1)),
+    (np.ones((2, 6)), np.ones(3)),
+    (np.ones((2, 6)), np.ones((2, 1))),
+]
 
 
 @pytest.mark.parametrize(("J", "b"), WRONG_TASKS)
@@ -298,14 +340,18 @@ def test_tasks_of_the_wrong_shape_are_refused(J: Array, b: Array) -> None:
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 @pytest.mark.parametrize("size", [1.7e308, 1e200])
-def test_finite_numbers_whose_products_are_not_end_in_time(name: str, options: dict[str, Any], size: float) -> None:
+def test_finite_numbers_whose_products_are_not_end_in_time(
+    name: str, options: dict[str, Any], size: float
+) -> None:
     """LAPACK never returns from a matrix that holds an infinity; an alarm is all that ends it."""
     ready(name, options).command(*sound())  # compiling is not what is timed
     for what in ("J", "b", "Lg", "Lf", "phi", "switching_gain"):
         rows, task = problem(Size(seed=2, n=6, m=3, k=6))
         rows = with_active(rows, 3)
         huge = size * np.where(np.arange(18).reshape(3, 6) % 2 == 0, 1.0, -1.0)
-        whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(what, np.full(3, size))
+        whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(
+            what, np.full(3, size)
+        )
         rows = replace(rows, **{what: whole}) if hasattr(rows, what) else rows
         rows = replace(rows, scale=whole) if what == "phi" else rows  # else it is refused
         task = replace(task, **{what: whole}) if hasattr(task, what) else task
@@ -316,14 +362,19 @@ def test_finite_numbers_whose_products_are_not_end_in_time(name: str, options: d
             assert_is_an_answer(command, rows, task)
 
 
-@pytest.mark.parametrize("law", [SlidingMode(), PotentialField(blend="priority")], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [SlidingMode(), PotentialField(blend="priority")], ids=lambda law: law.name
+)
 def test_what_the_null_space_makes_infinite_is_not_decomposed(law: Controller) -> None:
-    """Of these J, with entries of 1.7e308 among usual ones, the 34th kept LAPACK for ever with OpenBLAS 0.3."""
+    """Of these J, with entries of 1.7e308 among usual ones, the 34th kept LAPACK for ever with
+    OpenBLAS 0.3.
+    """
     law.command(*sound())  # compiling is not what is timed
     with ends_within(60.0):
         for seed in range(60):
             rng = np.random.default_rng(seed)
-            n, k = int(rng.integers(2, 8)), int(rng.integers(1, 8))
+            n = int(rng.integers(2, 8))
+            k = int(rng.integers(1, 8))
             m = int(rng.integers(1, n))
             J = rng.normal(size=(k, n))
             huge = rng.random((k, n)) < rng.choice((0.1, 0.5, 1.0))
@@ -333,7 +384,9 @@ def test_what_the_null_space_makes_infinite_is_not_decomposed(law: Controller) -
                 if rng.random() >= 0.5
                 else rng.normal(size=(m, n))
             )
-            rows = Rows(np.ones(m), Lg, np.zeros(m), np.ones(m), tuple(f"row[{i}]" for i in range(m)))
+            rows = Rows(
+                np.ones(m), Lg, np.zeros(m), np.ones(m), tuple(f"row[{i}]" for i in range(m))
+            )
             for answer in (law.command, law.define):
                 assert_is_an_answer(answer(rows, Task(J, np.ones(k))), rows, Task(J, np.ones(k)))
 
@@ -370,7 +423,11 @@ def test_what_is_no_array_of_floats_is_refused(name: str, options: dict[str, Any
     law = ready(name, options)
     for what, value in product(("phi", "Lg", "Lf", "switching_gain", "J", "b"), NO_ARRAYS):
         changed = {what: value}
-        pair = (rows, replace(task, **changed)) if what in ("J", "b") else (replace(rows, **changed), task)
+        pair = (
+            (rows, replace(task, **changed))
+            if what in ("J", "b")
+            else (replace(rows, **changed), task)
+        )
         with pytest.raises(InvalidInput, match=what):
             law.command(*pair)
 
@@ -421,7 +478,9 @@ class Own(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         if isinstance(self.answer, Exception):
             raise self.answer
-        return Command(np.asarray(self.answer), "ok", np.ones(len(rows.labels), dtype=np.bool_), rows.labels)
+        return Command(
+            np.asarray(self.answer), "ok", np.ones(len(rows.labels), dtype=np.bool_), rows.labels
+        )
 
 
 class Says(Controller):
@@ -456,7 +515,9 @@ def test_a_law_that_goes_wrong_fails_with_its_reason_and_rests(answer: object, w
     assert_is_an_answer(command, rows, task)
 
 
-@pytest.mark.parametrize("slack", [np.full(3, np.inf), np.full(3, np.nan), np.zeros(2), [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "slack", [np.full(3, np.inf), np.full(3, np.nan), np.zeros(2), [0.0, 0.0, 0.0]]
+)
 def test_slack_that_is_none_is_a_failure(slack: Any) -> None:
     rows, task = sound()
     given = replace(SlidingMode().command(rows, task), slack=slack)
@@ -467,7 +528,9 @@ def test_slack_that_is_none_is_a_failure(slack: Any) -> None:
 
 def test_a_demand_beyond_floating_point_is_no_slack() -> None:
     rows, task = sound()
-    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)), scale=np.full(3, 1e300))
+    rows = replace(
+        rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)), scale=np.full(3, 1e300)
+    )
     command = HierarchicalQP(alpha=1e100).command(rows, task)
     assert (command.status, "finite numbers" in command.reason) == ("failed", True)
 
@@ -496,13 +559,18 @@ def test_controllers_are_made_by_name() -> None:
     assert {law.name for law in CONTROLLERS.values()} == set(CONTROLLERS)
 
 
-SMALL = {"compiler", "parts", "observer", "delay", "from_state"}  #: Modules that compile in less than a second.
+#: Modules that compile in less than a second.
+SMALL = {"compiler", "parts", "observer", "delay", "from_state"}
 
 
 @pytest.mark.parametrize(
-    "law", [*CONTROLLERS.values(), *(partial(Law, Barrier(), each()) for each in RESOLVERS)], ids=lambda law: str(law())
+    "law",
+    [*CONTROLLERS.values(), *(partial(Law, Barrier(), each()) for each in RESOLVERS)],
+    ids=lambda law: str(law()),
 )
-def test_laws_name_what_takes_long_to_compile(law: Callable[[], Controller], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_laws_name_what_takes_long_to_compile(
+    law: Callable[[], Controller], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(compiled, "loaded", {})
     made = law()
     simulate(Scenario.load("example-2d-fov").with_override("duration", 0.05).setup(), made)
@@ -529,7 +597,9 @@ def test_laws_name_what_takes_long_to_compile(law: Callable[[], Controller], mon
         ("tracking", {"rank_tolerance": 1.0}, "rank_tolerance must be between 0 and 1"),
     ],
 )
-def test_names_and_options_that_are_none_are_refused(name: str, options: dict[str, Any], words: str) -> None:
+def test_names_and_options_that_are_none_are_refused(
+    name: str, options: dict[str, Any], words: str
+) -> None:
     with pytest.raises((ConfigurationError, InvalidInput), match=words):
         make_controller(name, options)
 
@@ -576,7 +646,11 @@ def test_messages_print_numbers_as_they_are_written() -> None:
     rows, task = sound()
     command = Own(np.zeros(6)).command(rows, task)
     status: Any = np.float64(0.0)
-    assert Says(replace(command, status=status)).command(rows, task).reason.startswith("the law gave the status 0.0,")
+    assert (
+        Says(replace(command, status=status))
+        .command(rows, task)
+        .reason.startswith("the law gave the status 0.0,")
+    )
     assert Says(status).command(rows, task).reason == "the law gave 0.0, not a Command"
 
 
@@ -588,7 +662,9 @@ def test_tracking_is_the_pseudoinverse(size: Size) -> None:
     rows, task = problem(replace(size, singular=False, task_scale=1.0))
     expected = np.linalg.pinv(task.J, rcond=1e-6) @ task.b if size.k else np.zeros(size.n)
     found = Tracking().command(rows, task).qdd
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8 * max(1.0, np.abs(expected).max()))
+    np.testing.assert_allclose(
+        found, expected, rtol=1e-6, atol=1e-8 * max(1.0, np.abs(expected).max())
+    )
 
 
 def test_tracking_leaves_singular_directions_alone() -> None:
@@ -597,29 +673,45 @@ def test_tracking_leaves_singular_directions_alone() -> None:
     np.testing.assert_allclose(Tracking().command(rows, Task(J, np.ones(3))).qdd, [1.0, 1e3, 0.0])
     finer = Tracking(rank_tolerance=1e-10)
     np.testing.assert_allclose(finer.command(rows, Task(J, np.ones(3))).qdd, [1.0, 1e3, 1e8])
-    np.testing.assert_array_equal(Tracking().command(rows, Task(np.zeros((2, 3)), np.ones(2))).qdd, 0.0)
+    np.testing.assert_array_equal(
+        Tracking().command(rows, Task(np.zeros((2, 3)), np.ones(2))).qdd, 0.0
+    )
 
 
 # --- the sliding mode ---
 
 
 def equation_15(rows: Rows, task: Task) -> Array:
-    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁), with a tolerance that keeps rounding out of it."""
+    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁), with a tolerance that keeps rounding out of
+    it.
+    """
     active = rows.phi >= 0.0
-    A1, b1, A2, b2 = rows.Lg[active], -rows.switching_gain[active], task.J, task.b
+    A1 = rows.Lg[active]
+    b1 = -rows.switching_gain[active]
+    A2 = task.J
+    b2 = task.b
     A1_inverse = np.linalg.pinv(A1)
     first = A1_inverse @ b1
     null_space = np.eye(A2.shape[1]) - A1_inverse @ A1
-    # what A₂(I − A₁†A₁) loses by construction is rounding of ‖A₂‖, not of its own largest singular value
+    # what A₂(I − A₁†A₁) loses by construction is rounding of ‖A₂‖, not of its own largest singular
+    # value
     projected = A2 @ null_space
     own = np.linalg.norm(projected, 2)
     tolerance = 1e-8 * np.linalg.norm(A2, 2) / own if own > 0.0 else 0.0
-    second = np.linalg.pinv(projected, rcond=tolerance) if tolerance < 1.0 else np.zeros(projected.T.shape)
+    second = (
+        np.linalg.pinv(projected, rcond=tolerance)
+        if tolerance < 1.0
+        else np.zeros(projected.T.shape)
+    )
     return first + second @ (b2 - A2 @ first)
 
 
 well_posed = st.builds(
-    Size, seed=st.integers(0, 2**32 - 1), n=st.integers(2, 8), m=st.integers(1, 12), k=st.integers(1, 8)
+    Size,
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(2, 8),
+    m=st.integers(1, 12),
+    k=st.integers(1, 8),
 )
 
 
@@ -658,9 +750,12 @@ def test_level_2_never_leaks_into_level_1(size: Size, share: float, demand: floa
     for J in (task.J, repeated, fading):
         asking = Task(J, demand * np.ones(len(J)))
         qdd = SlidingMode().command(rows, asking).qdd
-        A1, u = rows.Lg[rows.phi >= 0.0], rows.switching_gain[rows.phi >= 0.0]
+        A1 = rows.Lg[rows.phi >= 0.0]
+        u = rows.switching_gain[rows.phi >= 0.0]
         # rounding of A₁ q̈
-        allowed = 1e-13 * condition(rows) * np.linalg.norm(A1, 2) * max(np.linalg.norm(qdd), 1.0) + 1e-12
+        allowed = (
+            1e-13 * condition(rows) * np.linalg.norm(A1, 2) * max(np.linalg.norm(qdd), 1.0) + 1e-12
+        )
         assert np.abs(A1 @ qdd + u).max() <= allowed
 
 
@@ -688,7 +783,9 @@ def test_l_f_phi_and_the_amount_of_phi_do_not_matter_to_the_sliding_mode() -> No
     rows, task = sound()
     rows = with_active(rows, 2)
     other = replace(rows, Lf=100.0 * rows.Lf, phi=50.0 * rows.phi, scale=7.0 * rows.scale)
-    np.testing.assert_array_equal(SlidingMode().command(rows, task).qdd, SlidingMode().command(other, task).qdd)
+    np.testing.assert_array_equal(
+        SlidingMode().command(rows, task).qdd, SlidingMode().command(other, task).qdd
+    )
 
 
 def test_rank_loss_names_the_dependent_rows_and_no_other() -> None:
@@ -711,7 +808,8 @@ def test_rank_loss_names_the_dependent_rows_and_no_other() -> None:
 
 def test_opposite_rows_and_rows_without_gradient_are_named() -> None:
     Lg = np.zeros((3, 2))
-    Lg[0], Lg[1] = [1.0, 0.0], [-1.0, 0.0]
+    Lg[0] = [1.0, 0.0]
+    Lg[1] = [-1.0, 0.0]
     rows = Rows(np.ones(3), Lg, np.zeros(3), np.ones(3), ("upper", "lower", "nowhere"))
     task = Task(np.eye(2), np.array([5.0, 7.0]))
     command = SlidingMode().command(rows, task)
@@ -740,7 +838,9 @@ LAWS_IN_PRIORITY = [SlidingMode(), PotentialField(blend="priority")]
 
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("law", LAWS_IN_PRIORITY, ids=lambda law: law.name)
-def test_rows_in_other_units_are_no_more_and_no_less_dependent(law: Controller, compiled: bool) -> None:
+def test_rows_in_other_units_are_no_more_and_no_less_dependent(
+    law: Controller, compiled: bool
+) -> None:
     answer = law.command if compiled else law.define
     orthogonal = np.array([[1e4, 0.0, 0.0], [0.0, 1e-3, 0.0]])
     task = Task(np.eye(3), np.array([5.0, 6.0, 7.0]))
@@ -764,7 +864,8 @@ def test_the_unit_of_a_row_changes_no_command(law: Controller, dependent: bool, 
     if dependent:
         rows.Lg[3] = rows.Lg[0] - 3.0 * rows.Lg[2]
     units = 10.0 ** np.random.default_rng(seed).uniform(-4.0, 4.0, 4)
-    here, there = law.command(rows, task), law.command(in_units(rows, units), task)
+    here = law.command(rows, task)
+    there = law.command(in_units(rows, units), task)
     assert (here.status, here.reason) == (there.status, there.reason)
     assert (here.status == "rank-loss") == dependent
     np.testing.assert_allclose(there.qdd, here.qdd, rtol=1e-8, atol=1e-8 * np.abs(here.qdd).max())
@@ -781,8 +882,12 @@ def test_more_active_rows_than_joints_are_a_loss_of_rank() -> None:
 
 
 @given(size=sizes, region=st.sampled_from([1e-9, 1e-3, 0.2]))
-def test_the_priority_blend_is_the_sliding_mode_outside_its_region(size: Size, region: float) -> None:
-    """The limit of a shrinking region: where no φ is in (−δ, 0) the commands are the same, bit by bit."""
+def test_the_priority_blend_is_the_sliding_mode_outside_its_region(
+    size: Size, region: float
+) -> None:
+    """The limit of a shrinking region: where no φ is in (−δ, 0) the commands are the same, bit by
+    bit.
+    """
     rows, task = problem(replace(size, rows_scale=1.0))
     depth = region * rows.scale
     phi = np.where((rows.phi > -depth) & (rows.phi < 0.0), -2.0 * depth, rows.phi)
@@ -790,19 +895,32 @@ def test_the_priority_blend_is_the_sliding_mode_outside_its_region(size: Size, r
     field = PotentialField(blend="priority", region=region).command(rows, task)
     sliding = SlidingMode().command(rows, task)
     np.testing.assert_array_equal(field.qdd, sliding.qdd)
-    assert (field.status, field.active, field.reason) == (sliding.status, sliding.active, sliding.reason)
+    assert (field.status, field.active, field.reason) == (
+        sliding.status,
+        sliding.active,
+        sliding.reason,
+    )
 
 
 def one_row(phi: float) -> tuple[Rows, Task]:
     rows, task = sound()
-    only = Rows(np.array([phi]), rows.Lg[:1], rows.Lf[:1], rows.switching_gain[:1], rows.labels[:1], np.array([0.5]))
+    only = Rows(
+        np.array([phi]),
+        rows.Lg[:1],
+        rows.Lf[:1],
+        rows.switching_gain[:1],
+        rows.labels[:1],
+        np.array([0.5]),
+    )
     return only, task
 
 
 @pytest.mark.parametrize("blend", ["additive", "priority"])
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
 def test_repulsion_sets_in_continuously(blend: str, exponent: float) -> None:
-    """At the entry of the region, of depth 0.2 × the row's scale, there is no jump; nor on the boundary."""
+    """At the entry of the region, of depth 0.2 × the row's scale, there is no jump; nor on the
+    boundary.
+    """
     law = PotentialField(blend=blend, exponent=exponent)
     free = Tracking().command(*one_row(-1.0)).qdd
     np.testing.assert_array_equal(law.command(*one_row(-0.1)).qdd, free)
@@ -810,31 +928,42 @@ def test_repulsion_sets_in_continuously(blend: str, exponent: float) -> None:
     entered = law.command(*one_row(-0.1 + 1e-9))
     assert entered.active == ("fov[marker 2]",)
     np.testing.assert_allclose(entered.qdd, free, atol=1e-6)
-    below, above = law.command(*one_row(-1e-9)).qdd, law.command(*one_row(1e-9)).qdd
+    below = law.command(*one_row(-1e-9)).qdd
+    above = law.command(*one_row(1e-9)).qdd
     np.testing.assert_allclose(below, above, atol=1e-6)
     # and in between it is not constant
     assert np.abs(law.command(*one_row(-0.05)).qdd - free).max() > 1e-3
     phis = np.linspace(-0.12, 0.02, 1401)
     commands = np.array([law.command(*one_row(float(phi))).qdd for phi in phis])
-    assert np.abs(np.diff(commands, axis=0)).max() < 0.01 * np.abs(commands[-1] - commands[0]).max() * 2 * exponent
+    assert (
+        np.abs(np.diff(commands, axis=0)).max()
+        < 0.01 * np.abs(commands[-1] - commands[0]).max() * 2 * exponent
+    )
 
 
 def test_the_additive_blend_is_khatibs_sum() -> None:
-    """q̈ = J†b − Σ ψ u⁺ L_gφ†, with ψ = (1 + φ/δ)^exponent, which goes on growing beyond the boundary."""
+    """q̈ = J†b − Σ ψ u⁺ L_gφ†, with ψ = (1 + φ/δ)^exponent, which goes on growing beyond the
+    boundary.
+    """
     rows, task = sound()
     rows = replace(rows, phi=np.array([-0.05, 0.3, -5.0]), scale=np.array([0.5, 1.0, 1.0]))
     law = PotentialField(blend="additive", region=0.2, exponent=2.0, strength=1.5)
     psi = np.array([(1.0 - 0.05 / 0.1) ** 2, (1.0 + 0.3 / 0.2) ** 2, 0.0])
     expected = np.linalg.pinv(task.J) @ task.b
     for i in range(3):
-        expected = expected - 1.5 * psi[i] * rows.switching_gain[i] * np.linalg.pinv(rows.Lg[i : i + 1])[:, 0]
+        expected = (
+            expected
+            - 1.5 * psi[i] * rows.switching_gain[i] * np.linalg.pinv(rows.Lg[i : i + 1])[:, 0]
+        )
     found = law.command(rows, task)
     np.testing.assert_allclose(found.qdd, expected, rtol=1e-9)
     assert found.active == ("fov[marker 2]", "range[joint 6].upper")
 
 
 def test_the_priority_blend_demands_a_share_of_the_switching_gain() -> None:
-    """L_gφ q̈ goes from what tracking does to −u⁺ as ψ goes from 0 to 1, and stays there beyond the boundary."""
+    """L_gφ q̈ goes from what tracking does to −u⁺ as ψ goes from 0 to 1, and stays there beyond the
+    boundary.
+    """
     law = PotentialField(blend="priority", region=0.2)
     rows, task = one_row(-0.025)
     free = float(rows.Lg[0] @ Tracking().command(rows, task).qdd)
@@ -851,7 +980,8 @@ def test_no_region_is_so_small_that_a_row_is_dropped(blend: str, compiled: bool)
     """Where region times scale is zero in floating point, and so is φ."""
     rows, task = one_row(0.0)
     rows = replace(rows, scale=np.array([1e-200]))
-    law, usual = PotentialField(blend=blend, region=1e-200), PotentialField(blend=blend)
+    law = PotentialField(blend=blend, region=1e-200)
+    usual = PotentialField(blend=blend)
     command = (law.command if compiled else law.define)(rows, task)
     assert command.active == rows.labels
     np.testing.assert_allclose(command.qdd, usual.command(*one_row(0.0)).qdd, rtol=1e-9)
@@ -888,9 +1018,11 @@ def test_demands_that_can_be_met_are_met(form: str, size: Size) -> None:
     command = law.command(rows, task)
     assert command.status == "ok", command.reason
     if form == "active":
-        demanding, bound = rows.phi >= 0.0, -rows.switching_gain
+        demanding = rows.phi >= 0.0
+        bound = -rows.switching_gain
     else:
-        demanding, bound = np.ones(size.m, dtype=bool), -law.alpha * rows.phi - rows.Lf
+        demanding = np.ones(size.m, dtype=bool)
+        bound = -law.alpha * rows.phi - rows.Lf
     excess = (rows.Lg @ command.qdd - bound)[demanding]
     # the solvers' tolerance, relative to the terms of each row
     allowed = 1e-6 * (np.abs(rows.Lg) @ np.abs(command.qdd) + np.abs(bound) + 1.0)[demanding]
@@ -900,7 +1032,11 @@ def test_demands_that_can_be_met_are_met(form: str, size: Size) -> None:
 
 def test_demands_that_contradict_each_other_are_relaxed_by_name() -> None:
     rows = Rows(
-        np.ones(3), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]), np.zeros(3), np.ones(3), ("up", "down", "side")
+        np.ones(3),
+        np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]),
+        np.zeros(3),
+        np.ones(3),
+        ("up", "down", "side"),
     )
     command = HierarchicalQP(rows="active").command(rows, Task(np.eye(2), np.array([5.0, 7.0])))
     assert command.status == "relaxed"
@@ -911,15 +1047,19 @@ def test_demands_that_contradict_each_other_are_relaxed_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    "law", [SlidingMode(), PotentialField(), HierarchicalQP(), HierarchicalQP(solver="daqp"), Tracking()]
+    "law",
+    [SlidingMode(), PotentialField(), HierarchicalQP(), HierarchicalQP(solver="daqp"), Tracking()],
 )
 @pytest.mark.parametrize("size", [1e10, 1e18, 1e100, 1e183])
 def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
-    """A robot that diverges: finite, but so large that rounding of a row exceeds all that it may demand."""
+    """A robot that diverges: finite, but so large that rounding of a row exceeds all that it may
+    demand.
+    """
     rows = Rows(np.array([-0.1, -0.2]), np.eye(2), np.zeros(2), np.full(2, 2.0), ("a", "b"))
     task = Task(np.array([[1.0, 0.0]]), np.array([-size]))
     command = law.command(rows, task)
-    acted, qdd = np.empty(2, np.bool_), np.empty(2)
+    acted = np.empty(2, np.bool_)
+    qdd = np.empty(2)
     bound = law.bind(rows, task, acted, qdd)
     if size < 1e15:
         assert command.status == "ok"
@@ -931,18 +1071,25 @@ def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
     assert bound is None or bound.solve() != 0
 
 
-@pytest.mark.parametrize("law", [SlidingMode(), PotentialField(blend="priority"), HierarchicalQP(), Tracking()])
+@pytest.mark.parametrize(
+    "law", [SlidingMode(), PotentialField(blend="priority"), HierarchicalQP(), Tracking()]
+)
 def test_a_row_that_a_run_has_left_for_good_ends_it_with_its_phi(law):
-    """A marker seven half axes from the centre: 7¹⁶ = 3.3e13, and 16 × 7¹⁵ = 7.6e13 per half axis, 20 of them a rad."""
+    """A marker seven half axes from the centre: 7¹⁶ = 3.3e13, and 16 × 7¹⁵ = 7.6e13 per half axis,
+    20 of them a rad.
+    """
     marker = np.array([7.0, 0.0])
     sigma, gradient, _ = superellipse(*marker, 1.0, 1.0, 16.0)
     assert [sigma, gradient] == pytest.approx([3.3233e13, 7.596e13], rel=1e-4)
-    rows = Rows(np.array([sigma]), np.array([[20.0 * gradient, 0.0]]), np.zeros(1), np.array([10.0]), ("a",))
+    rows = Rows(
+        np.array([sigma]), np.array([[20.0 * gradient, 0.0]]), np.zeros(1), np.array([10.0]), ("a",)
+    )
     # with accelerations of 10, rounding is 1.7, of 100 it is 17: more than u⁺ = 10
     for asked, failed in ((10.0, False), (100.0, True)):
         command = law.command(rows, Task(np.array([[0.0, 1.0]]), np.array([asked])))
         assert (command.status == "failed") == failed
         assert not failed or command.reason == (
-            "accelerations of 1.0e+02 are beyond what rows can be checked at: rounding exceeds the gain of a "
+            "accelerations of 1.0e+02 are beyond what rows can be checked at: rounding exceeds "
+            "the gain of a "
             "(φ up to 3.3e+13)"
         )

@@ -1,4 +1,6 @@
-"""Laws that are told how late their commands act do what they would do with no delay, that much later."""
+"""Laws that are told how late their commands act do what they would do with no delay, that much
+later.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def late(delay: float, scenario: Scenario = STATIC) -> Scenario:
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("delay", DELAYS)
 def test_the_commands_are_those_without_a_delay(name: str, delay: float) -> None:
-    """From rest, nothing but the time at which they act is another one, since nothing in the scene depends on time."""
+    """From rest, nothing but the time at which they act is another one, since nothing in the scene
+    depends on time.
+    """
     plain = simulate(STATIC.setup(), make_controller(name))
     told = simulate(late(delay).setup(), make_controller(name, {"command_delay": delay}))
     assert told.compiled == plain.compiled
@@ -51,11 +55,19 @@ def test_the_commands_are_those_without_a_delay(name: str, delay: float) -> None
     assert np.abs(blind[:n] - plain.qdd_command[:n]).max() > 1e-3 * scale
 
 
-@pytest.mark.parametrize("disturbances", [{"depth_factor": 1.2}, {"gradient_error": 0.3}, {"delay": 3}, {}])
-@pytest.mark.parametrize("options", [{"command_delay": 0.0213}, {"command_delay": 0.0213, "observer": 0.1}])
+@pytest.mark.parametrize(
+    "disturbances", [{"depth_factor": 1.2}, {"gradient_error": 0.3}, {"delay": 3}, {}]
+)
+@pytest.mark.parametrize(
+    "options", [{"command_delay": 0.0213}, {"command_delay": 0.0213, "observer": 0.1}]
+)
 @pytest.mark.parametrize("name", ["hierarchical-qp", "predictive", "goal-governor"])
-def test_compiled_and_by_calls_alike(disturbances: dict[str, Any], options: dict[str, float], name: str) -> None:
-    """Where what is believed is wrong, something moves unknown to the model, and joints have limits."""
+def test_compiled_and_by_calls_alike(
+    disturbances: dict[str, Any], options: dict[str, float], name: str
+) -> None:
+    """Where what is believed is wrong, something moves unknown to the model, and joints have
+    limits.
+    """
     scenario = late(0.02, Scenario.load("moving-sphere").with_override("duration", 0.8))
     scenario = scenario.with_override("constraints.0.motion.known", False)
     for key, value in disturbances.items():
@@ -67,12 +79,21 @@ def test_compiled_and_by_calls_alike(disturbances: dict[str, Any], options: dict
     np.testing.assert_allclose(whole.qdd_command, by_calls.qdd_command, atol=1e-6)
 
 
-@given(st.floats(0.05, 12.0) | st.sampled_from([1e-15, 1.0, 3.0]), st.booleans(), st.integers(0, 20))
+@given(
+    st.floats(0.05, 12.0) | st.sampled_from([1e-15, 1.0, 3.0]), st.booleans(), st.integers(0, 20)
+)
 @settings(max_examples=40)
 def test_the_state_when_a_command_begins_to_act(periods: float, frozen: bool, sent: int) -> None:
-    """By superposition: a command that acts from a to b moves q by u ((D − a)² − (D − b)²)/2 within D."""
-    kernels, Ts, rng = load("delay"), 0.01, np.random.default_rng(sent)
-    D, u, q, qd = periods * Ts, rng.standard_normal((sent, 2)), np.array([0.3, -1.0]), np.array([0.7, 2.0])
+    """By superposition: a command that acts from a to b moves q by u ((D − a)² − (D − b)²)/2 within
+    D.
+    """
+    kernels = load("delay")
+    Ts = 0.01
+    rng = np.random.default_rng(sent)
+    D = periods * Ts
+    u = rng.standard_normal((sent, 2))
+    q = np.array([0.3, -1.0])
+    qd = np.array([0.7, 2.0])
     own = kernels.DelayArrays.of(2, (0, 0, 0), frozen, Ts, split_delay("a delay", D, Ts))
     rows = RowArrays(*[np.zeros(0)] * 8, np.full(2, -1.0), np.full(2, 1.5))
     for each in u:
@@ -80,16 +101,21 @@ def test_the_state_when_a_command_begins_to_act(periods: float, frozen: bool, se
     own.now[:] = 5.0, *q, *qd
     kernels.foresee(own)
     begins = D - Ts * np.arange(sent, 0, -1)  # from now; of the last it is D − T_s
-    a, b = np.clip(begins, 0.0, D), np.clip(begins + Ts, 0.0, D)
+    a = np.clip(begins, 0.0, D)
+    b = np.clip(begins + Ts, 0.0, D)
     bounded = np.clip(u, -1.0, 1.5)
     assert own.now[0] == 5.0 + (0.0 if frozen else D)
-    np.testing.assert_allclose(own.now[1:3], q + D * qd + 0.5 * ((D - a) ** 2 - (D - b) ** 2) @ bounded, atol=1e-12)
+    np.testing.assert_allclose(
+        own.now[1:3], q + D * qd + 0.5 * ((D - a) ** 2 - (D - b) ** 2) @ bounded, atol=1e-12
+    )
     np.testing.assert_allclose(own.now[3:], qd + (b - a) @ bounded, atol=1e-12)
 
 
 def test_no_command_leaves_the_bounds_of_now() -> None:
     limited = STATIC.with_override("limits", {"acceleration": 5.0, "jerk": 400.0})
-    run = simulate(late(0.02, limited).setup(), make_controller("hierarchical-qp", {"command_delay": 0.02}))
+    run = simulate(
+        late(0.02, limited).setup(), make_controller("hierarchical-qp", {"command_delay": 0.02})
+    )
     plain = simulate(limited.setup(), make_controller("hierarchical-qp"))
     assert run.status == plain.status
     assert np.abs(run.qdd_command).max() <= 5.0 * (1 + 1e-9)
@@ -97,21 +123,26 @@ def test_no_command_leaves_the_bounds_of_now() -> None:
 
 
 def test_every_command_under_way_is_forgotten_at_a_reset() -> None:
-    setup, law = late(DELAYS[1]).setup(), make_controller("hierarchical-qp", {"command_delay": DELAYS[1]})
+    setup = late(DELAYS[1]).setup()
+    law = make_controller("hierarchical-qp", {"command_delay": DELAYS[1]})
     once = simulate(setup, law).qdd_command
     np.testing.assert_array_equal(simulate(setup, law).qdd_command, once)
 
 
 def test_by_a_control_step_with_options_that_change() -> None:
     """Also those of the law inside two others."""
-    step, setup = STATIC.setup().control(), STATIC.setup()
+    step = STATIC.setup().control()
+    setup = STATIC.setup()
     law = DelayCompensated(Observed(HierarchicalQP()), command_delay=0.02)
     law.reset(period=PERIOD)
-    q, qd = setup.q0, np.full(len(setup.q0), 0.3)
+    q = setup.q0
+    qd = np.full(len(setup.q0), 0.3)
     bounds, command = step.command(law, 0.0, q, qd)
     step.evaluate(0.0, q, qd)
     rows, task = _rows(step, q + 0.02 * qd, qd)
-    ahead = HierarchicalQP().command(replace(rows, qdd_min=bounds.rows.qdd_min, qdd_max=bounds.rows.qdd_max), task)
+    ahead = HierarchicalQP().command(
+        replace(rows, qdd_min=bounds.rows.qdd_min, qdd_max=bounds.rows.qdd_max), task
+    )
     np.testing.assert_allclose(command.qdd, ahead.qdd, atol=1e-9)
     inner: Any = law.law.law  # type: ignore[attr-defined]
     inner.margin = 0.2
@@ -126,7 +157,8 @@ def _rows(step: Any, q: Any, qd: Any) -> tuple[Any, Any]:
 
 def test_where_the_state_cannot_be_foreseen_the_law_gets_what_is_there() -> None:
     setup = STATIC.setup()
-    step, law = setup.control(), make_controller("tracking", {"command_delay": 0.2})
+    step = setup.control()
+    law = make_controller("tracking", {"command_delay": 0.2})
     law.reset(period=PERIOD)
     away = np.zeros(len(setup.q0))
     away[3] = 5.0 * np.pi  # the camera then looks the other way
@@ -142,14 +174,18 @@ def test_what_cannot_be_used_is_refused() -> None:
             make_controller("hierarchical-qp", {"command_delay": wrong})
     rows, task = _rows(STATIC.setup().control(), STATIC.setup().q0, np.zeros(6))
     law = make_controller("hierarchical-qp", {"command_delay": 0.02})
-    with pytest.raises(InvalidInput, match=r"a law with a command_delay uses a model: .*reset\(model="):
+    with pytest.raises(
+        InvalidInput, match=r"a law with a command_delay uses a model: .*reset\(model="
+    ):
         law.command(rows, task)
     setup: Any = law.reset
     setup(model=STATIC.setup().control().model())
     with pytest.raises(InvalidInput, match="sampling period"):
         law.command(rows, task)
     setup(period=1e-6)
-    with pytest.raises(InvalidInput, match="command_delay of a law must not exceed 100 sampling times"):
+    with pytest.raises(
+        InvalidInput, match="command_delay of a law must not exceed 100 sampling times"
+    ):
         law.command(rows, task)
     other: Any = make_controller("hierarchical-qp", {"command_delay": 0.02})
     other.reset(period=PERIOD, model=Scenario.load("moving-sphere").setup().control().model())
@@ -158,12 +194,17 @@ def test_what_cannot_be_used_is_refused() -> None:
 
 
 def test_what_it_uses_and_says() -> None:
-    law = make_controller("hierarchical-qp", {"command_delay": 0.02, "observer": 0.1, "dead_time": 0.01})
+    law = make_controller(
+        "hierarchical-qp", {"command_delay": 0.02, "observer": 0.1, "dead_time": 0.01}
+    )
     assert isinstance(law, DelayCompensated)
     assert isinstance(law.law, Observed)
     assert law.uses == (*HierarchicalQP().uses, "σ", "σ̇", "K", "T_s", "memory", "model")
     assert make_controller("tracking", {"command_delay": 0.02}).unused() == ""
-    assert "depends on observer" in make_controller("tracking", {"command_delay": 0.02, "observer": 0.1}).unused()
+    assert (
+        "depends on observer"
+        in make_controller("tracking", {"command_delay": 0.02, "observer": 0.1}).unused()
+    )
     assert law.remark(("a",)) == HierarchicalQP().remark(("a",))
 
 

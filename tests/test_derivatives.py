@@ -1,7 +1,8 @@
 """One contract for every robot, feature and constraint: all derivatives are those of the values.
 
-Values (positions, errors, σ) are differentiated numerically, along q or along motions through the state;
-nothing here uses a formula of the code that is tested. What is registered is tested by being registered.
+Values (positions, errors, σ) are differentiated numerically, along q or along motions through the
+state; nothing here uses a formula of the code that is tested. What is registered is tested by being
+registered.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ STATES = 6
 STEP = 2e-4
 """Step of first differences [s or rad].
 
-With the exponent 16 of the hyperellipse the fifth derivative is about 32⁴ times the first, so that the
-truncation h⁴/30 · 32⁴ is 6e-11; rounding is 1e-16/h = 5e-13 of the value.
+With the exponent 16 of the hyperellipse the fifth derivative is about 32⁴ times the first, so that
+the truncation h⁴/30 · 32⁴ is 6e-11; rounding is 1e-16/h = 5e-13 of the value.
 """
 
 LONG_STEP = 2e-3
@@ -70,21 +71,29 @@ Rounding is 2e-16/h² = 5e-11 of the value, truncation h⁴/90 of the sixth deri
 """
 
 RELATIVE = 1e-6
-"""A slip in a formula (a sign, a factor, a missing term) is of the order of 1, differences are good to 1e-9."""
+"""A slip in a formula (a sign, a factor, a missing term) is of the order of 1, differences are good
+to 1e-9.
+"""
 
 ABSOLUTE = 1e-8
 """Relative to the values that are differentiated: a hundred times the rounding above."""
 
 
 class Comparison:
-    """Compares analytic with numerical derivatives over several states, none of them always zero."""
+    """Compares analytic with numerical derivatives over several states, none of them always
+    zero.
+    """
 
     def __init__(self, trivial: tuple[str, ...] = ()) -> None:
         self.trivial = trivial
         self.largest: dict[str, Array] = {}
 
-    def agree(self, what: str, analytic: Array, numerical: Array, size: float | Array = 1.0) -> None:
-        """Equal up to rounding, row by row; ``size`` is that of the values which were differentiated."""
+    def agree(
+        self, what: str, analytic: Array, numerical: Array, size: float | Array = 1.0
+    ) -> None:
+        """Equal up to rounding, row by row; ``size`` is that of the values which were
+        differentiated.
+        """
         assert analytic.shape == numerical.shape, what
         rows = len(analytic)
         deviation = np.abs(analytic - numerical).reshape(rows, -1).max(axis=1)
@@ -98,7 +107,9 @@ class Comparison:
         self.largest[what] = np.maximum(seen, largest / allowed)
 
     def finish(self) -> None:
-        """Every quantity was a thousand tolerances somewhere: a wrong sign could not have passed."""
+        """Every quantity was a thousand tolerances somewhere: a wrong sign could not have
+        passed.
+        """
         assert self.largest
         for what, ratio in self.largest.items():
             if what not in self.trivial:
@@ -114,7 +125,9 @@ def axial(S: Array) -> Array:
 
 
 class MovingFrame:
-    """Twist, Jacobian and drift of a frame, from nothing but its pose at coordinates near q and times near 0."""
+    """Twist, Jacobian and drift of a frame, from nothing but its pose at coordinates near q and
+    times near 0.
+    """
 
     def __init__(self, pose: Callable[[Array, float], Pose], q: Array, qd: Array) -> None:
         def along(t: float) -> Pose:
@@ -132,7 +145,9 @@ class MovingFrame:
 
     def in_base(self) -> tuple[Array, Array]:
         """Jacobian and drift of the twist (v, ω), in the axes of the base."""
-        return np.concatenate((self.dt, self.turning)), np.concatenate((self.acceleration, self.omega_dot))
+        return np.concatenate((self.dt, self.turning)), np.concatenate(
+            (self.acceleration, self.omega_dot)
+        )
 
     def in_own_axes(self) -> tuple[Array, Array]:
         """The same in the frame's own axes, which turn: d/dt (Rᵀ ṫ) = Rᵀ (ẗ − ω × ṫ)."""
@@ -171,18 +186,23 @@ def compare_kinematics(comparison: Comparison, arm: Robot, rng: np.random.Genera
         comparison.agree(f"Jacobian of {link}", arm.jacobian(q, link), body.in_base()[0])
         comparison.agree(f"drift of {link}", arm.drift(q, qd, link), body.in_base()[1])
     offset = (0.1, -0.2, 0.05)
-    J, drift = arm.jacobian(q, arm.links[-1], offset, "tip"), arm.drift(q, qd, arm.links[-1], offset, "tip")
+    J = arm.jacobian(q, arm.links[-1], offset, "tip")
+    drift = arm.drift(q, qd, arm.links[-1], offset, "tip")
     twist = slope(lambda t: arm.jacobian(q + t * qd, arm.links[-1], offset, "tip") @ qd, STEP)
     comparison.agree("drift in the tip's axes", drift, twist)
     in_base = arm.jacobian(q, arm.links[-1], offset).reshape(2, 3, -1)
     comparison.agree("Jacobian in the tip's axes", J, (now.tip.R.T @ in_base).reshape(6, -1))
-    comparison.agree("Jacobian of a point", arm.jacobian(q, arm.links[-1], (0.2, 0.1, -0.3))[:3], now.point_J[-1])
+    comparison.agree(
+        "Jacobian of a point", arm.jacobian(q, arm.links[-1], (0.2, 0.1, -0.3))[:3], now.point_J[-1]
+    )
 
     def points(x: Array) -> Array:
         return arm.kinematics(x, qd, some).points
 
     comparison.agree("point Jacobians", now.point_J, gradient(points, q, STEP))
-    comparison.agree("point drifts", now.point_drift, second_slope(lambda t: points(q + t * qd), LONG_STEP))
+    comparison.agree(
+        "point drifts", now.point_drift, second_slope(lambda t: points(q + t * qd), LONG_STEP)
+    )
     np.testing.assert_allclose(now.points[0], now.tip.t, atol=1e-14)
 
 
@@ -223,7 +243,8 @@ def compare_image(comparison: Comparison, arm: Robot, rng: np.random.Generator, 
 def base_markers(scene: Scene, q: Array) -> Array:
     """(m, 3) markers in the base frame, from what the camera sees of them: u, v and depth."""
     state = scene.evaluate(NOW, q, np.zeros(len(q)))
-    xy, Z = state.normalised.position, state.depth[:, None]
+    xy = state.normalised.position
+    Z = state.depth[:, None]
     camera = scene.camera.fixed or scene.robot.pose(q) @ scene.camera.mount.inverse
     return camera.act(np.concatenate((xy * Z, Z), axis=1))
 
@@ -253,7 +274,12 @@ ANGLES = (0.0, 1e-3, 0.7, 2.0, 3.1, np.pi)
 
 
 def compare_feature(
-    comparison: Comparison, feature: Feature, arm: Robot, rng: np.random.Generator, angle: float, world: str
+    comparison: Comparison,
+    feature: Feature,
+    arm: Robot,
+    rng: np.random.Generator,
+    angle: float,
+    world: str,
 ) -> None:
     scene, q, qd = random_scene(arm, rng, world=world)
     state = scene.evaluate(NOW, q, qd)
@@ -270,8 +296,11 @@ def compare_feature(
     np.testing.assert_allclose(error(q), now.error, rtol=0.0, atol=1e-14)
     comparison.agree("J_s", now.J, gradient(error, q, STEP))
     comparison.agree("velocity", now.velocity, slope(along, STEP))
-    # next to a turn by π Pinocchio's logarithm is good to some 1e-14, of which second differences make 1e-7
-    comparison.agree("drift", now.drift, second_slope(along, LONG_STEP), 10.0 if angle > 3.0 else 1.0)
+    # next to a turn by π Pinocchio's logarithm is good to some 1e-14, of which second differences
+    # make 1e-7
+    comparison.agree(
+        "drift", now.drift, second_slope(along, LONG_STEP), 10.0 if angle > 3.0 else 1.0
+    )
     if world == "moving-target":
         comparison.agree("∂s/∂t", now.partial, slope(lambda t: error(q, t), STEP))
     else:
@@ -293,17 +322,21 @@ def test_features(name: str, feature: type[Feature], world: str) -> None:
 
 
 @pytest.mark.parametrize(("which", "share"), [("desired", 1.0), ("mean", 0.5)])
-def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(which: str, share: float) -> None:
-    """Ĵ_s from (1 − share) of the current and share of the desired interaction matrix, and its drift with that held."""
+def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(
+    which: str, share: float
+) -> None:
+    """Ĵ_s from (1 − share) of the current and share of the desired interaction matrix, and its
+    drift with that held.
+    """
     for rng in states("panda", STATES):
         scene, q, qd = random_scene(robot("panda"), rng)
         state = scene.evaluate(NOW, q, qd)
         there = scene.evaluate(NOW, q + rng.uniform(-0.05, 0.05, 7), qd)
-        goal = Goal(0.0, there.pixels.position, there.normalised.position, there.camera, there.depth)
-        seen, other = (
-            feature_motion(ImagePoints(), state, goal, None),
-            feature_motion(ImagePoints(which), state, goal, None),
+        goal = Goal(
+            0.0, there.pixels.position, there.normalised.position, there.camera, there.depth
         )
+        seen = feature_motion(ImagePoints(), state, goal, None)
+        other = feature_motion(ImagePoints(which), state, goal, None)
         np.testing.assert_array_equal(other.error, seen.error)
         np.testing.assert_allclose(other.velocity, other.J @ qd + seen.partial, atol=1e-12)
         # at the goal's depth and image, but with the arm where it is
@@ -314,7 +347,9 @@ def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(which: 
 
         held = other.J @ np.linalg.pinv(state.camera_J)
 
-        def task_velocity(t: float, q: Array = q, qd: Array = qd, scene: Scene = scene, L: Array = held) -> Array:
+        def task_velocity(
+            t: float, q: Array = q, qd: Array = qd, scene: Scene = scene, L: Array = held
+        ) -> Array:
             return L @ scene.evaluate(NOW, q + t * qd, qd).camera_J @ qd
 
         np.testing.assert_allclose(other.drift, slope(task_velocity, STEP), rtol=1e-6, atol=1e-7)
@@ -328,7 +363,8 @@ def compare_constraint(
 ) -> None:
     scene, q, qd = random_scene(arm, rng, [constraint], world)
     constraints = ConstraintSet([constraint], scene)
-    at_rest, qdd = np.zeros(arm.n), rng.uniform(-3.0, 3.0, arm.n)
+    at_rest = np.zeros(arm.n)
+    qdd = rng.uniform(-3.0, 3.0, arm.n)
 
     def sigma_and_phi(x: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
         rows, sigma = evaluate_rows(constraints, scene.evaluate(NOW + t, x, v))
@@ -346,7 +382,9 @@ def compare_constraint(
         comparison.agree("φ − σ = K dσ/dt", rows.phi - sigma, constraint.K * sigma_dot, size)
         dsigma_dq = gradient(lambda x: sigma_and_phi(x, at_rest)[0], q, STEP)
         comparison.agree("L_gφ = K ∂σ/∂q", rows.Lg, constraint.K * dsigma_dq, size)
-    comparison.agree("L_gφ = ∂φ/∂q̇", rows.Lg, gradient(lambda v: sigma_and_phi(q, v)[1], qd, STEP), size)
+    comparison.agree(
+        "L_gφ = ∂φ/∂q̇", rows.Lg, gradient(lambda v: sigma_and_phi(q, v)[1], qd, STEP), size
+    )
     comparison.agree("L_fφ", rows.Lf, slope(lambda t: along(t)[1], STEP), size)
     phi_dot = slope(lambda t: along(t, qdd)[1], STEP)
     comparison.agree("φ̇ = L_fφ + L_gφ q̈", rows.Lf + rows.Lg @ qdd, phi_dot, size)
@@ -371,12 +409,15 @@ EXAMPLES = [
 @pytest.mark.parametrize(("name", "type_name", "number"), EXAMPLES)
 def test_constraints(name: str, type_name: str, number: int) -> None:
     arm = robot(name)
-    check_constraint(name, build_constraint(type_name, constraint_tables(type_name, arm)[number], arm))
+    check_constraint(
+        name, build_constraint(type_name, constraint_tables(type_name, arm)[number], arm)
+    )
 
 
 @pytest.mark.parametrize("world", WORLDS[1:])
 @pytest.mark.parametrize(
-    ("type_name", "number"), [example.values[1:] for example in EXAMPLES if example.values[0] == "ur5"]
+    ("type_name", "number"),
+    [example.values[1:] for example in EXAMPLES if example.values[0] == "ur5"],
 )
 def test_constraints_in_other_worlds(type_name: str, number: int, world: str) -> None:
     """Before a fixed camera, and with a target that moves; obstacles that can move do so too."""
@@ -384,12 +425,17 @@ def test_constraints_in_other_worlds(type_name: str, number: int, world: str) ->
     constraint = build_constraint(type_name, constraint_tables(type_name, arm)[number], arm)
     if isinstance(constraint, PositionConstraint) and world == "moving-target":
         d = constraint.coordinates
-        constraint.moving(Motion([20.0, -9.0, 0.2][-d:], amplitude=[3.0, 0.1, -0.05][-d:], frequency=0.5, phase=0.2))
+        constraint.moving(
+            Motion(
+                [20.0, -9.0, 0.2][-d:], amplitude=[3.0, 0.1, -0.05][-d:], frequency=0.5, phase=0.2
+            )
+        )
     check_constraint("ur5", constraint, world)
 
 
 def test_an_unknown_motion_leaves_only_sigma() -> None:
-    arm, rng = robot("ur5"), np.random.default_rng(5)
+    arm = robot("ur5")
+    rng = np.random.default_rng(5)
     table = constraint_tables("forbidden-sphere", arm)[0]
     told, untold, still = (build_constraint("forbidden-sphere", table, arm) for _ in range(3))
     velocity = np.array([0.3, -0.2, 0.1])
@@ -401,7 +447,12 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
     supposed = believed(scene, true)
     known, unknown, static, truth = (
         evaluate_rows(ConstraintSet([constraint], scene), state)[0]
-        for constraint, state in ((told, supposed), (untold, supposed), (still, true), (untold, true))
+        for constraint, state in (
+            (told, supposed),
+            (untold, supposed),
+            (still, true),
+            (untold, true),
+        )
     )
     for name in ("phi", "Lg", "Lf"):
         np.testing.assert_allclose(getattr(unknown, name), getattr(static, name), atol=1e-12)
@@ -421,7 +472,8 @@ def concrete(base: type) -> set[type]:
 @pytest.mark.parametrize("type_name", CONSTRAINTS)
 def test_every_registered_constraint_type_has_an_example(type_name: str) -> None:
     assert constraint_tables(type_name, robot("planar-3r")), (
-        f"the constraint type {type_name!r} is registered in CONSTRAINTS but tests/scenes.py has no example: "
+        f"the constraint type {type_name!r} is registered in CONSTRAINTS but tests/scenes.py has "
+        f"no example: "
         "add one to constraint_tables, and its derivatives are tested on every robot"
     )
 
@@ -441,7 +493,9 @@ def test_every_class_is_registered_and_so_tested() -> None:
         for type_name in CONSTRAINTS
         for table in constraint_tables(type_name, arm)
     }
-    assert built == concrete(Constraint), "a constraint class is in no example: its derivatives are untested"
+    assert built == concrete(Constraint), (
+        "a constraint class is in no example: its derivatives are untested"
+    )
     assert set(SHAPES.values()) == concrete(Shape)
     assert set(FEATURES.values()) == concrete(Feature)
 
@@ -474,7 +528,9 @@ def evaluate_with(**factors: float):
     ],
 )
 def test_a_slip_in_the_kinematics_is_noticed(factors, check, monkeypatch) -> None:
-    monkeypatch.setattr(vsconstraints.robots.robot.KinematicsEvaluator, "__call__", evaluate_with(**factors))
+    monkeypatch.setattr(
+        vsconstraints.robots.robot.KinematicsEvaluator, "__call__", evaluate_with(**factors)
+    )
     with pytest.raises(AssertionError):
         check("ur5")
 
@@ -482,7 +538,9 @@ def test_a_slip_in_the_kinematics_is_noticed(factors, check, monkeypatch) -> Non
 def test_a_slip_in_the_interaction_matrix_is_noticed(monkeypatch) -> None:
     right = vsconstraints.vision.scene.interaction_matrix
     signs = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-    monkeypatch.setattr(vsconstraints.vision.scene, "interaction_matrix", lambda xy, Z: right(xy, Z) * signs)
+    monkeypatch.setattr(
+        vsconstraints.vision.scene, "interaction_matrix", lambda xy, Z: right(xy, Z) * signs
+    )
     with pytest.raises(AssertionError, match="pixels: J"):
         check_image("ur5")
 
@@ -519,7 +577,9 @@ SLIPS = [
 
 
 @pytest.mark.parametrize(("type_name", "number", "method"), SLIPS)
-def test_a_slip_in_a_constraint_is_noticed(type_name: str, number: int, method: str, monkeypatch) -> None:
+def test_a_slip_in_a_constraint_is_noticed(
+    type_name: str, number: int, method: str, monkeypatch
+) -> None:
     arm = robot("viper-s650")
     constraint = build_constraint(type_name, constraint_tables(type_name, arm)[number], arm)
     monkeypatch.setattr(constraint, method, negated(getattr(constraint, method)))
@@ -528,19 +588,28 @@ def test_a_slip_in_a_constraint_is_noticed(type_name: str, number: int, method: 
 
 
 def test_a_gradient_that_forgets_the_curves_rotation_is_noticed(monkeypatch) -> None:
-    table = next(t for t in constraint_tables("occlusion", robot("ur5")) if t["curve"]["rotation"] != 0.0)
+    table = next(
+        t for t in constraint_tables("occlusion", robot("ur5")) if t["curve"]["rotation"] != 0.0
+    )
     constraint = build_constraint("occlusion", table, robot("ur5"))
-    curve, true = constraint.curve, constraint.gradient
-    c, s = np.cos(curve.rotation), np.sin(curve.rotation)
+    curve = constraint.curve
+    true = constraint.gradient
+    c = np.cos(curve.rotation)
+    s = np.sin(curve.rotation)
     monkeypatch.setattr(constraint, "gradient", lambda y: true(y) @ np.array([[c, -s], [s, c]]))
     with pytest.raises(AssertionError, match="row"):
         check_constraint("ur5", constraint)
 
 
 def test_points_of_several_links_are_in_the_examples() -> None:
-    """The contract covers offsets, several points of one link, and several links in one constraint."""
+    """The contract covers offsets, several points of one link, and several links in one
+    constraint.
+    """
     arm = robot("ur5")
-    spheres = [build_constraint("forbidden-sphere", t, arm) for t in constraint_tables("forbidden-sphere", arm)]
+    spheres = [
+        build_constraint("forbidden-sphere", t, arm)
+        for t in constraint_tables("forbidden-sphere", arm)
+    ]
     points = robot_points(spheres)
     assert len({point.link for point in points}) >= 3
     assert len({point.link for point in points}) < len(points)

@@ -14,7 +14,12 @@ from typer.testing import CliRunner
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.difference import changes, difference
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import (
+    CONSTRAINT_COLUMNS,
+    METRICS,
+    RESULT_COLUMNS,
+    TIMING_COLUMNS,
+)
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.difference import page, verdict
@@ -25,13 +30,17 @@ FLAGS = {metric.column for metric in METRICS if metric.kind == "flag"}
 
 @dataclass
 class Made:
-    """A folder of a comparison that a test writes down: every number is 1 + the trial, but for what it says."""
+    """A folder of a comparison that a test writes down: every number is 1 + the trial, but for what
+    it says.
+    """
 
     trials: int = 12
     cells: dict[tuple[str, int], dict[str, Any]] = field(default_factory=dict)
     left_out: tuple[tuple[str, int], ...] = ()
     manifest: dict[str, Any] = field(default_factory=dict)
-    controllers: dict[str, Any] = field(default_factory=lambda: {law: {"type": "sliding-mode"} for law in LAWS})
+    controllers: dict[str, Any] = field(
+        default_factory=lambda: {law: {"type": "sliding-mode"} for law in LAWS}
+    )
     seed: int = 0
 
     def set(self, law: str, trials: Any, **cells: Any) -> Made:
@@ -41,16 +50,29 @@ class Made:
 
     def stored(self, folder: Path) -> Path:
         folder.mkdir()
-        scenarios = {"scene": {"folder": "", "tables": {"constraints": [{"type": "field-of-view", "K": 0.1}]}}}
-        configuration = {"scenarios": scenarios, "controllers": self.controllers, "trials": self.trials}
+        scenarios = {
+            "scene": {
+                "folder": "",
+                "tables": {"constraints": [{"type": "field-of-view", "K": 0.1}]},
+            }
+        }
+        configuration = {
+            "scenarios": scenarios,
+            "controllers": self.controllers,
+            "trials": self.trials,
+        }
         manifest = {"configuration": {**configuration, "seed": self.seed}, **self.manifest}
         (folder / "manifest.json").write_text(json.dumps(manifest))
         lines = []
         for law in self.controllers:
             for trial in range(self.trials):
-                line: dict[str, Any] = {name: name in FLAGS or 1.0 + trial for name in RESULT_COLUMNS}
+                line: dict[str, Any] = {
+                    name: name in FLAGS or 1.0 + trial for name in RESULT_COLUMNS
+                }
                 line.update(suite="s", scenario="scene", controller=law, trial=trial)
-                line.update(status="converged", reason="", violated="", within_band="", sliding_lost_s=0.0)
+                line.update(
+                    status="converged", reason="", violated="", within_band="", sliding_lost_s=0.0
+                )
                 if (law, trial) not in self.left_out:
                     lines.append(line | self.cells.get((law, trial), {}))
         write_table(folder / "results.csv", RESULT_COLUMNS, lines)
@@ -68,7 +90,12 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
     a = Made().set("two", [4], settling_time_s=math.nan).stored(tmp_path / "a")
     # times differ always
     slower = dict.fromkeys(TIMING_COLUMNS, 100.0)
-    b = Made().set("one", range(12), **slower).set("two", [4], settling_time_s=math.nan).stored(tmp_path / "b")
+    b = (
+        Made()
+        .set("one", range(12), **slower)
+        .set("two", [4], settling_time_s=math.nan)
+        .stored(tmp_path / "b")
+    )
     found = difference(a, b)
     assert not found.worse
     assert not found.found
@@ -76,7 +103,8 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
     code, said = answer(a, b)
     assert code == 0
     assert "All 36 runs that both have are the same, but for their times." in said
-    # 100 against 1 … 12: 100 / 6.5 of both medians, but the median of the ratios is that of 100/6 and 100/7
+    # 100 against 1 … 12: 100 / 6.5 of both medians, but the median of the ratios is that of 100/6
+    # and 100/7
     assert f"{(100 / 6 + 100 / 7) / 2:.1f}" in said
 
 
@@ -88,7 +116,9 @@ def test_the_same_is_not_different(tmp_path: Path) -> None:
         ({"status": "failed", "reason": "no idea"}, "failed; no idea"),
     ],
 )
-def test_one_run_that_is_lost_counts_in_a_suite(cells: dict[str, Any], named: str, tmp_path: Path) -> None:
+def test_one_run_that_is_lost_counts_in_a_suite(
+    cells: dict[str, Any], named: str, tmp_path: Path
+) -> None:
     a = Made().stored(tmp_path / "a")
     b = Made().set("one", [7], **cells).stored(tmp_path / "b")
     code, said = answer(a, b)
@@ -104,7 +134,11 @@ def test_one_run_that_is_lost_counts_in_a_suite(cells: dict[str, Any], named: st
 
 def test_a_violation_counts_where_a_run_converges_in_neither(tmp_path: Path) -> None:
     a = Made().set("one", [3], status="trapped").stored(tmp_path / "a")
-    b = Made().set("one", [3], status="trapped", violated="range[joint 1].upper").stored(tmp_path / "b")
+    b = (
+        Made()
+        .set("one", [3], status="trapped", violated="range[joint 1].upper")
+        .stored(tmp_path / "b")
+    )
     (only,) = difference(a, b).worse
     assert (only.what, only.before, only.after) == ("stays inside", 12, 11)  # type: ignore[union-attr]
 
@@ -128,7 +162,8 @@ def test_tracking_alone_is_not_judged(tmp_path: Path) -> None:
 
 
 def test_metrics_are_judged_where_both_converge_inside(tmp_path: Path) -> None:
-    before, after = Made(), Made()
+    before = Made()
+    after = Made()
     after.set("one", range(12), jerk_rms=100.0, utilization=0.0)
     # nine pairs are left: one run left the allowed space, one did not converge, one has no value
     before.set("one", [0], violated="fov[marker 1]").set("one", [1], status="trapped")
@@ -182,7 +217,11 @@ def test_rounding_is_tolerated_and_seen(tmp_path: Path) -> None:
 
 def test_only_the_metrics_that_are_asked_for(tmp_path: Path) -> None:
     a = Made().stored(tmp_path / "a")
-    b = Made().set("one", range(12), jerk_rms=100.0, final_feature_error_px=99.0).stored(tmp_path / "b")
+    b = (
+        Made()
+        .set("one", range(12), jerk_rms=100.0, final_feature_error_px=99.0)
+        .stored(tmp_path / "b")
+    )
     assert len(difference(a, b).worse) == 2
     (error,) = difference(a, b, metrics=["final_feature_error_px"]).worse
     assert error.metric.column == "final_feature_error_px"  # type: ignore[union-attr]
@@ -195,7 +234,9 @@ def test_runs_of_one_side_are_named(tmp_path: Path) -> None:
     b = Made(trials=13).stored(tmp_path / "b")
     text = page(difference(a, b))
     assert "35 runs are in both" in text
-    assert "4 only in B: scene, 12, tracking; scene, 3, one; scene, 12, one; scene, 12, two." in text
+    assert (
+        "4 only in B: scene, 12, tracking; scene, 3, one; scene, 12, one; scene, 12, two." in text
+    )
     assert "only in A" not in text
     assert "A is not finished: 35 of 36 runs." in text
 
@@ -203,7 +244,9 @@ def test_runs_of_one_side_are_named(tmp_path: Path) -> None:
 def test_a_law_with_another_name(tmp_path: Path) -> None:
     a = Made().stored(tmp_path / "a")
     names = ("tracking", "one", "new")
-    b = Made(controllers={law: {"type": "sliding-mode"} for law in names}).set("new", [2], status="trapped")
+    b = Made(controllers={law: {"type": "sliding-mode"} for law in names}).set(
+        "new", [2], status="trapped"
+    )
     folder = b.stored(tmp_path / "b")
     assert answer(a, folder)[0] == 0
     code, said = answer(a, folder, "--rename", "two=new")
@@ -222,7 +265,9 @@ def test_a_law_with_another_name(tmp_path: Path) -> None:
             raise done.exception
 
 
-def test_what_cannot_be_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+def test_what_cannot_be_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
     a = Made().stored(tmp_path / "a")
     other = Made(controllers={"three": {"type": "sliding-mode"}}).stored(tmp_path / "b")
     with pytest.raises(ConfigurationError, match="no law and scene is in both"):
@@ -238,11 +283,17 @@ def test_what_cannot_be_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert code == 0
     assert (tmp_path / "page.md").read_text().startswith("# ")
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        raise CliRunner().invoke(app, ["diff", str(a), str(a), "--out", str(a)]).exception or AssertionError
+        raise (
+            CliRunner().invoke(app, ["diff", str(a), str(a), "--out", str(a)]).exception
+            or AssertionError
+        )
 
 
 def test_changes_are_found_and_those_alike_are_one() -> None:
-    scenarios = {name: {"folder": "", "tables": {"dt": 0.1, "constraints": [{"K": 1}, {"K": 2}]}} for name in "abcd"}
+    scenarios = {
+        name: {"folder": "", "tables": {"dt": 0.1, "constraints": [{"K": 1}, {"K": 2}]}}
+        for name in "abcd"
+    }
     before = {
         "version": "1",
         "git_commit": "aaa",
@@ -265,7 +316,9 @@ def test_changes_are_found_and_those_alike_are_one() -> None:
     after["configuration"]["scenarios"]["d"]["tables"]["constraints"][1]["K"] = 3
     after["configuration"]["controllers"]["one"]["q"] = 5
     del after["configuration"]["controllers"]["two"]
-    found = [(one.part, one.what, one.names, one.before, one.after) for one in changes(before, after)]
+    found = [
+        (one.part, one.what, one.names, one.before, one.after) for one in changes(before, after)
+    ]
     assert found == [
         ("code", "version", (), "1", "2"),
         ("settings", "scenarios.dt", ("a", "b", "c"), 0.1, 0.2),
@@ -286,12 +339,15 @@ def test_real_comparisons(tmp_path: Path) -> None:
         compare(suite, tmp_path / name, workers=1)
         return tmp_path / name
 
-    before, again = made("before"), made("again")
+    before = made("before")
+    again = made("again")
     assert answer(before, again)[0] == 0
     assert "are the same" in answer(before, again)[1]
     gains = "scenario.constraints.0.switching_gain=20", "scenario.constraints.0.K=0.3"
     worse = made("worse", "scenario.duration=0.5", *gains)
-    changed = [(change.what, change.before, change.after) for change in difference(before, worse).changes]
+    changed = [
+        (change.what, change.before, change.after) for change in difference(before, worse).changes
+    ]
     assert sorted(changed) == [
         ("scenarios.constraints.0.K", 0.2, 0.3),
         ("scenarios.constraints.0.switching_gain", 10.0, 20),
@@ -301,5 +357,9 @@ def test_real_comparisons(tmp_path: Path) -> None:
     assert code == 1
     assert "example-2d-fast, 0, sliding-mode no longer converges: unfinished; still moving" in said
     assert "scenarios.duration" in said
-    (line,) = [line for line in StoredComparison.load(worse).results if line["controller"] == "sliding-mode"]
+    (line,) = [
+        line
+        for line in StoredComparison.load(worse).results
+        if line["controller"] == "sliding-mode"
+    ]
     assert line["status"] == "unfinished"

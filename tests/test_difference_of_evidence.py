@@ -24,7 +24,9 @@ Line = dict[str, Any]
 
 
 def lines() -> list[Line]:
-    """Two laws and tracking in two conditions, with numbers that are spread as those of scenes are."""
+    """Two laws and tracking in two conditions, with numbers that are spread as those of scenes
+    are.
+    """
     settling = np.random.default_rng(3).lognormal(size=SCENES)
     return [
         run(condition, law, scene, settling_time_s=float(settling[scene]), sliding_lost_s=0.0)
@@ -34,12 +36,16 @@ def lines() -> list[Line]:
     ]
 
 
-def stored(folder: Path, runs: list[Line], values: dict[int, float] | None = None, **configuration: Any) -> Path:
+def stored(
+    folder: Path, runs: list[Line], values: dict[int, float] | None = None, **configuration: Any
+) -> Path:
     """A folder of evidence of these runs; ``values`` says what was drawn for some scenes."""
     evidence = made(frame(runs), folder, **configuration)
     folder.mkdir()
     count = configuration.get("scenes", SCENES)
-    (folder / "manifest.json").write_text(json.dumps({**evidence.manifest, "scenes": count, "finished": SCENES}))
+    (folder / "manifest.json").write_text(
+        json.dumps({**evidence.manifest, "scenes": count, "finished": SCENES})
+    )
     drawn = [{"Kp0": (values or {}).get(i, 0.0)} for i in evidence.scenes["scene"]]
     scenes = evidence.scenes.assign(values=[json.dumps(one) for one in drawn])
     for name, table in (("runs", evidence.runs), ("rows", evidence.rows), ("scenes", scenes)):
@@ -47,7 +53,10 @@ def stored(folder: Path, runs: list[Line], values: dict[int, float] | None = Non
         facts = {
             "family": "planar-arm",
             "scenes": scenes["scene"].tolist(),
-            "identity": {"controllers": evidence.manifest["configuration"]["controllers"], "family": {"tables": {}}},
+            "identity": {
+                "controllers": evidence.manifest["configuration"]["controllers"],
+                "family": {"tables": {}},
+            },
             "machine": {},
             "runs": len(runs),
             "seconds": 1.0,
@@ -82,10 +91,13 @@ def test_a_law_that_is_slower_in_one_condition_is_found_there(tmp_path: Path) ->
         else line
         for line in lines()
     ]
-    a, b = stored(tmp_path / "a", lines()), stored(tmp_path / "b", slower)
+    a = stored(tmp_path / "a", lines())
+    b = stored(tmp_path / "b", slower)
     (one,) = difference(a, b).worse
     assert (one.group.law, one.group.place) == ("two", ("planar-arm", "disturbed"))
-    assert "Worse: **two**, planar-arm, disturbed: settling time [s] by 0.0" in verdict(difference(a, b))
+    assert "Worse: **two**, planar-arm, disturbed: settling time [s] by 0.0" in verdict(
+        difference(a, b)
+    )
     assert not difference(b, a).worse
     assert not difference(a, b, tolerance=0.02).worse
 
@@ -96,7 +108,9 @@ def test_of_drawn_scenes_rates_count_and_not_runs(tmp_path: Path) -> None:
     assert not difference(a, few).worse
     (lost,) = difference(a, few, strict=True).worse
     assert list(lost.lost) == [1 + 3 * i for i in range(5)]  # type: ignore[union-attr]
-    assert "planar-arm, nominal, held-out, 4, one no longer converges: trapped" in page(difference(a, few))
+    assert "planar-arm, nominal, held-out, 4, one no longer converges: trapped" in page(
+        difference(a, few)
+    )
     many = stored(tmp_path / "many", changed("one", "nominal", range(6), status="trapped"))
     ((one, p),) = difference(a, many).found
     assert (one.before, one.after, p) == (SCENES, SCENES - 6, pytest.approx(2 / 2**6))  # type: ignore[union-attr]
@@ -105,18 +119,27 @@ def test_of_drawn_scenes_rates_count_and_not_runs(tmp_path: Path) -> None:
 
 def test_scenes_that_were_drawn_otherwise_are_no_pairs(tmp_path: Path) -> None:
     a = stored(tmp_path / "a", lines())
-    b = stored(tmp_path / "b", changed("one", "nominal", range(3), violated="fov[marker 1]"), {0: 1.0, 1: 1.0, 7: 1.0})
+    b = stored(
+        tmp_path / "b",
+        changed("one", "nominal", range(3), violated="fov[marker 1]"),
+        {0: 1.0, 1: 1.0, 7: 1.0},
+    )
     found = difference(a, b)
     assert found.pairs.drawn_otherwise == 3
     assert len(found.pairs.differ) == 6 * (SCENES - 3)
     assert found.pairs.differ.sum() == 1
     assert "3 scenes are not the same in both, and left out." in page(found)
     other = stored(tmp_path / "other", lines(), dict.fromkeys(range(SCENES), 1.0))
-    with pytest.raises(ConfigurationError, match=f"cannot be compared: all {SCENES} scenes are drawn otherwise: Kp0"):
+    with pytest.raises(
+        ConfigurationError,
+        match=f"cannot be compared: all {SCENES} scenes are drawn otherwise: Kp0",
+    ):
         difference(a, other)
 
 
-def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn_another_scene(tmp_path: Path) -> None:
+def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn_another_scene(
+    tmp_path: Path,
+) -> None:
     def ran(name: str, constraint: str) -> Path:
         campaign(tmp_path)
         file = tmp_path / "quick.toml"
@@ -124,13 +147,17 @@ def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn
         collect(Campaign.load(tmp_path / "small.toml").select(scenes=3), tmp_path / name, HERE)
         return tmp_path / name
 
-    before, stronger = ran("before", "K = 0.2"), ran("stronger", "K = 0.3\nswitching_gain = 30.0")
+    before = ran("before", "K = 0.2")
+    stronger = ran("stronger", "K = 0.3\nswitching_gain = 30.0")
     found = difference(before, stronger)
     (name,) = found.changes[0].names
     told = [(change.what, change.before, change.after) for change in found.changes]
     assert (name, told) == (
         "quick",
-        [("families.constraints.0.K", 0.2, 0.3), ("families.constraints.0.switching_gain", 10.0, 30.0)],
+        [
+            ("families.constraints.0.K", 0.2, 0.3),
+            ("families.constraints.0.switching_gain", 10.0, 30.0),
+        ],
     )
     assert len(found.pairs.differ) == 18
     assert found.pairs.drawn_otherwise == 0
@@ -140,14 +167,21 @@ def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn
     bounds = (side["phi_band_bound"].dropna() for side in (found.pairs.a, found.pairs.b))
     assert [float(side.max()) for side in bounds] == pytest.approx([0.05, 0.15])
     drawn = ran("drawn", "switching_gain = { uniform = [20.0, 30.0] }")
-    with pytest.raises(ConfigurationError, match=r"all 3 scenes are drawn otherwise: constraints\.0\.switching_gain$"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"all 3 scenes are drawn otherwise: constraints\.0\.switching_gain$",
+    ):
         difference(before, drawn)
 
 
 def test_fewer_scenes_and_other_settings_are_said(tmp_path: Path) -> None:
     a = stored(tmp_path / "a", lines())
     half = [line for line in lines() if line["scene"] < 30]
-    laws = {"tracking": {"type": "tracking"}, "one": {"type": "one", "alpha": 2.0}, "two": {"type": "two"}}
+    laws = {
+        "tracking": {"type": "tracking"},
+        "one": {"type": "one", "alpha": 2.0},
+        "two": {"type": "two"},
+    }
     b = stored(tmp_path / "b", half, scenes=SCENES + 1, controllers=laws)
     text = page(difference(a, b))
     assert f"B is not finished: {SCENES} of {SCENES + 1} scenes." in text
@@ -156,9 +190,13 @@ def test_fewer_scenes_and_other_settings_are_said(tmp_path: Path) -> None:
 
 
 def test_drawn_scenes_are_not_held_against_chosen_ones(tmp_path: Path) -> None:
-    a, b = stored(tmp_path / "a", lines()), tmp_path / "b"
+    a = stored(tmp_path / "a", lines())
+    b = tmp_path / "b"
     b.mkdir()
-    configuration = {"scenarios": {"s": {"folder": "", "tables": {}}}, "controllers": {"one": {"type": "tracking"}}}
+    configuration = {
+        "scenarios": {"s": {"folder": "", "tables": {}}},
+        "controllers": {"one": {"type": "tracking"}},
+    }
     (b / "manifest.json").write_text(json.dumps({"configuration": configuration}))
     write_table(b / "results.csv", RESULT_COLUMNS, [])
     write_table(b / "constraints.csv", CONSTRAINT_COLUMNS, [])

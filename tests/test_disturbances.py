@@ -1,4 +1,6 @@
-"""What goes otherwise than the control assumes: the robot, what is measured, and the rows' gradients."""
+"""What goes otherwise than the control assumes: the robot, what is measured, and the rows'
+gradients.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def case(duration: float = 0.4, **settings: Any) -> Setup:
     scenario = Scenario.load("case-study-6r").with_override("duration", duration)
     for key, value in settings.items():
         name = key.replace("__", ".")
-        scenario = scenario.with_override(name if "." in name or name == "actuation" else f"disturbances.{name}", value)
+        scenario = scenario.with_override(
+            name if "." in name or name == "actuation" else f"disturbances.{name}", value
+        )
     return scenario.setup()
 
 
@@ -45,7 +49,10 @@ def case(duration: float = 0.4, **settings: Any) -> Setup:
 
 @pytest.mark.parametrize("actuation", ["acceleration", "position"])
 def test_the_plant_is_the_solution_of_its_differential_equation(actuation: Actuation) -> None:
-    rng, tau, Ts, n = np.random.default_rng(3), 0.03, 0.01, 3
+    rng = np.random.default_rng(3)
+    tau = 0.03
+    Ts = 0.01
+    n = 3
     q0, qd0, d = rng.normal(size=(3, n))
     commands = rng.normal(size=(40, n)) * 3.0
     plant = Plant(q0, qd0, Ts, actuation, Disturbances(time_constant=tau, acceleration=tuple(d)))
@@ -61,7 +68,9 @@ def test_the_plant_is_the_solution_of_its_differential_equation(actuation: Actua
 
         return lag if actuation == "acceleration" else loop
 
-    x = np.concatenate((q0, qd0, np.zeros(n)) if actuation == "acceleration" else (q0, qd0, q0, qd0))
+    x = np.concatenate(
+        (q0, qd0, np.zeros(n)) if actuation == "acceleration" else (q0, qd0, q0, qd0)
+    )
     for u in commands:
         plant.begin(u)
         state = plant.x.T.copy()
@@ -76,24 +85,34 @@ def test_the_plant_is_the_solution_of_its_differential_equation(actuation: Actua
 
 
 def test_an_ideal_position_controlled_arm_is_a_double_integrator() -> None:
-    ideal, position = (simulate(case(actuation=kind), SlidingMode()) for kind in ("acceleration", "position"))
+    ideal, position = (
+        simulate(case(actuation=kind), SlidingMode()) for kind in ("acceleration", "position")
+    )
     np.testing.assert_allclose(position.q, ideal.q, atol=1e-12)
 
 
 def test_a_fast_low_level_loop_is_next_to_none() -> None:
     """Eq. (6) holds approximately where C is fast: the deviation shrinks with its time constant."""
     ideal = simulate(case(), SlidingMode()).q
-    off = [np.abs(simulate(case(time_constant=tau), SlidingMode()).q - ideal).max() for tau in (2e-2, 2e-3, 2e-4)]
+    off = [
+        np.abs(simulate(case(time_constant=tau), SlidingMode()).q - ideal).max()
+        for tau in (2e-2, 2e-3, 2e-4)
+    ]
     assert off[0] > 2.0 * off[1] > 4.0 * off[2] > 0.0
 
 
-@given(st.lists(st.lists(st.floats(-50, 50), min_size=3, max_size=3), min_size=1, max_size=20), st.floats(1e-3, 0.2))
+@given(
+    st.lists(st.lists(st.floats(-50, 50), min_size=3, max_size=3), min_size=1, max_size=20),
+    st.floats(1e-3, 0.2),
+)
 def test_the_order_filter_integrates_exactly(commands: list[list[float]], Ts: float) -> None:
-    q0, qd0 = np.array([0.1, -0.2, 0.3]), np.array([0.5, 0.0, -0.4])
+    q0 = np.array([0.1, -0.2, 0.3])
+    qd0 = np.array([0.5, 0.0, -0.4])
     integrator = OrderFilter(q0, qd0, Ts)
     for command in commands:
         last = integrator.step(np.array(command))
-    N, held = len(commands), np.array(commands)
+    N = len(commands)
+    held = np.array(commands)
     t = N * Ts
     # each command acts for a period, and its speed for the time that is left
     left = t - Ts * np.arange(1, N + 1)
@@ -123,11 +142,16 @@ def test_a_constant_disturbance_enters_lf() -> None:
     plant = there.plant()
     plant.begin(np.zeros(6))
     plant.step()
-    np.testing.assert_allclose(plant.qd, there.Ts * np.array([0.1, -0.2, 0.1, 0.3, -0.1, 0.2]), rtol=1e-12)
+    np.testing.assert_allclose(
+        plant.qd, there.Ts * np.array([0.1, -0.2, 0.1, 0.3, -0.1, 0.2]), rtol=1e-12
+    )
     rows, _ = evaluate_rows(there.constraints, there.scene.evaluate(0.0, there.q0, there.qd0))
     after, _ = evaluate_rows(there.constraints, there.scene.evaluate(there.Ts, plant.q, plant.qd))
     np.testing.assert_allclose(
-        (after.phi - rows.phi) / there.Ts, rows.Lf + rows.Lg @ there.disturbances.acceleration, rtol=1e-2, atol=1e-3
+        (after.phi - rows.phi) / there.Ts,
+        rows.Lf + rows.Lg @ there.disturbances.acceleration,
+        rtol=1e-2,
+        atol=1e-3,
     )
 
 
@@ -152,7 +176,9 @@ def test_a_seed_may_be_any_whole_number_from_0_on() -> None:
 
 
 def test_every_controller_meets_the_same_disturbances() -> None:
-    """Noise is drawn per image and period, whatever the controller does; another seed or trial draws others."""
+    """Noise is drawn per image and period, whatever the controller does; another seed or trial
+    draws others.
+    """
     settings = {"pixel_noise": 2.0, "lost_frames": 0.3, "acceleration_noise": 0.5}
 
     def noise(seed: int = 0, trial: int = 0) -> tuple[Array, Array]:
@@ -160,8 +186,10 @@ def test_every_controller_meets_the_same_disturbances() -> None:
         for key, value in settings.items():
             scenario = scenario.with_override(f"disturbances.{key}", value)
         there = scenario.setup(trial, seed)
-        sensor, plant = there.sensor(), there.plant()
-        seen, pushed = [], []
+        sensor = there.sensor()
+        plant = there.plant()
+        seen = []
+        pushed = []
         for k in range(20):
             state = there.scene.evaluate(k * there.Ts, there.q0, there.qd0)
             seen.append(observe(sensor, state).pixels.position - state.pixels.position)
@@ -169,25 +197,35 @@ def test_every_controller_meets_the_same_disturbances() -> None:
             pushed.append(plant.x[-1].copy())
         return np.array(seen), np.array(pushed)
 
-    for first, again, other, elsewhere in zip(noise(), noise(), noise(seed=1), noise(trial=1), strict=True):
+    for first, again, other, elsewhere in zip(
+        noise(), noise(), noise(seed=1), noise(trial=1), strict=True
+    ):
         np.testing.assert_array_equal(first, again)
         assert not np.array_equal(first, other)
         assert not np.array_equal(first, elsewhere)
-    runs = [simulate(case(**settings), law) for law in (SlidingMode(), HierarchicalQP(), SlidingMode())]
+    runs = [
+        simulate(case(**settings), law) for law in (SlidingMode(), HierarchicalQP(), SlidingMode())
+    ]
     np.testing.assert_array_equal(runs[0].q, runs[2].q)
     assert not np.array_equal(runs[0].q, runs[1].q)
 
 
 def test_pixel_noise_has_its_standard_deviation_and_no_mean() -> None:
     there = case(pixel_noise=1.5)
-    sensor, state = there.sensor(), there.scene.evaluate(0.0, there.q0, there.qd0)
-    noise = np.array([observe(sensor, state).pixels.position for _ in range(400)]) - state.pixels.position
+    sensor = there.sensor()
+    state = there.scene.evaluate(0.0, there.q0, there.qd0)
+    noise = (
+        np.array([observe(sensor, state).pixels.position for _ in range(400)])
+        - state.pixels.position
+    )
     assert noise.std() == pytest.approx(1.5, rel=0.05)
     assert abs(noise.mean()) < 4.0 * 1.5 / np.sqrt(noise.size)
 
 
 def test_images_come_late_and_are_held() -> None:
-    """Image period 3 samples, two periods old: what is believed at sample k was true at 3 (k // 3 − 2)."""
+    """Image period 3 samples, two periods old: what is believed at sample k was true at 3 (k // 3 −
+    2).
+    """
     there = case(image_period=0.006, delay=2)
     sensor = there.sensor()
     true = []
@@ -200,7 +238,8 @@ def test_images_come_late_and_are_held() -> None:
 
 def test_lost_frames_leave_the_last_image() -> None:
     there = case(lost_frames=0.4)
-    sensor, lost = there.sensor(), 0
+    sensor = there.sensor()
+    lost = 0
     true: list[Array] = []
     last = 0
     for k in range(300):
@@ -222,11 +261,18 @@ def named(name: str, duration: float = 0.3, **settings: Any) -> Setup:
     return scenario.setup()
 
 
-@pytest.mark.parametrize("name", ["ur5-fov", "ur5-image", "eye-to-hand-pbvs", "eye-to-hand-ibvs", "moving-target"])
+@pytest.mark.parametrize(
+    "name", ["ur5-fov", "ur5-image", "eye-to-hand-pbvs", "eye-to-hand-ibvs", "moving-target"]
+)
 def test_images_that_say_when_they_were_taken_may_be_late(name: str) -> None:
-    """Where the model is right: by itself the delay moves the arm, and with the age of images it moves nothing."""
+    """Where the model is right: by itself the delay moves the arm, and with the age of images it
+    moves nothing.
+    """
     late = {"image_period": 3 * named(name).Ts, "delay": 4}
-    runs = [simulate(named(name, **one), HierarchicalQP()) for one in ({}, late, {**late, "delay_known": True})]
+    runs = [
+        simulate(named(name, **one), HierarchicalQP())
+        for one in ({}, late, {**late, "delay_known": True})
+    ]
     assert np.abs(runs[1].q - runs[0].q).max() > 1e-4
     np.testing.assert_allclose(runs[2].q, runs[0].q, atol=1e-7)
     np.testing.assert_allclose(runs[2].phi, runs[0].phi, atol=1e-5 * np.abs(runs[0].phi).max())
@@ -236,9 +282,13 @@ def test_images_that_say_when_they_were_taken_may_be_late(name: str) -> None:
 def test_an_image_is_moved_on_by_no_motion_that_is_unknown(name: str, age: int) -> None:
     """As a measurement, and where compiled code writes it."""
     setup = named(name, delay=5, delay_known=True)
-    sensor, world, believed_step = setup.sensor(), setup.world(), setup.control()
-    images, (true, own) = setup.sensor().sensing(9), (step.packed for step in (world, believed_step))
-    public, pixels = setup.control(), []
+    sensor = setup.sensor()
+    world = setup.world()
+    believed_step = setup.control()
+    images = setup.sensor().sensing(9)
+    true, own = (step.packed for step in (world, believed_step))
+    public = setup.control()
+    pixels = []
     for k in range(9):
         at = k * setup.Ts
         pixels.append(world.evaluate(at, setup.q0, setup.qd0).pixels)
@@ -254,7 +304,9 @@ def test_an_image_is_moved_on_by_no_motion_that_is_unknown(name: str, age: int) 
 def test_a_lost_image_is_as_old_as_the_one_in_its_place() -> None:
     """Where the model is right nothing is lost with it."""
     lost = {"lost_frames": 0.5, "delay": 2, "delay_known": True}
-    one, other = (simulate(named("ur5-fov", **settings), HierarchicalQP()) for settings in ({}, lost))
+    one, other = (
+        simulate(named("ur5-fov", **settings), HierarchicalQP()) for settings in ({}, lost)
+    )
     np.testing.assert_allclose(other.q, one.q, atol=1e-7)
 
 
@@ -288,13 +340,19 @@ def test_the_pose_is_that_of_a_general_least_squares_solver(seed: int) -> None:
     scene, q, _ = random_scene(robot("ur5"), rng)
     true = scene.evaluate(NOW, q, np.zeros(6))
     corners = 0.1 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    markers = true.camera.act(np.array([0.05, 0.1, 0.9]) + corners @ Rotation.from_rotvec([0.3, -0.4, 0.5]).as_matrix())
+    markers = true.camera.act(
+        np.array([0.05, 0.1, 0.9]) + corners @ Rotation.from_rotvec([0.3, -0.4, 0.5]).as_matrix()
+    )
     P = (markers - true.camera.t) @ true.camera.R
     xy = P[:, :2] / P[:, 2:] + rng.normal(scale=1e-3, size=(4, 2))
-    start = true.camera @ Pose(Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([0.01, 0.02, -0.01]))
+    start = true.camera @ Pose(
+        Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([0.01, 0.02, -0.01])
+    )
     found = estimated_pose(markers, xy, start)
     x0 = np.concatenate((start.t, Rotation.from_matrix(start.R).as_rotvec()))
-    best = least_squares(lambda x: reprojection(markers, xy, x), x0, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    best = least_squares(
+        lambda x: reprojection(markers, xy, x), x0, xtol=1e-15, ftol=1e-15, gtol=1e-15
+    ).x
     off = distance(found, Pose(Rotation.from_rotvec(best[3:]).as_matrix(), best[:3]))
     assert off[0] < 1e-6
     assert off[1] < 1e-6
@@ -349,7 +407,8 @@ def test_the_gradient_error_is_eq_49() -> None:
 
 def test_the_gradient_error_may_leave_phi_as_it_is() -> None:
     """The other reading of (49): ∇σ_e in L_gφ alone."""
-    both, alone = case(gradient_error=0.3), case(gradient_error=0.3, gradient_error_in_phi=False)
+    both = case(gradient_error=0.3)
+    alone = case(gradient_error=0.3, gradient_error_in_phi=False)
     qd = np.array([0.1, -0.2, 0.3, 0.1, -0.3, 0.2])
     rows, _ = evaluate_rows(alone.constraints, alone.scene.evaluate(0.0, alone.q0, qd))
     spoilt = alone.gradient_error()(rows, qd)
@@ -360,7 +419,9 @@ def test_the_gradient_error_may_leave_phi_as_it_is() -> None:
 
 
 def test_what_is_kept_is_true_whatever_is_believed() -> None:
-    """σ and φ of a run are those of the true state with the true gradient; the rows that act are the believed ones."""
+    """σ and φ of a run are those of the true state with the true gradient; the rows that act are
+    the believed ones.
+    """
     there = case(duration=1.0, gradient_error=0.3, depth_factor=1.3, pixel_noise=0.5)
     run = simulate(there, SlidingMode())
     for k in (0, 150, 499):
@@ -382,12 +443,21 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"acceleration": [0.1, 0.2]}, "acceleration must be one number or 6, one per joint, not 2"),
+        (
+            {"acceleration": [0.1, 0.2]},
+            "acceleration must be one number or 6, one per joint, not 2",
+        ),
         ({"acceleration": "much"}, "acceleration must be a list"),
         ({"gradient_error_signs": [1, -1]}, "gradient_error_signs must be one number or 6"),
         ({"gradient_error_signs": [1, -1, 1, -1, 1, 2]}, "must be 1 or −1"),
-        ({"gradient_error": 0.3, "gradient_error_rows": ["occlusion"]}, "of which there is none.*fov"),
-        ({"gradient_error": 0.3, "gradient_error_rows": ["fov", "rnage"]}, "'rnage'.*Did you mean 'range'"),
+        (
+            {"gradient_error": 0.3, "gradient_error_rows": ["occlusion"]},
+            "of which there is none.*fov",
+        ),
+        (
+            {"gradient_error": 0.3, "gradient_error_rows": ["fov", "rnage"]},
+            "'rnage'.*Did you mean 'range'",
+        ),
         ({"gradient_error": 0.3, "gradient_error_rows": ["speed"]}, "a speed is not"),
         ({"gradient_error": -0.3}, "gradient_error must be zero or more"),
         ({"gradient_error_in_phi": 1}, "gradient_error_in_phi must be"),
@@ -396,7 +466,10 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"depth_factor": 0.0}, "depth_factor must be positive"),
         ({"focal_factor": [1.0]}, "focal_factor must be 2 numbers"),
         ({"focal_factor": [1.0, -1.0]}, "focal_factor must be positive"),
-        ({"image_period": 0.003}, "image_period must be a multiple of the sampling time, 0.002 s, not 0.003"),
+        (
+            {"image_period": 0.003},
+            "image_period must be a multiple of the sampling time, 0.002 s, not 0.003",
+        ),
         ({"delay": 1.5}, "delay must be an integer"),
         ({"delay": -1}, "delay must be zero or more"),
         ({"lost_frames": 1.0}, "lost_frames is a probability"),
@@ -405,9 +478,15 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"actuation": "position", "acceleration": [0.1]}, "give time_constant too"),
         ({"target__motion": {"velocity": [0.1, 0.0]}}, "a target moves in space"),
         ({"target__motion": {"amplitude": [0.1, 0.0, 0.0]}}, "an amplitude needs a frequency"),
-        ({"target__motion": {"speed": [0.1, 0.0, 0.0]}}, "key in case-study-6r.target.motion 'speed'"),
+        (
+            {"target__motion": {"speed": [0.1, 0.0, 0.0]}},
+            "key in case-study-6r.target.motion 'speed'",
+        ),
         ({"target__motion": {"known": "no"}}, "known must be true or false"),
-        ({"constraints__0__motion": {"velocity": [1.0, 0.0, 0.0]}}, "fov moves by 2 coordinates, not 3"),
+        (
+            {"constraints__0__motion": {"velocity": [1.0, 0.0, 0.0]}},
+            "fov moves by 2 coordinates, not 3",
+        ),
         ({"constraints__1__motion": {"velocity": [1.0, 0.0]}}, "range cannot move"),
         (
             {"camera__fixed": {"xyz": [0, 0, 1]}, "camera__mount": {"xyz": [0, 0, 1]}},
@@ -415,7 +494,9 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ),
     ],
 )
-def test_disturbances_of_the_wrong_kind_or_size_are_refused(settings: dict[str, Any], words: str) -> None:
+def test_disturbances_of_the_wrong_kind_or_size_are_refused(
+    settings: dict[str, Any], words: str
+) -> None:
     with pytest.raises(REFUSED, match=words):
         case(**settings)
 
@@ -431,4 +512,7 @@ def test_an_image_that_no_pose_in_front_of_the_camera_explains_ends_the_run() ->
     """Noise of 2000 px: nothing is believed of it, and no depth made up."""
     run = simulate(case(duration=1.0, pixel_noise=2000.0), SlidingMode())
     assert run.status == "failed"
-    assert "the measured image is explained by no pose that sees it: not in front of the camera: marker" in run.reason
+    assert (
+        "the measured image is explained by no pose that sees it: not in front of the camera: "
+        "marker" in run.reason
+    )

@@ -1,4 +1,6 @@
-"""Formulas of the documentation are those of the code: read from the pages, or traced to the test that checks them."""
+"""Formulas of the documentation are those of the code: read from the pages, or traced to the test
+that checks them.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,14 @@ def python_of(formula: str) -> str:
 def value(file: str, begin: str, end: str, **symbols: Any) -> Any:
     """Evaluate the formula that stands in a page between two texts."""
     (printed,) = re.findall(re.escape(begin) + r"(.*?)" + re.escape(end), page(file))
-    functions = {"abs": np.abs, "sin": np.sin, "exp": np.exp, "sign": np.sign, "pi": math.pi, "min": min}
+    functions = {
+        "abs": np.abs,
+        "sin": np.sin,
+        "exp": np.exp,
+        "sign": np.sign,
+        "pi": math.pi,
+        "min": min,
+    }
     return eval(python_of(printed), functions | symbols)
 
 
@@ -70,7 +79,9 @@ def test_the_field_of_view_has_the_documented_half_axes() -> None:
         assert by_share[k] == pytest.approx(
             value("scenarios.md", "fraction of the image: a = ", "\n", W=W, margin=0.05)
         )
-        assert by_pixels[k] == pytest.approx(value("scenarios.md", "in pixels: a = ", "\n", W=W, margin_px=17.0))
+        assert by_pixels[k] == pytest.approx(
+            value("scenarios.md", "in pixels: a = ", "\n", W=W, margin_px=17.0)
+        )
 
 
 def test_the_field_of_view_is_the_documented_hyperellipse() -> None:
@@ -84,20 +95,35 @@ def test_the_field_of_view_is_the_documented_hyperellipse() -> None:
 def test_joint_ranges_are_the_documented_rows() -> None:
     robot = ready_made("ur5")
     limits = {2: (-1.0, 2.0), 4: (-2.0, 2.5)}
-    rows = JointRange(robot, joints=[2, 4], lower=[-1.0, -2.0], upper=[2.0, 2.5], margin=0.1, K=0.1, switching_gain=1.0)
+    rows = JointRange(
+        robot,
+        joints=[2, 4],
+        lower=[-1.0, -2.0],
+        upper=[2.0, 2.5],
+        margin=0.1,
+        K=0.1,
+        switching_gain=1.0,
+    )
     q = np.random.default_rng(1).uniform(-3.0, 3.0, robot.n)
     printed = page("scenarios.md").partition(".upper` and `.lower`, σ = ")[2].partition("; rows")[0]
     said = []
     for side in "+-":
         for joint, (lower, upper) in limits.items():
-            symbols = {"q": q[joint - 1], "mid": 0.5 * (lower + upper), "half": 0.5 * (upper - lower), "margin": 0.1}
+            symbols = {
+                "q": q[joint - 1],
+                "mid": 0.5 * (lower + upper),
+                "half": 0.5 * (upper - lower),
+                "margin": 0.1,
+            }
             said.append(eval(python_of(printed.replace("±", side)), symbols))
     assert rows.sigma(q) == pytest.approx(said)
 
 
 def test_joint_speeds_are_the_documented_rows() -> None:
     robot = ready_made("ur5")
-    rows = JointSpeed(robot, joints=[2, 4], lower=[-1.0, -2.0], upper=[2.0, 2.5], margin=0.1, switching_gain=1.0)
+    rows = JointSpeed(
+        robot, joints=[2, 4], lower=[-1.0, -2.0], upper=[2.0, 2.5], margin=0.1, switching_gain=1.0
+    )
     qd = np.random.default_rng(2).uniform(-3.0, 3.0, robot.n)
     said = []
     for joint, limit in ((2, 2.0), (4, 2.5), (2, -1.0), (4, -2.0)):
@@ -112,11 +138,16 @@ def test_motion_is_the_documented_one() -> None:
     motion = Motion([1.0, 2.0], amplitude=[3.0, 4.0], frequency=0.7, phase=0.3)
     for t in (0.0, 0.4, 2.0):
         symbols = {"v": np.array([1.0, 2.0]), "A": np.array([3.0, 4.0]), "f": 0.7, "ψ": 0.3, "t": t}
-        assert motion.displacement(t) == pytest.approx(value("scenarios.md", "\nd(t) = ", ":", **symbols))
+        assert motion.displacement(t) == pytest.approx(
+            value("scenarios.md", "\nd(t) = ", ":", **symbols)
+        )
 
 
 def test_free_joints_move_as_documented() -> None:
-    d, qd, q, q_posture = 3.0, 0.7, 0.2, 1.1
+    d = 3.0
+    qd = 0.7
+    q = 0.2
+    q_posture = 1.1
     rest = Rest(damping=d, posture=[q_posture])
     said = value("scenarios.md", "q̈₀ = ", ".\n", d=d, q=q, q_posture=q_posture, q̇=qd)
     assert -rest.damping * qd + rest.stiffness * (q_posture - q) == pytest.approx(said)
@@ -124,7 +155,9 @@ def test_free_joints_move_as_documented() -> None:
 
 def test_friction_is_the_documented_one() -> None:
     class Drive:
-        static, coulomb, stribeck = np.array([3.0]), np.array([2.0]), np.array([0.05])
+        static = np.array([3.0])
+        coulomb = np.array([2.0])
+        stribeck = np.array([0.05])
 
     for speed in (-0.3, -0.02, 0.01, 0.5):
         symbols = {"f_v": 0.0, "f_c": 2.0, "f_s": 3.0, "v_s": 0.05, "q̇": speed}
@@ -139,15 +172,22 @@ def test_manipulability_is_the_documented_one() -> None:
     q = np.array([0.3, -1.2, 1.4, 0.2, 1.1, 0.4])
     J = robot.evaluator()(q, np.zeros(6)).J
     w = math.sqrt(np.linalg.det(J @ J.T))
-    said = value("scenarios.md", "manipulability[part]`: σ = ", " with", minimum=0.02, w=w, scale=0.05)
+    said = value(
+        "scenarios.md", "manipulability[part]`: σ = ", " with", minimum=0.02, w=w, scale=0.05
+    )
     trace = type("Trace", (), {"q": q[None]})
     assert -row.clearance(trace, slice(0))[0, 0] == pytest.approx(said)  # type: ignore[arg-type]
 
 
 def test_gains_decrease_as_documented() -> None:
-    """K_p = K_p(0) exp(−K̇_p(0) ‖e‖ / K_p(0)), and K_v = 3 √K_p by default: what theory.md prints."""
+    """K_p = K_p(0) exp(−K̇_p(0) ‖e‖ / K_p(0)), and K_v = 3 √K_p by default: what theory.md
+    prints.
+    """
     text = " ".join(page("theory.md").split())
-    assert r"K_{T,p} = K_{T,p}(0)\,\exp\!\left(-\frac{\dot K_{T,p}(0)}{K_{T,p}(0)}\,\lVert e\rVert_2\right)" in text
+    assert (
+        r"K_{T,p} = K_{T,p}(0)\,\exp\!\left(-\frac{\dot K_{T,p}(0)}{K_{T,p}(0)}\,\lVert e\rVert_2\right)"
+        in text
+    )
     assert r"K_{T,v} = 3\sqrt{K_{T,p}}" in text
     Kp, Kv = TrackingGains(Kp0=30.0, Kp_slope=5.0).at(np.array([0.3, 0.4]))
     assert Kp == pytest.approx(30.0 * math.exp(-5.0 / 30.0 * 0.5))
@@ -157,13 +197,21 @@ def test_gains_decrease_as_documented() -> None:
 def test_settings_of_laws_are_the_documented_ones() -> None:
     text = page("laws.md")
     robust = inspect.signature(type(make_controller("robust-predictive"))).parameters
-    assert f"adds `margin = {robust['margin'].default:g}` and `observer = {robust['observer'].default:g}`" in text
+    assert (
+        f"adds `margin = {robust['margin'].default:g}` and `observer = "
+        f"{robust['observer'].default:g}`" in text
+    )
 
 
 def test_the_variable_does_to_the_compiler_what_is_said() -> None:
-    """With VSCONSTRAINTS_COMPILE=0 the functions that would be compiled run as they are, and nothing warns."""
+    """With VSCONSTRAINTS_COMPILE=0 the functions that would be compiled run as they are, and
+    nothing warns.
+    """
     said = " ".join(page("trust.md").split())
-    assert "the same functions run uncompiled; `VSCONSTRAINTS_COMPILE=0` asks for that, without a warning" in said
+    assert (
+        "the same functions run uncompiled; `VSCONSTRAINTS_COMPILE=0` asks for that, without a "
+        "warning" in said
+    )
     code = (
         "from vsconstraints.compiled import available\n"
         "from vsconstraints.scenarios import Scenario\n"
@@ -172,13 +220,18 @@ def test_the_variable_does_to_the_compiler_what_is_said() -> None:
     )
     environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "0"}
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, env=environment, timeout=120
+        [sys.executable, "-W", "error", "-c", code],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["False", "ControlStep"]
 
 
-#: The test that checks each numbered formula of the pages on theory and laws: in a page's own block, or in a module.
+#: The test that checks each numbered formula of the pages on theory and laws: in a page's own
+#: block, or in a module.
 CHECKED = {
     "modified": "theory.md",
     "lie": "theory.md",
@@ -225,15 +278,22 @@ def test_every_numbered_formula_names_the_test_that_checks_it() -> None:
         module, _, test = where.partition("::")
         if test:
             tree = ast.parse((TESTS / f"{module}.py").read_text(encoding="utf-8"))
-            assert test in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, label
+            assert test in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, (
+                label
+            )
         else:
-            assert any("assert" in block.code for block in blocks(DOCS / where) if block.language == "python")
+            assert any(
+                "assert" in block.code
+                for block in blocks(DOCS / where)
+                if block.language == "python"
+            )
 
 
 def test_funnels_are_the_documented_ones() -> None:
     """σ = ±e/ρ₀ − ρ(t)/ρ₀ with ρ(t) = (ρ₀ − ρ_∞) e^(−l t) + ρ_∞: both pages print the same."""
     assert r"\rho(t) = (\rho_0 - \rho_\infty)\,e^{-lt} + \rho_\infty" in page("theory.md")
-    final, decay = 0.1, 0.5
+    final = 0.1
+    decay = 0.5
     for t in (0.0, 0.7, 3.0):
         share = funnel(t, final, decay)
         share = share[0] if isinstance(share, tuple) else share
@@ -248,14 +308,18 @@ def test_the_font_of_formulas_is_shipped_and_has_every_sign() -> None:
     """It has the table by which browsers set MathML, and every sign of the pages' formulas."""
     fonttools = pytest.importorskip("fontTools.ttLib")  # comes with matplotlib
     style = page("_static/style.css")
-    (name,) = re.findall(r'@font-face \{ font-family: "Noto Sans Math"; src: url\("([\w.-]+)"\)', style)
+    (name,) = re.findall(
+        r'@font-face \{ font-family: "Noto Sans Math"; src: url\("([\w.-]+)"\)', style
+    )
     assert 'math { font-family: "Noto Sans Math", math; }' in style
     font = fonttools.TTFont(DOCS / "_static" / name)
     assert "MATH" in font
     known = {chr(code) for code in font.getBestCmap()}
     convert = pytest.importorskip("latex2mathml.converter").convert
     for path in sorted(DOCS.glob("*.md")):
-        text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        text = re.sub(
+            r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+        )
         for formula in re.findall(r"\$\$(.*?)\$\$|\$([^$\n]+)\$", text, re.DOTALL):
             drawn = html.unescape(re.sub(r"<[^>]+>", "", convert("".join(formula))))
             missing = {sign for sign in drawn if not sign.isspace()} - known - ACCENTS

@@ -34,10 +34,13 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 NOT_RUN: dict[tuple[str, str], str] = {
     (
         "trust.md",
-        "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding exceeds the gain of",
+        "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding "
+        "exceeds the gain of",
     ): "what a message says",
 }
-"""Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
+"""Blocks of the language ``text``, which cannot be run, by page and first line, and why they
+cannot.
+"""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -47,7 +50,9 @@ def test_every_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     names = {"__name__": "__main__"}
     for block in blocks(page):
         if block.language != "text":
-            assert block.language in RUN, f"{block.where}: nothing runs the language {block.language!r}"
+            assert block.language in RUN, (
+                f"{block.where}: nothing runs the language {block.language!r}"
+            )
             try:
                 run(block, tmp_path, names)
             except BaseException as error:
@@ -56,7 +61,9 @@ def test_every_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("page", REFERENCE, ids=lambda path: path.stem)
-def test_the_reference_has_examples_that_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_has_examples_that_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(reader_folder(tmp_path))
     found = list(examples(page))
     assert found or page.stem == "index"
@@ -77,13 +84,17 @@ def test_every_block_is_fenced() -> None:
         assert not re.findall(r"^(?: {4,}|\t).*", outside, flags=re.M), page.name
 
 
-@pytest.mark.parametrize("code", ["vsconstraints compare --no-such-option", "vsconstraints fly", "rm -r ."])
+@pytest.mark.parametrize(
+    "code", ["vsconstraints compare --no-such-option", "vsconstraints fly", "rm -r ."]
+)
 def test_a_wrong_command_would_be_found(code: str, tmp_path: Path) -> None:
     with pytest.raises((Exception, SystemExit)):
         run(Block(ROOT / "README.md", 1, "sh", code), tmp_path, {})
 
 
-@pytest.mark.parametrize("path", [*PAGES, *NOTEBOOKS], ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "path", [*PAGES, *NOTEBOOKS], ids=lambda path: path.relative_to(ROOT).as_posix()
+)
 def test_links_lead_somewhere(path: Path) -> None:
     links = re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
     for link in links:
@@ -98,7 +109,9 @@ def test_the_reference_has_every_module() -> None:
         for names in re.findall(r"^\.\. (?:package|automodule):: (.*)$", text, flags=re.M)
         for name in names.split()
     }
-    modules = {f"vsconstraints.{module.name}" for module in pkgutil.iter_modules(vsconstraints.__path__)}
+    modules = {
+        f"vsconstraints.{module.name}" for module in pkgutil.iter_modules(vsconstraints.__path__)
+    }
     assert modules - named == {"vsconstraints.cli"}  # suites.md tells of it
     assert all(find_spec(name) for name in named)
 
@@ -106,9 +119,21 @@ def test_the_reference_has_every_module() -> None:
 def test_result_files_are_described_whole() -> None:
     text = (DOCS / "results.md").read_text(encoding="utf-8")
     sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, flags=re.S | re.M))
-    described = {title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()}
+    described = {
+        title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()
+    }
     stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
-    in_facts = {"trajectory", "status", "reason", "fallbacks", "kinds", "units", "common", "Ts", "fingerprint"}
+    in_facts = {
+        "trajectory",
+        "status",
+        "reason",
+        "fallbacks",
+        "kinds",
+        "units",
+        "common",
+        "Ts",
+        "fingerprint",
+    }
     in_facts |= {"files", "compiled", "missed"}
     assert described["`results.csv`"] == set(RESULT_COLUMNS)
     assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)
@@ -119,7 +144,9 @@ def test_suite_keys_are_described_whole() -> None:
     code = ast.parse((ROOT / "src/vsconstraints/comparisons/suite.py").read_text(encoding="utf-8"))
     # files are read by the signatures of these
     keys = [part for part in ast.walk(code) if getattr(part, "name", "") in ("suite", "_variants")]
-    asked = {each.arg for part in keys for each in part.args.args if each.arg not in ("where", "folder")}
+    asked = {
+        each.arg for part in keys for each in part.args.args if each.arg not in ("where", "folder")
+    }
     asked |= {field.name for field in fields(RunTiming)}
     text = _first_cells((DOCS / "suites.md").read_text(encoding="utf-8"))
     assert set(re.findall(r"`(\w+)`", text)) == asked
@@ -130,20 +157,28 @@ def _first_cells(text: str) -> str:
 
 
 def test_no_cluster_takes_a_fixed_port() -> None:
-    """The dashboard's is 8787 unless it is given, and a warning, which is an error here, where that is in use."""
+    """The dashboard's is 8787 unless it is given, and a warning, which is an error here, where that
+    is in use.
+    """
     for path in (*PAGES, *Path(__file__).parent.rglob("*.py")):
-        for options in re.findall(r"LocalCluster\((.*?)\) as ", path.read_text(encoding="utf-8"), flags=re.S):
+        for options in re.findall(
+            r"LocalCluster\((.*?)\) as ", path.read_text(encoding="utf-8"), flags=re.S
+        ):
             assert not options.strip() or 'dashboard_address=":0"' in options, path
 
 
 def marked_block(page: Path, name: str) -> str:
     """The code block of a page that `.ci/run` runs by this name."""
-    (found,) = re.findall(rf"<!-- ci: {name} -->\n```sh\n(.*?)\n```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (found,) = re.findall(
+        rf"<!-- ci: {name} -->\n```sh\n(.*?)\n```", page.read_text(encoding="utf-8"), re.DOTALL
+    )
     return found
 
 
 def test_the_readme_has_two_commands_that_the_gate_runs() -> None:
-    """One installs and runs the main job, the other installs and passes the tests, without further extras."""
+    """One installs and runs the main job, the other installs and passes the tests, without further
+    extras.
+    """
     assert marked_block(ROOT / "README.md", "compare") == "pip install . && vsconstraints compare"
     assert marked_block(ROOT / "README.md", "test") == 'pip install -e ".[test]" && pytest'
     gate = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
@@ -154,22 +189,29 @@ def test_the_readme_has_two_commands_that_the_gate_runs() -> None:
     assert "pip install" not in between
     for name in re.findall(r"run_block (\w+)", gate):
         pages = (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
-        assert sum(f"<!-- ci: {name} -->" in page.read_text(encoding="utf-8") for page in pages) == 1
+        assert (
+            sum(f"<!-- ci: {name} -->" in page.read_text(encoding="utf-8") for page in pages) == 1
+        )
 
 
 def test_the_readme_counts_laws_and_scenes_as_the_default_comparison_has_them() -> None:
     words = {6: "six", 7: "seven", 8: "eight", 9: "nine", 10: "ten", 11: "eleven", 12: "twelve"}
     suite = Suite.load()
     laws = [law.name for law in suite.controllers if law.name != BASELINE]
-    text = f"compares {words[len(laws)]} laws with unconstrained tracking in {words[len(suite.scenarios)]} scenes"
-    assert text in (ROOT / "README.md").read_text(encoding="utf-8")
-    assert f"Compared: {len(laws)} controllers" in (ROOT / "reports" / "default" / "report.md").read_text(
-        encoding="utf-8"
+    text = (
+        f"compares {words[len(laws)]} laws with unconstrained tracking in "
+        f"{words[len(suite.scenarios)]} scenes"
     )
+    assert text in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"Compared: {len(laws)} controllers" in (
+        ROOT / "reports" / "default" / "report.md"
+    ).read_text(encoding="utf-8")
 
 
 def test_what_the_test_set_does_not_cover_is_said() -> None:
-    """Its arms servo by pose, and its only family by image points has no arm: README and which-law say so."""
+    """Its arms servo by pose, and its only family by image points has no arm: README and which-law
+    say so.
+    """
     by_image = []
     for name in families():
         tables = Family.load(name).tables
@@ -179,7 +221,8 @@ def test_what_the_test_set_does_not_cover_is_said() -> None:
     for page in (ROOT / "README.md", ROOT / "docs" / "which-law.md"):
         text = " ".join(page.read_text(encoding="utf-8").split())
         assert re.search(
-            r"servo by pose; only (its|the) free camera, one (of the ten families|family), servos by image", text
+            r"servo by pose; only (its|the) free camera, one (of the ten families|family), servos by image",
+            text,
         )
 
 
@@ -199,13 +242,18 @@ def test_the_example_law_is_the_same_wherever_it_is_shown() -> None:
     example = (ROOT / "examples" / "cautious.py").read_text(encoding="utf-8")
     (law,) = re.findall(r"^class Cautious.*?(?=^\S)", example, flags=re.S | re.M)
     notebook = nbformat.read(ROOT / "notebooks" / "own-law.ipynb", as_version=4)
-    shown = [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/first-five-minutes.md")]
+    shown = [
+        (ROOT / name).read_text(encoding="utf-8")
+        for name in ("README.md", "docs/first-five-minutes.md")
+    ]
     for text in (*shown, "\n".join(cell.source for cell in notebook.cells)):
         assert law.strip() in text
 
 
 def test_the_example_law_keeps_scenes_that_it_was_not_made_for() -> None:
-    """Twelve held-out scenes of the six-axis arm with all kinds of rows, all of which tracking violates."""
+    """Twelve held-out scenes of the six-axis arm with all kinds of rows, all of which tracking
+    violates.
+    """
     law = runpy.run_path(str(ROOT / "examples" / "cautious.py"))["Cautious"]()
     family = Family.load("six-axis")
     for number in range(12):
@@ -222,11 +270,15 @@ def test_own_loop_reaches_its_goal(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_own_parts_take_part_in_a_comparison(tmp_path: Path) -> None:
-    suite = Suite.load(ROOT / "examples" / "own-parts.toml").select(settings=["scenario.duration=0.5"])
+    suite = Suite.load(ROOT / "examples" / "own-parts.toml").select(
+        settings=["scenario.duration=0.5"]
+    )
     finished = compare(suite, tmp_path, workers=2)
     assert {key[1] for key in finished.scores} == {"tracking", "sliding-mode", "cautious"}
     assert all(result.result["status"] == "unfinished" for result in finished.scores.values())
-    labels = [row["constraint"] for row in finished.scores["own-scenario", "cautious", 0].constraints]
+    labels = [
+        row["constraint"] for row in finished.scores["own-scenario", "cautious", 0].constraints
+    ]
     assert "horizon[marker 2]" in labels
 
 
@@ -234,7 +286,8 @@ def test_my_arm_is_challenged_and_kept_in_its_limits() -> None:
     from vsconstraints.controllers import HierarchicalQP, Tracking
 
     scenario = Scenario.load(ROOT / "examples" / "my-arm.toml")
-    free, kept = simulate(scenario.setup(), Tracking()), simulate(scenario.setup(), HierarchicalQP())
+    free = simulate(scenario.setup(), Tracking())
+    kept = simulate(scenario.setup(), HierarchicalQP())
     assert free.clearance.min() < -0.1
     assert kept.clearance.min() > -1e-6
     assert kept.status == "converged"
@@ -253,7 +306,9 @@ SHORT = "--set scenario.duration=0.1 --no-figures --out arm"
         f"run my-arm.toml --robot loopback://?time=simulated&patience=5 {SHORT}",
     ],
 )
-def test_every_command_takes_my_arm(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_command_takes_my_arm(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As its reader has it: beside the URDF file, in a folder of its own."""
     for name in ("my-arm.toml", "six_axis.urdf"):
         shutil.copy(ROOT / "examples" / name, tmp_path)
@@ -262,7 +317,9 @@ def test_every_command_takes_my_arm(command: str, tmp_path: Path, monkeypatch: p
     assert result.exit_code == 0, (result.output, result.exception)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "comparisons").glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "comparisons").glob("*.toml")), ids=lambda path: path.stem
+)
 def test_shipped_suites_can_be_run(path: Path) -> None:
     tables = read_toml(path)
     if "calls" in tables:

@@ -1,4 +1,6 @@
-"""Arms with mass: their mechanics against Pinocchio, MuJoCo and laws of conservation, their controllers by hand."""
+"""Arms with mass: their mechanics against Pinocchio, MuJoCo and laws of conservation, their
+controllers by hand.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,14 @@ from vsconstraints.robots import ready_made
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.simulation.dynamics import ArmDynamics, DynamicPlant, Friction, MujocoDynamics, Payload, Rods
+from vsconstraints.simulation.dynamics import (
+    ArmDynamics,
+    DynamicPlant,
+    Friction,
+    MujocoDynamics,
+    Payload,
+    Rods,
+)
 from vsconstraints.simulation.dynamics.equivalent import Equivalent, lagged
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -34,7 +43,9 @@ ARMS = ("viper-s650", "ur5", "panda")
 REFUSED = (ConfigurationError, InvalidInput)
 
 
-def plant(name: str, *, Ts: float = 0.002, q: Any = None, qd: Any = None, **settings: Any) -> DynamicPlant:
+def plant(
+    name: str, *, Ts: float = 0.002, q: Any = None, qd: Any = None, **settings: Any
+) -> DynamicPlant:
     robot = ready_made(name)
     if name == "viper-s650":
         settings.setdefault("rods", Rods(**RODS))
@@ -51,7 +62,8 @@ def free(there: DynamicPlant) -> DynamicPlant:
     """The same arm without any torque."""
     drive = there.arm.drive._replace(effort=np.full(there.robot.n, 1e-300))
     there.arm = there.arm._replace(drive=drive)
-    there.arm.memory.torque[:], there.arm.memory.under_way[:] = 0.0, 0.0
+    there.arm.memory.torque[:] = 0.0
+    there.arm.memory.under_way[:] = 0.0
     there.workspace = Workspace(there.arm)
     there.mover = there.mover[0], there.workspace.address
     return there
@@ -66,7 +78,12 @@ def energy(there: DynamicPlant) -> tuple[float, float]:
 
 def case(name: str = "case-study-6r", duration: float = 1.0, **settings: Any) -> Setup:
     table = {"type": "dynamics", **({"rods": RODS} if name == "case-study-6r" else {}), **settings}
-    return Scenario.load(name).with_override("duration", duration).with_override("plant", table).setup()
+    return (
+        Scenario.load(name)
+        .with_override("duration", duration)
+        .with_override("plant", table)
+        .setup()
+    )
 
 
 def held(there: DynamicPlant, periods: int, qdd: Any = 0.0) -> tuple[Array, Array]:
@@ -85,10 +102,14 @@ def held(there: DynamicPlant, periods: int, qdd: Any = 0.0) -> tuple[Array, Arra
 
 @pytest.mark.parametrize("name", ARMS)
 def test_inertia_and_bias_are_pinocchios(name: str) -> None:
-    """The compiled recursion gives crba and nonLinearEffects, with payload and rotors, at any state."""
+    """The compiled recursion gives crba and nonLinearEffects, with payload and rotors, at any
+    state.
+    """
     rng = np.random.default_rng(4)
     ball = Payload(1.3, (0.02, -0.03, 0.1), 0.05)
-    compiled = free(plant(name, payload=ball, rotor_inertia=0.1, substeps=1, integrator="runge-kutta"))
+    compiled = free(
+        plant(name, payload=ball, rotor_inertia=0.1, substeps=1, integrator="runge-kutta")
+    )
     for _ in range(5):
         compiled.x[:2] = rng.uniform(-1.5, 1.5, size=(2, compiled.robot.n))
         compiled.follow()
@@ -106,21 +127,27 @@ def test_inertia_and_bias_are_pinocchios(name: str) -> None:
 )
 @pytest.mark.parametrize("name", ARMS)
 def test_the_energy_of_a_free_arm_is_kept(name: str, integrator: str, least: float) -> None:
-    """It falls and swings for 2 s, without torque and friction; relative to the greatest kinetic energy."""
+    """It falls and swings for 2 s, without torque and friction; relative to the greatest kinetic
+    energy.
+    """
     there = free(plant(name, integrator=integrator))
-    begun, most = energy(there)[0], 0.0
+    begun = energy(there)[0]
+    most = 0.0
     worst = 0.0
     for _ in range(100):
         for _ in range(10):
             there.follow()
         now, kinetic = energy(there)
-        most, worst = max(most, kinetic), max(worst, abs(now - begun))
+        most = max(most, kinetic)
+        worst = max(worst, abs(now - begun))
     assert most > 5.0
     assert worst < least * most
 
 
 def test_a_rod_swings_as_by_hand() -> None:
-    """One rod about a horizontal axis: M = m l²/3 + m r²/4, h = m g l/2 cos q; q̈ of the first moment."""
+    """One rod about a horizontal axis: M = m l²/3 + m r²/4, h = m g l/2 cos q; q̈ of the first
+    moment.
+    """
     arm = Robot.from_dh([[0.0, 0.0, 0.8, 0.0]], name="rod")
     rods = Rods(mass_per_length=5.0, radius=0.02)
     settings = ArmDynamics(rods=rods, gravity=(0.0, -9.81, 0.0), substeps=1)
@@ -136,7 +163,9 @@ def test_a_rod_swings_as_by_hand() -> None:
 
 @pytest.mark.parametrize("law", [SlidingMode(), HierarchicalQP()], ids=lambda law: law.name)
 @pytest.mark.parametrize("name", ["case-study-6r", "ur5-fov", "panda-fov"])
-def test_computed_torque_with_the_exact_model_is_the_acceleration_plant(name: str, law: Any) -> None:
+def test_computed_torque_with_the_exact_model_is_the_acceleration_plant(
+    name: str, law: Any
+) -> None:
     """As long as no torque is at its limit: those of ur5-fov are, in its first milliseconds."""
     there = case(name, effort=1e6, speed=1e6)
     plain = simulate(Scenario.load(name).with_override("duration", 1.0).setup(), law)
@@ -157,14 +186,24 @@ def test_a_wrong_model_is_felt_as_much_as_it_is_wrong() -> None:
     M = pin.crba(model, data, np.array(q))
     M = np.triu(M) + np.triu(M, 1).T
     weight = pin.computeGeneralizedGravity(model, data, np.array(q))
-    np.testing.assert_allclose(qd[-1] / 1e-5, np.linalg.solve(M, 1.2 * M @ command + 0.2 * weight), rtol=1e-3)
+    np.testing.assert_allclose(
+        qd[-1] / 1e-5, np.linalg.solve(M, 1.2 * M @ command + 0.2 * weight), rtol=1e-3
+    )
 
 
-@pytest.mark.parametrize(("controller", "holds"), [("position", True), ("speed", False), ("computed-torque", False)])
-def test_only_the_position_loop_comes_back_under_an_unknown_payload(controller: str, holds: bool) -> None:
-    """After 2 s at rest: the integral in it holds the payload; the others hold it by staying below."""
+@pytest.mark.parametrize(
+    ("controller", "holds"), [("position", True), ("speed", False), ("computed-torque", False)]
+)
+def test_only_the_position_loop_comes_back_under_an_unknown_payload(
+    controller: str, holds: bool
+) -> None:
+    """After 2 s at rest: the integral in it holds the payload; the others hold it by staying
+    below.
+    """
     settings: dict[str, Any] = {"payload": Payload(1.0), "payload_factor": 0.0}
-    q, qd = held(plant("ur5", controller=controller, q=[0.0, -0.8, 1.2, 0.0, 0.5, 0.0], **settings), 1000)
+    q, qd = held(
+        plant("ur5", controller=controller, q=[0.0, -0.8, 1.2, 0.0, 0.5, 0.0], **settings), 1000
+    )
     assert np.abs(qd[-1]).max() < 1e-3
     away = np.abs(q[-1] - [0.0, -0.8, 1.2, 0.0, 0.5, 0.0]).max()
     assert away < 1e-4 if holds else 1e-4 < away < 0.1
@@ -173,7 +212,9 @@ def test_only_the_position_loop_comes_back_under_an_unknown_payload(controller: 
 def test_torques_come_late_as_stated() -> None:
     """A dead time of 3 substeps: the first command shows in the fourth; a lag is an exponential."""
     q = [0.0, -1.5, 0.0, 0.0, 0.0, 0.0]
-    there = plant("ur5", q=q, Ts=0.001, substeps=1, dead_time=0.003, gravity=(0, 0, 0), bandwidth=1e-6)
+    there = plant(
+        "ur5", q=q, Ts=0.001, substeps=1, dead_time=0.003, gravity=(0, 0, 0), bandwidth=1e-6
+    )
     _, qd = held(there, 5, 1.0)
     assert np.abs(qd[2]).max() < 1e-9
     np.testing.assert_allclose(qd[3], 0.001, rtol=1e-2)
@@ -202,7 +243,8 @@ def test_friction_slows_a_joint_as_by_hand() -> None:
     settings = ArmDynamics(rods=Rods(10.0, 0.05), friction=friction, gravity=(0, 0, 0))
     there = free(DynamicPlant(arm, settings, np.zeros(1), np.array([1.0]), 0.002))
     inertia = pin.crba(there.model, there.model.createData(), np.zeros(1))[0, 0]
-    a, b = 0.2 / inertia, 0.5 / inertia
+    a = 0.2 / inertia
+    b = 0.5 / inertia
     q, qd = held(there, 500)
     stops = np.log(1.0 + a / b) / a
     t = 0.002 * np.arange(1, 501)
@@ -257,7 +299,8 @@ def test_a_run_that_loses_all_bounds_fails_and_says_so() -> None:
 
 def test_clearances_between_samples_are_looked_at() -> None:
     """The cubic through both ends is within 1e-7 of the motion that substeps give."""
-    coarse, fine = case(duration=0.2), case(duration=0.2)
+    coarse = case(duration=0.2)
+    fine = case(duration=0.2)
     run = simulate(coarse, HierarchicalQP())
     assert np.isfinite(run.between_clearance).any() or (run.clearance > 0.0).all()
     there = fine.plant()
@@ -279,11 +322,19 @@ def test_clearances_between_samples_are_looked_at() -> None:
 
 @pytest.mark.parametrize("name", ARMS)
 def test_mujoco_moves_the_same_arm(name: str) -> None:
-    """A URDF loaded directly, and a chain built body by body: falling with a payload, and driven with friction."""
+    """A URDF loaded directly, and a chain built body by body: falling with a payload, and driven
+    with friction.
+    """
     pytest.importorskip("mujoco")
     ball = Payload(0.7, (0.0, 0.02, 0.05), 0.03)
-    for settings in ({"integrator": "runge-kutta"}, {"controller": "position", "friction": Friction(0.2, 0.5)}):
-        ours, theirs = (plant(name, kind=kind, payload=ball, **settings) for kind in (ArmDynamics, MujocoDynamics))
+    for settings in (
+        {"integrator": "runge-kutta"},
+        {"controller": "position", "friction": Friction(0.2, 0.5)},
+    ):
+        ours, theirs = (
+            plant(name, kind=kind, payload=ball, **settings)
+            for kind in (ArmDynamics, MujocoDynamics)
+        )
         for there in (ours, theirs):
             if "integrator" in settings:
                 free(there)
@@ -291,7 +342,9 @@ def test_mujoco_moves_the_same_arm(name: str) -> None:
             else:
                 held(there, 10, 2.0)
         assert np.abs(ours.qd).max() > 0.03
-        np.testing.assert_allclose(theirs.q, ours.q, atol=1e-7 if "integrator" in settings else 1e-4)
+        np.testing.assert_allclose(
+            theirs.q, ours.q, atol=1e-7 if "integrator" in settings else 1e-4
+        )
 
 
 # --- bad input ---
@@ -310,18 +363,33 @@ def test_mujoco_moves_the_same_arm(name: str) -> None:
         ({"mass_factor": 0.0}, "plant: mass_factor must be positive"),
         ({"payload_factor": -1.0}, "plant: payload_factor must be zero or more"),
         ({"payload": {"mass": -1.0}}, "plant.payload: mass must be zero or more"),
-        ({"payload": {"centre": [0, 0, 0]}}, "case-study-6r.plant.payload: the key 'mass' is missing"),
+        (
+            {"payload": {"centre": [0, 0, 0]}},
+            "case-study-6r.plant.payload: the key 'mass' is missing",
+        ),
         ({"friction": {"coulomb": -1.0}}, "plant: friction: coulomb must be zero or more"),
-        ({"friction": {"coulomb": 2.0, "static": 1.0}}, "plant.friction: static must not be less than coulomb"),
+        (
+            {"friction": {"coulomb": 2.0, "static": 1.0}},
+            "plant.friction: static must not be less than coulomb",
+        ),
         ({"friction": {"viscous": [1.0, 2.0]}}, "plant: friction: viscous must be one number or 6"),
         ({"friction": {"dry": 1.0}}, "key in case-study-6r.plant.friction 'dry'"),
-        ({"dead_time": 0.0003}, "plant: dead_time must be a multiple of the substep, 0.0002 s, not 0.0003"),
+        (
+            {"dead_time": 0.0003},
+            "plant: dead_time must be a multiple of the substep, 0.0002 s, not 0.0003",
+        ),
         ({"lag": -0.1}, "plant: lag must be zero or more"),
         ({"effort": [1.0]}, "plant: effort must be one number or 6"),
         ({"rods": {"radius": 0.1}}, "plant.rods: the key 'mass_per_length' is missing"),
-        ({"rods": {"radius": 0.1, "mass_per_length": 0.0}}, "plant.rods: mass_per_length must be positive"),
+        (
+            {"rods": {"radius": 0.1, "mass_per_length": 0.0}},
+            "plant.rods: mass_per_length must be positive",
+        ),
         ({"gravity": [0.0, 0.0]}, "gravity must be 3 numbers"),
-        ({"effort": 5.0}, r"torques \[Nm or N\] cannot hold 6R \(Viper s650\) at its start: joint 2 .* has 5"),
+        (
+            {"effort": 5.0},
+            r"torques \[Nm or N\] cannot hold 6R \(Viper s650\) at its start: joint 2 .* has 5",
+        ),
     ],
 )
 def test_plants_of_nonsense_are_refused(settings: dict[str, Any], words: str) -> None:
@@ -331,12 +399,18 @@ def test_plants_of_nonsense_are_refused(settings: dict[str, Any], words: str) ->
 
 def test_an_arm_without_inertias_is_refused_until_rods_are_given() -> None:
     bare = Scenario.load("case-study-6r")
-    with pytest.raises(ConfigurationError, match=r"links of 6R .Viper s650. have no masses.*<inertial>.*plant.rods"):
+    with pytest.raises(
+        ConfigurationError, match=r"links of 6R .Viper s650. have no masses.*<inertial>.*plant.rods"
+    ):
         bare.with_override("plant", {"type": "dynamics"}).setup()
-    with pytest.raises(ConfigurationError, match="rods stand for missing inertias, and UR5 has its own"):
+    with pytest.raises(
+        ConfigurationError, match="rods stand for missing inertias, and UR5 has its own"
+    ):
         case("ur5-fov", rods=RODS)
     with pytest.raises(ConfigurationError, match=r"moves nothing with inertia.*rotor_inertia"):
-        Scenario.load("free-camera").with_override("plant", {"type": "dynamics", "rods": RODS}).setup()
+        Scenario.load("free-camera").with_override(
+            "plant", {"type": "dynamics", "rods": RODS}
+        ).setup()
 
 
 @pytest.mark.parametrize(
@@ -351,7 +425,9 @@ def test_an_arm_without_inertias_is_refused_until_rods_are_given() -> None:
 def test_an_arm_has_one_plant(key: str, value: Any, words: str) -> None:
     table = {"type": "dynamics", "rods": RODS}
     with pytest.raises(ConfigurationError, match=words):
-        Scenario.load("case-study-6r").with_override("plant", table).with_override(key, value).setup()
+        Scenario.load("case-study-6r").with_override("plant", table).with_override(
+            key, value
+        ).setup()
 
 
 # --- eq. (6) ---
@@ -364,22 +440,31 @@ def test_what_a_lag_and_a_push_amount_to_is_found_again() -> None:
         scenario = scenario.with_override(f"disturbances.{key}", value)
     found = Equivalent.of(simulate(scenario.setup(), HierarchicalQP()))
     np.testing.assert_allclose(found.time_constant, 0.02, rtol=0.1)
-    np.testing.assert_allclose(found.disturbance.mean(axis=0), [0.1, -0.2, 0.0, 0.1, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(
+        found.disturbance.mean(axis=0), [0.1, -0.2, 0.0, 0.1, 0.0, 0.0], atol=0.02
+    )
     assert np.abs(found.disturbance - found.disturbance.mean(axis=0)).max() < 0.2
     assert lagged(np.ones((2000, 1)), 0.02, 0.002)[-1, 0] == pytest.approx(1.0)
-    assert lagged(np.ones((1, 1)), 0.02, 0.002)[0, 0] == pytest.approx(1.0 - 0.02 / 0.002 * (1.0 - np.exp(-0.1)))
+    assert lagged(np.ones((1, 1)), 0.02, 0.002)[0, 0] == pytest.approx(
+        1.0 - 0.02 / 0.002 * (1.0 - np.exp(-0.1))
+    )
 
 
 def test_an_exact_arm_disturbs_nothing_and_a_wrong_model_does() -> None:
-    exact, wrong = (Equivalent.of(simulate(case(**one), HierarchicalQP())) for one in ({}, {"mass_factor": 1.2}))
+    exact, wrong = (
+        Equivalent.of(simulate(case(**one), HierarchicalQP())) for one in ({}, {"mass_factor": 1.2})
+    )
     assert np.abs(exact.disturbance).max() < 1e-6
     assert (exact.time_constant == 0.0).all()
     assert wrong.rms.max() > 0.01
 
 
 def test_the_figure_of_the_disturbance_is_for_arms_with_mass_alone() -> None:
-    there, plain = case(duration=0.3, mass_factor=1.2), Scenario.load("case-study-6r").setup()
-    record = SimpleNamespace(trajectory=simulate(there, HierarchicalQP()), goal_begins=there.goal_begins)
+    there = case(duration=0.3, mass_factor=1.2)
+    plain = Scenario.load("case-study-6r").setup()
+    record = SimpleNamespace(
+        trajectory=simulate(there, HierarchicalQP()), goal_begins=there.goal_begins
+    )
     view = View(there, {"hierarchical-qp": record}, ["hierarchical-qp"])  # type: ignore[dict-item]
     assert draw_disturbance(view) is not None
     assert draw_disturbance(replace(view, setup=plain)) is None
@@ -388,5 +473,9 @@ def test_the_figure_of_the_disturbance_is_for_arms_with_mass_alone() -> None:
 def test_mujoco_and_this_package_run_the_case_study_alike() -> None:
     """All of its 10 s, with a wrong model; fewer substeps than usual, for the sake of time."""
     pytest.importorskip("mujoco")
-    settings = {**physics.PLANTS["computed torque, wrong model"], "substeps": 2, "integrator": "runge-kutta"}
+    settings = {
+        **physics.PLANTS["computed torque, wrong model"],
+        "substeps": 2,
+        "integrator": "runge-kutta",
+    }
     assert physics.difference("case-study-6r", settings) < physics.MOST

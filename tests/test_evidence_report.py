@@ -1,4 +1,6 @@
-"""The report of evidence as a whole: of made-up runs of every kind, what is written holds together."""
+"""The report of evidence as a whole: of made-up runs of every kind, what is written holds
+together.
+"""
 
 from __future__ import annotations
 
@@ -36,13 +38,35 @@ from vsconstraints.simulation.trajectory import Outcome
 WIDEST = 8
 
 RATES = {
-    "nominal": {"sliding-mode": 0.8, "potential-field": 0.6, "hierarchical-qp": 0.95, "hierarchical-qp-tuned": 0.95},
-    "disturbed": {"sliding-mode": 0.8, "potential-field": 0.3, "hierarchical-qp": 0.4, "hierarchical-qp-tuned": 0.7},
-    "limited": {"sliding-mode": 0.5, "potential-field": 0.5, "hierarchical-qp": 0.5, "hierarchical-qp-tuned": 0.5},
+    "nominal": {
+        "sliding-mode": 0.8,
+        "potential-field": 0.6,
+        "hierarchical-qp": 0.95,
+        "hierarchical-qp-tuned": 0.95,
+    },
+    "disturbed": {
+        "sliding-mode": 0.8,
+        "potential-field": 0.3,
+        "hierarchical-qp": 0.4,
+        "hierarchical-qp-tuned": 0.7,
+    },
+    "limited": {
+        "sliding-mode": 0.5,
+        "potential-field": 0.5,
+        "hierarchical-qp": 0.5,
+        "hierarchical-qp-tuned": 0.5,
+    },
 }
 
 
-def written(runs: pd.DataFrame, folder: Path, *, figures: bool = False, tuning: Path | None = None, **more: Any) -> str:
+def written(
+    runs: pd.DataFrame,
+    folder: Path,
+    *,
+    figures: bool = False,
+    tuning: Path | None = None,
+    **more: Any,
+) -> str:
     path = write_report_of(Dataset(made(runs, folder, **more), tuning, figures))
     return "".join(one.read_text(encoding="utf-8") for one in (path, path.with_name("details.md")))
 
@@ -79,7 +103,8 @@ def check(text: str, folder: Path) -> None:
     for link in re.findall(r"!\[[^]]*\]\(([^)]*)\)", text):
         assert (folder / link).is_file()
     headings = {
-        re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in re.findall(r"^#+ (.*)", text, re.M)
+        re.sub(r"[^\w -]", "", title).lower().replace(" ", "-")
+        for title in re.findall(r"^#+ (.*)", text, re.M)
     }
     assert set(re.findall(r"\]\((?:report.md|details.md)?#([^)]*)\)", text)) <= headings
     assert "nan" not in re.sub(r"[a-z]*nan[a-z]+|[a-z]+nan", "", text)
@@ -107,7 +132,13 @@ def test_a_whole_report(tmp_path: Path) -> None:
     assert "Rank reversal: without disturbances, hierarchical-qp succeeds" in text
     for name in ("tolerance", "profiles", "ranks"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 5000
-    for heading in ("Which controller to choose", "Failures", "Tuning", "Scenes", "Machine and versions"):
+    for heading in (
+        "Which controller to choose",
+        "Failures",
+        "Tuning",
+        "Scenes",
+        "Machine and versions",
+    ):
         assert f"\n## {heading}\n" in text
     assert '" mrad"' not in text
     assert "runs per second | 150" in re.sub(" +", " ", text)
@@ -133,23 +164,37 @@ FAILING = {"reason": "the law gave nothing at 0.5 s", "status": "failed", "utili
             drawn_runs({"nominal": {"a": 1.0, "b": 1.0}}, ["ur5"], 20),
             "no significant difference to the best (20 scenes of 1 family)",
         ),
-        (drawn_runs({"odd": {"a": 1.0, "b": 0.1}}, ["ur5"], 20), "In the condition odd: most successful: **a** "),
+        (
+            drawn_runs({"odd": {"a": 1.0, "b": 0.1}}, ["ur5"], 20),
+            "In the condition odd: most successful: **a** ",
+        ),
         (drawn_runs({"nominal": {}}, ["ur5"], 3), "There is nothing to compare"),
         (
-            frame([run(controller=law, scene=i, **(FAILING if law == "b" else {})) for i in range(9) for law in "ab"]),
-            "**b** failed or was aborted in each of its 9 runs, most often: the law gave nothing at 0.5 s.",
+            frame(
+                [
+                    run(controller=law, scene=i, **(FAILING if law == "b" else {}))
+                    for i in range(9)
+                    for law in "ab"
+                ]
+            ),
+            "**b** failed or was aborted in each of its 9 runs, most often: the law gave nothing "
+            "at 0.5 s.",
         ),
         (
             frame([run(controller=law, scene=i) for i in range(9) for law in "ab"]),
             "No controller failed in any run.",
         ),
         (
-            frame([run(controller=f"a-law-with-a-rather-long-name-{i}", scene=0) for i in range(20)]),
+            frame(
+                [run(controller=f"a-law-with-a-rather-long-name-{i}", scene=0) for i in range(20)]
+            ),
             "too few scenes to rank controllers (1 scene of 1 family)",
         ),
     ],
 )
-def test_whatever_there_is_a_report_is_written_that_says_so(runs: pd.DataFrame, said: str, tmp_path: Path) -> None:
+def test_whatever_there_is_a_report_is_written_that_says_so(
+    runs: pd.DataFrame, said: str, tmp_path: Path
+) -> None:
     text = written(runs, tmp_path)
     check(text, tmp_path)
     assert said in text
@@ -165,7 +210,9 @@ def test_whatever_there_is_a_report_is_written_that_says_so(runs: pd.DataFrame, 
     )
 )
 def test_every_run_ends_in_exactly_one_way(runs: list[tuple[str, str]]) -> None:
-    lines = frame([run(status=status, violated=rows, scene=i) for i, (status, rows) in enumerate(runs)])
+    lines = frame(
+        [run(status=status, violated=rows, scene=i) for i, (status, rows) in enumerate(runs)]
+    )
     ways = endings(lines)
     own = {"trapped": "stuck", "slow": "slow", "unfinished": "slow", "converged": "success"}
     assert set(ways) <= {"success", *UNSUCCESSFUL}
@@ -176,21 +223,37 @@ def test_every_run_ends_in_exactly_one_way(runs: list[tuple[str, str]]) -> None:
 
 
 def test_success_and_the_other_endings_are_all_runs(tmp_path: Path) -> None:
-    ends = ["converged", "converged", "trapped", "slow", "unfinished", "failed", "aborted", "trapped"]
+    ends = [
+        "converged",
+        "converged",
+        "trapped",
+        "slow",
+        "unfinished",
+        "failed",
+        "aborted",
+        "trapped",
+    ]
     rows = ["", "fov[marker 2]", "", "", "", "", "", "fov[marker 2]"]
-    lines = [run(scene=i, status=end, violated=row, violation_depth=0.1 * bool(row), controller=law)
-             for law in "ab" for i, (end, row) in enumerate(zip(ends, rows, strict=True))]  # fmt: skip
+    lines = [
+        run(scene=i, status=end, violated=row, violation_depth=0.1 * bool(row), controller=law)
+        for law in "ab"
+        for i, (end, row) in enumerate(zip(ends, rows, strict=True))
+    ]
     (found,) = [table for table in tables(written(frame(lines), tmp_path)) if "stuck" in table[0]]
     columns = [found[0].index(name) for name in ("success", *UNSUCCESSFUL)]
     for line in found[1:]:
-        assert [first_number(line[k]) for k in columns] == pytest.approx([12.5, 25.0, 12.5, 25.0, 25.0], abs=0.6)
+        assert [first_number(line[k]) for k in columns] == pytest.approx(
+            [12.5, 25.0, 12.5, 25.0, 25.0], abs=0.6
+        )
 
 
 def test_success_over_tolerated_depth_goes_through_the_table(tmp_path: Path) -> None:
     depths = {"a": [0.0, 5e-4, 0.03, 0.5], "b": [0.0, 0.0, 0.09, 0.011]}
     lines = [run(scene=i, controller=law, violation_depth=depth, violated="fov[marker 2]" * bool(depth))
              for law, own in depths.items() for i, depth in enumerate(own)]  # fmt: skip
-    dataset = Dataset(made(frame([*lines, run(scene=9), run(scene=9, controller="b", status="slow")]), tmp_path))
+    dataset = Dataset(
+        made(frame([*lines, run(scene=9), run(scene=9, controller="b", status="slow")]), tmp_path)
+    )
     sheet = draw_tolerance([("nominal", dataset.paired("nominal", "tolerance"))], ["a", "b"])
     assert sheet is not None
     (ax,) = sheet.figure.axes
@@ -200,7 +263,9 @@ def test_success_over_tolerated_depth_goes_through_the_table(tmp_path: Path) -> 
     for law, *cells in table:
         x, y = curves[looks(["a", "b"])[law].colour].get_data()
         for tolerance, cell in zip(TOLERANCES, cells, strict=False):
-            assert y[int(np.argmin(abs(x - 100.0 * tolerance)))] == pytest.approx(float(cell), abs=0.1)
+            assert y[int(np.argmin(abs(x - 100.0 * tolerance)))] == pytest.approx(
+                float(cell), abs=0.1
+            )
 
 
 def test_figures_are_drawn_of_little(tmp_path: Path) -> None:
@@ -217,13 +282,16 @@ def test_runs_that_cannot_be_made_again_are_named(tmp_path: Path) -> None:
 
 
 def test_scenes_are_counted_with_what_was_rejected(tmp_path: Path) -> None:
-    """Twenty scenes, each behind three attempts that were rejected; two of them were beyond the arm's limits."""
+    """Twenty scenes, each behind three attempts that were rejected; two of them were beyond the
+    arm's limits.
+    """
     text = written(drawn_runs(ONE, ["ur5"], 20), tmp_path)
     (found,) = [table for table in tables(text) if table[0][0] == "family"]
     line = found[1]
     assert line[:4] == ["ur5", "20", "80", "marker not visible at the start 75"]
     assert line[4] == "10 (1–32)"
-    # of every fifth scene the least time is not known, and one of the two in which it is 1.2 of the duration is such
+    # of every fifth scene the least time is not known, and one of the two in which it is 1.2 of the
+    # duration is such
     assert "No controller can arrive in time in 0 of 16 scenes with a known least time" in text
 
 
@@ -272,15 +340,21 @@ def test_a_tuning_is_shown(tmp_path: Path) -> None:
     assert found[2] == ["hierarchical-qp", "20", "60.0", "98.0", "alpha: 5.0"]
     assert (tmp_path / "figures" / "budgets.png").is_file()
     evaluations.drop(columns="successes").to_parquet(tuning / "evaluations.parquet")
-    with pytest.raises(ConfigurationError, match=r"evaluations\.parquet cannot be read: it has no column successes"):
+    with pytest.raises(
+        ConfigurationError, match=r"evaluations\.parquet cannot be read: it has no column successes"
+    ):
         written(drawn_runs(RATES, ["ur5"], 20), tmp_path, tuning=tuning)
 
 
 def test_training_scenes_are_never_passed_off_as_held_out(tmp_path: Path) -> None:
-    assert "**These are training scenes:**" in written(drawn_runs(RATES, ["ur5"], 10), tmp_path, half="training")
+    assert "**These are training scenes:**" in written(
+        drawn_runs(RATES, ["ur5"], 10), tmp_path, half="training"
+    )
 
 
-def test_the_example_script_recomputes_every_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_script_recomputes_every_claim(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """On made-up runs that bring about sentences of nearly every kind."""
     runs = drawn_runs(RATES, ["planar-arm", "ur5", "panda", "six-axis"], 60, alike=0.8)
     broken = runs[runs["controller"] == "sliding-mode"].assign(controller="broken", **FAILING)
@@ -321,7 +395,9 @@ def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
 
 def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
     entries = (ControllerSpec("tracking"), ControllerSpec("qp", "hierarchical-qp", {"alpha": 5.0}))
-    campaign = Campaign("c", "", "", (Family.load("planar-arm"),), entries, ("disturbed",), scenes=3)
+    campaign = Campaign(
+        "c", "", "", (Family.load("planar-arm"),), entries, ("disturbed",), scenes=3
+    )
     task = Batch(campaign.families[0], (2,), ("disturbed",), entries, campaign.half, campaign.seed)
     lines = scored(task).runs.to_pylist()
     (tmp_path / "manifest.json").write_text(json.dumps({"configuration": campaign.resolved()}))
@@ -336,7 +412,12 @@ def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, words).exit_code == 0
     assert "planar-arm 2, disturbed" in page.read_text(encoding="utf-8")
     assert again["status"] == stored["status"]
-    for name in ("duration_s", "acceleration_variation", "violation_depth", "final_feature_error_px"):
+    for name in (
+        "duration_s",
+        "acceleration_variation",
+        "violation_depth",
+        "final_feature_error_px",
+    ):
         assert again[name] == stored[name]
     with pytest.raises(ConfigurationError, match="controller"):
         replay(tmp_path, "planar-arm", 2, "disturbed", "qq")
@@ -347,7 +428,11 @@ def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
 def test_the_scene_that_divides_laws_most_is_shown() -> None:
     left = {"status": "trapped"}
     lost = {"a": (2,), "b": (1, 2, 3), "c": (1, 3), "d": (1, 3, 0)}
-    lines = [run(controller=law, scene=i, **(left if i in own else {})) for law, own in lost.items() for i in range(5)]
+    lines = [
+        run(controller=law, scene=i, **(left if i in own else {}))
+        for law, own in lost.items()
+        for i in range(5)
+    ]
     assert divisive_scene(Dataset(made(frame(lines), Path())), "planar-arm") == 2
     same = [run(controller=law, scene=i) for law in "ab" for i in range(5)]
     assert divisive_scene(Dataset(made(frame(same), Path())), "planar-arm") is None

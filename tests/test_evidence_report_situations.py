@@ -1,4 +1,6 @@
-"""The first screen of the report of evidence: the answer, the heat map of situations, and curves over levels."""
+"""The first screen of the report of evidence: the answer, the heat map of situations, and curves
+over levels.
+"""
 
 from __future__ import annotations
 
@@ -58,9 +60,12 @@ def test_a_factorial_is_found_by_what_its_conditions_name() -> None:
     ("table", "run"),
     [
         ({}, ["nominal"]),
-        ({name: said for name, said in LADDER.items() if name != "fast-late"}, RUN),  # a combination is missing
-        ({**LADDER, "fast-late": {"conditions": ["fast", "late"], "task": {"Kp0": 1.0}}}, RUN),  # and something else
-        ({name: said for name, said in LADDER.items() if "slow" not in name}, RUN),  # two levels are no curve
+        # a combination is missing
+        ({name: said for name, said in LADDER.items() if name != "fast-late"}, RUN),
+        # and something else
+        ({**LADDER, "fast-late": {"conditions": ["fast", "late"], "task": {"Kp0": 1.0}}}, RUN),
+        # two levels are no curve
+        ({name: said for name, said in LADDER.items() if "slow" not in name}, RUN),
         (LADDER, ["nominal", "fast"]),
         (LADDER, []),
     ],
@@ -71,8 +76,13 @@ def test_nothing_else_is_a_factorial(table: dict[str, Any], run: list[str]) -> N
 
 def test_the_ladders_are_the_factorials_among_the_families_that_come_with_the_package() -> None:
     loaded = {name: Family.load(name) for name in families()}
-    found = {name: Factorial.of(one.tables.get("conditions", {}), one.conditions) for name, one in loaded.items()}
-    assert {name for name, one in found.items() if one} == {name for name in loaded if name.startswith("ladder-")}
+    found = {
+        name: Factorial.of(one.tables.get("conditions", {}), one.conditions)
+        for name, one in loaded.items()
+    }
+    assert {name for name, one in found.items() if one} == {
+        name for name in loaded if name.startswith("ladder-")
+    }
     for one in filter(None, found.values()):
         assert [len(levels) for levels in one.factors] == [3, 3, 2]
         assert len(one.conditions) == len(set(one.conditions.values())) == 18
@@ -85,14 +95,18 @@ def with_ladder(runs: Any, folder: Path, table: dict[str, Any] = LADDER) -> Data
     return Dataset(evidence, figures=False)
 
 
-def test_levels_have_a_figure_and_a_line_among_the_situations_and_no_section(tmp_path: Path) -> None:
+def test_levels_have_a_figure_and_a_line_among_the_situations_and_no_section(
+    tmp_path: Path,
+) -> None:
     rates = {name: {"a": 0.9, "b": 0.5} for name in RUN}
     dataset = with_ladder(drawn_runs(rates, ["ur5"], 12), tmp_path)
     assert dataset.conditions == ("nominal", "disturbed")
     assert [condition for _, condition in dataset.situations] == RUN
     dataset.figures = True
     report = write_report_of(dataset)
-    text, details = (path.read_text(encoding="utf-8") for path in (report, report.with_name("details.md")))
+    text, details = (
+        path.read_text(encoding="utf-8") for path in (report, report.with_name("details.md"))
+    )
     check(text + details, tmp_path)
     assert (tmp_path / "figures" / "levels--ur5.png").is_file()
     headings = re.findall("^### (.*)", text, re.MULTILINE)
@@ -100,7 +114,11 @@ def test_levels_have_a_figure_and_a_line_among_the_situations_and_no_section(tmp
     (found,) = [table for table in tables(details) if table[0][0] == "situation"]
     assert [line[0] for line in found[1:]] == [f"ur5, {name}" for name in RUN]
     # a family of which a level is a condition as any other brings it back
-    plain = [run(controller=law, family="other", condition="late", scene=i) for law in "ab" for i in range(3)]
+    plain = [
+        run(controller=law, family="other", condition="late", scene=i)
+        for law in "ab"
+        for i in range(3)
+    ]
     both = frame([*drawn_runs(rates, ["ur5"], 12).to_dict("records"), *plain])
     assert with_ladder(both, tmp_path).conditions == ("nominal", "late", "disturbed")
 
@@ -116,7 +134,10 @@ def test_points_over_levels_are_shares_with_their_intervals(tmp_path: Path) -> N
     assert [ax.get_title(loc="left") for ax in panels] == ["nominal", "late"]
     for ax, second in zip(panels, ("nominal", "late"), strict=True):
         for law, container in zip(dataset.laws, ax.containers, strict=True):
-            shares = [rankings[factorial.conditions[level, second]].shares[law] for level in factorial.factors[0]]
+            shares = [
+                rankings[factorial.conditions[level, second]].shares[law]
+                for level in factorial.factors[0]
+            ]
             line, _, (bars,) = container.lines
             assert line.get_ydata() == pytest.approx([100.0 * one.value for one in shares])
             for (low, high), one in zip(bars.get_segments(), shares, strict=True):
@@ -142,7 +163,13 @@ def test_the_answer_says_what_another_choice_loses(tmp_path: Path) -> None:
              for law, n in good.items() for i in range(60)]  # fmt: skip
     text = written(frame(lines), tmp_path)
     (line,) = tables(text)[0][1:]
-    assert line[:5] == ["Without disturbances", "a and 1 tie", "100 (94.0–100)", "420", "see its code"]
+    assert line[:5] == [
+        "Without disturbances",
+        "a and 1 tie",
+        "100 (94.0–100)",
+        "420",
+        "see its code",
+    ]
     assert [re.match("≈ [0-9]+|[0-9]+", cell)[0] for cell in line[5:]] == ["≈ 10", "50", "90"]  # type: ignore[index]
     (data,) = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["answers"]
     assert (data["law"], data["ties"], data["second"], data["median"]) == ("a", ["b"], "b", "c")
@@ -160,17 +187,21 @@ def test_every_cell_of_the_heat_map_leads_to_its_worst_run(tmp_path: Path) -> No
     page = page_of(write_report_of(dataset)).read_text(encoding="utf-8")
     root, box = heat_map_of(page)
     cards = {
-        element.get("id"): "".join(element.itertext()) for element in root.iter("div") if element.get("class") == "run"
+        element.get("id"): "".join(element.itertext())
+        for element in root.iter("div")
+        if element.get("class") == "run"
     }
     lines = [list(line) for line in box.iter("tr")]
     assert ["".join(cell.itertext()) for cell in lines[0][1:]] == [*dataset.laws]
-    by_cell, led = dataset.runs.set_index(["family", "condition", "controller"]), list[str]()
+    by_cell = dataset.runs.set_index(["family", "condition", "controller"])
+    led = list[str]()
     data = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))["situations"]
     assert len(data) == len(cards) == 2 * len(RATES) * len(dataset.laws)
     for (family, condition), line in zip(dataset.situations, lines[1:], strict=True):
         assert "".join(line[0].itertext()) == f"{family}, {condition}"
         for law, cell in zip(dataset.laws, line[1:], strict=True):
-            own, (link,) = by_cell.loc[(family, condition, law)], list(cell)
+            own = by_cell.loc[(family, condition, law)]
+            (link,) = list(cell)
             assert float(cell.get("data-value")) == pytest.approx(own["success"].mean())
             led.append(link.get("href").removeprefix("#"))
             (command,) = re.findall("vsconstraints replay .*", cards[led[-1]])
@@ -179,9 +210,15 @@ def test_every_cell_of_the_heat_map_leads_to_its_worst_run(tmp_path: Path) -> No
             worst = own[own["scene"] == scene].iloc[0]
             assert worst["violation_depth"] == own["violation_depth"].max()
             assert worst["status"] in cards[led[-1]]
-            (entry,) = [e for e in data if (e["family"], e["condition"], e["law"]) == (family, condition, law)]
+            (entry,) = [
+                e
+                for e in data
+                if (e["family"], e["condition"], e["law"]) == (family, condition, law)
+            ]
             assert entry["worst_scene"] == scene
-            assert entry["endings"] == {n: (own["ending"] == n).sum() for n in ("success", *UNSUCCESSFUL)}
+            assert entry["endings"] == {
+                n: (own["ending"] == n).sum() for n in ("success", *UNSUCCESSFUL)
+            }
     assert sorted(led) == sorted(cards)
 
 
@@ -203,45 +240,73 @@ def test_the_text_of_every_cell_can_be_read() -> None:
 
 
 def test_the_only_script_of_a_page_is_that_of_its_heat_map(tmp_path: Path) -> None:
-    page = page_of(write_report_of(Dataset(made(drawn_runs(RATES, ["ur5"], 6), tmp_path), figures=False)))
+    page = page_of(
+        write_report_of(Dataset(made(drawn_runs(RATES, ["ur5"], 6), tmp_path), figures=False))
+    )
     text = page.read_text(encoding="utf-8")
     (script,) = re.findall("<script>(.*?)</script>", text, re.DOTALL)
     assert f"script-src 'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" in text
-    assert "script" not in html_page("# A report\n\n<details><summary>x</summary>\n\ny\n\n</details>\n")
+    assert "script" not in html_page(
+        "# A report\n\n<details><summary>x</summary>\n\ny\n\n</details>\n"
+    )
 
 
 def test_a_reason_from_elsewhere_is_shown_as_it_stands(tmp_path: Path) -> None:
-    lines = [run(controller=law, scene=i, status="failed", reason="<img src=x onerror=stolen> `b` [c](d)")
+    lines = [run(controller=law, scene=i, status="failed", reason="<img src=x onerror=stolen> `b` "
+                                                                  "[c](d)")
              for law in "ab" for i in range(3)]  # fmt: skip
-    page = page_of(write_report_of(Dataset(made(frame(lines), tmp_path), figures=False))).read_text(encoding="utf-8")
+    page = page_of(write_report_of(Dataset(made(frame(lines), tmp_path), figures=False))).read_text(
+        encoding="utf-8"
+    )
     root, _ = heat_map_of(page)
     assert not list(root.iter("img"))
-    cards = ["".join(element.itertext()) for element in root.iter("div") if element.get("class") == "run"]
+    cards = [
+        "".join(element.itertext()) for element in root.iter("div") if element.get("class") == "run"
+    ]
     assert len(cards) == 2
     assert all("failed: <img src=x onerror=stolen> `b` [c](d)" in card for card in cards)
 
 
-def test_a_run_of_a_campaign_is_named_by_folder_family_scene_condition_and_controller(tmp_path: Path) -> None:
+def test_a_run_of_a_campaign_is_named_by_folder_family_scene_condition_and_controller(
+    tmp_path: Path,
+) -> None:
     assert name_of("some/folder:planar-arm:12:nominal:sliding-mode") == "planar-arm-12"
     assert name_of("example-2d-fov:tracking:1") == "example-2d-fov"
     with pytest.raises(ConfigurationError, match="holds no evidence"):
         replayed(f"{tmp_path}:planar-arm:12:nominal:sliding-mode")
 
 
-@pytest.mark.skipif(program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed")
-def test_the_heat_map_is_sorted_by_a_click_and_scrolls_in_its_box_on_a_phone(tmp_path: Path) -> None:
+@pytest.mark.skipif(
+    program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed"
+)
+def test_the_heat_map_is_sorted_by_a_click_and_scrolls_in_its_box_on_a_phone(
+    tmp_path: Path,
+) -> None:
     rates = {name: {f"a-law-of-a-longer-name-{k}": 0.1 * k for k in range(10)} for name in RATES}
     dataset = Dataset(made(drawn_runs(rates, ["planar-arm", "ur5"], 30), tmp_path), figures=False)
     page_file = page_of(write_report_of(dataset))
-    column = "[...document.querySelectorAll('.heat tbody tr')].map(row => +row.cells[5].dataset.value)"
+    column = (
+        "[...document.querySelectorAll('.heat tbody tr')].map(row => +row.cells[5].dataset.value)"
+    )
     names = "[...document.querySelectorAll('.heat tbody th')].map(cell => cell.textContent)"
     with browser(tmp_path / "browser") as page:
-        page.ask("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=False)
+        page.ask(
+            "Emulation.setDeviceMetricsOverride",
+            width=390,
+            height=800,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
         page.open(page_file.as_uri())
-        page.wait("document.readyState === 'complete' && document.querySelectorAll('.heat button').length")
+        page.wait(
+            "document.readyState === 'complete' && document.querySelectorAll('.heat button').length"
+        )
         assert page.value("document.documentElement.scrollWidth") <= 390
-        assert page.value("(box => box.scrollWidth > box.clientWidth)(document.querySelector('.heat'))")
-        before, original = page.value(column), page.value(names)
+        assert page.value(
+            "(box => box.scrollWidth > box.clientWidth)(document.querySelector('.heat'))"
+        )
+        before = page.value(column)
+        original = page.value(names)
         assert before != sorted(before)
         click = "document.querySelectorAll('.heat thead button')[{}].click()"
         for order in (True, False):
@@ -250,13 +315,18 @@ def test_the_heat_map_is_sorted_by_a_click_and_scrolls_in_its_box_on_a_phone(tmp
         page.value(click.format(0))
         assert page.value(names) == original
         page.value("document.querySelector('.heat td a').click()")
-        shown = "[...document.querySelectorAll('.run')].filter(card => card.getBoundingClientRect().height > 0)"
+        shown = (
+            "[...document.querySelectorAll('.run')].filter(card => "
+            "card.getBoundingClientRect().height > 0)"
+        )
         assert page.value(f"{shown}.map(card => card.id)") == ["run-1-1"]
         assert page.complaints == []
 
 
 def test_laws_beside_the_best_known_motions_by_hand() -> None:
-    """The second scene cannot be solved as far as is known, and of the third nothing is known: neither counts."""
+    """The second scene cannot be solved as far as is known, and of the third nothing is known:
+    neither counts.
+    """
     known = pd.DataFrame(
         {"family": "a", "scene": [0, 1, 3], "outcome": ["reachable", "unknown", "reachable"]}
         | {"best_time_s": [1.0, np.nan, 2.0], "law_space": [0.9, np.nan, 0.5]}
@@ -268,15 +338,23 @@ def test_laws_beside_the_best_known_motions_by_hand() -> None:
     )
     found = regrets(runs, known)
     assert [(own["success"].count, own["success"].of) for own in found.values()] == [(2, 2), (1, 2)]
-    assert [own["time"] for own in found.values()] == pytest.approx([2.5, 1.5])  # medians of 2 and 3; 1.5
+    # medians of 2 and 3; 1.5
+    assert [own["time"] for own in found.values()] == pytest.approx([2.5, 1.5])
     assert [own["space"] for own in found.values()] == pytest.approx([0.0, -0.2])
 
 
 def test_only_scenes_of_the_test_set_stand_beside_its_best_motions(tmp_path: Path) -> None:
-    """Families of the same names, but drawn otherwise, have no such table; the kept study has one."""
+    """Families of the same names, but drawn otherwise, have no such table; the kept study has
+    one.
+    """
     report = (ROOT / "reports" / "evidence" / "report.md").read_text(encoding="utf-8")
-    assert "| predictive" in report.partition("## Beside the best known motions")[2].partition("\n## ")[0]
-    assert "best known motions" not in written(drawn_runs(RATES, ["planar-arm", "ur5"], 20), tmp_path)
+    assert (
+        "| predictive"
+        in report.partition("## Beside the best known motions")[2].partition("\n## ")[0]
+    )
+    assert "best known motions" not in written(
+        drawn_runs(RATES, ["planar-arm", "ur5"], 20), tmp_path
+    )
 
 
 def test_a_law_is_behind_in_a_further_family_where_it_is_in_all_that_were_run() -> None:
@@ -288,7 +366,11 @@ def test_a_law_is_behind_in_a_further_family_where_it_is_in_all_that_were_run() 
     assert found.laws[2] == "sliding-mode"
     assert found.ranks.shape == (6, 3)
     assert set(found.ranks[:, 2]) == {3}
-    assert [found.cell(law)[0] for law in found.laws] == ["≈", "≈", found.shares["sliding-mode"].cell[0]]
+    assert [found.cell(law)[0] for law in found.laws] == [
+        "≈",
+        "≈",
+        found.shares["sliding-mode"].cell[0],
+    ]
     assert found.shares["sliding-mode"].high < 0.6 < 0.8 < found.shares["predictive"].low
     few = drawn_runs(rates, names[: FEWEST - 1], 100)
     assert beyond(Dataset(made(few, Path()), figures=False)) == []

@@ -29,7 +29,9 @@ from vsconstraints.reports.evidence.report import claims_of
 from vsconstraints.reports.numbers import percentage
 
 Successes = Mapping[str, Mapping[str, str]]
-"""By condition and law, one letter a scene: ``+`` success, ``v`` goal reached but a row violated, ``t`` trapped."""
+"""By condition and law, one letter a scene: ``+`` success, ``v`` goal reached but a row violated,
+``t`` trapped.
+"""
 
 MADE: dict[str, dict[str, Any]] = {
     "+": {},
@@ -40,7 +42,9 @@ MADE: dict[str, dict[str, Any]] = {
 }
 
 
-def material(successes: Successes, controllers: dict[str, dict[str, Any]] | None = None, **columns: Any) -> Dataset:
+def material(
+    successes: Successes, controllers: dict[str, dict[str, Any]] | None = None, **columns: Any
+) -> Dataset:
     lines = [
         run(condition, law, scene, **{**columns, **MADE[letter]})
         for condition, laws in successes.items()
@@ -77,7 +81,10 @@ def test_digits_are_those_that_an_interval_can_tell_apart() -> None:
 
 def test_sentences_have_words_for_every_condition_that_is_shipped() -> None:
     shipped = [
-        name for study in (None, "real-world") for each in Campaign.load(study).families for name in each.conditions
+        name
+        for study in (None, "real-world")
+        for each in Campaign.load(study).families
+        for name in each.conditions
     ]
     assert set(shipped) == set(CONDITIONS)
     assert condition_text("images", inside=True) == "by images"
@@ -97,7 +104,9 @@ def test_what_is_not_all_is_never_printed_as_all() -> None:
 
 
 def test_a_law_that_is_ahead_is_said_to_be_by_how_much() -> None:
-    """Of 12 scenes a succeeds in 11 and b in 2, both in scenes 0 and 1: only a in 9, only b in none."""
+    """Of 12 scenes a succeeds in 11 and b in 2, both in scenes 0 and 1: only a in 9, only b in
+    none.
+    """
     made_up = material({"nominal": {"a": "+" * 11 + "t", "b": "++" + "v" * 10}})
     (sentence,) = claims(made_up, "best")
     low, high = clopper_pearson(11, 12)
@@ -113,19 +122,26 @@ def test_a_law_that_is_ahead_is_said_to_be_by_how_much() -> None:
 
 
 def tango(only_a: int, only_b: int, n: int, side: int, pairs: int = 1) -> float:
-    """The end of Tango's interval for one of so many pairs, by looking at all differences on a fine grid."""
+    """The end of Tango's interval for one of so many pairs, by looking at all differences on a fine
+    grid.
+    """
     deltas = np.linspace(-1.0, 1.0, 200_001)
     linear = (2 * n - only_a + only_b) * deltas - only_a - only_b
-    p = (np.sqrt(np.maximum(linear**2 + 8 * n * only_b * deltas * (1 - deltas), 0.0)) - linear) / (4 * n)
+    p = (np.sqrt(np.maximum(linear**2 + 8 * n * only_b * deltas * (1 - deltas), 0.0)) - linear) / (
+        4 * n
+    )
     spread = norm.isf(0.025 / pairs) * np.sqrt(np.maximum(n * (2 * p + deltas * (1 - deltas)), 0.0))
     inside = deltas[np.abs(only_a - only_b - n * deltas) - 1.0 <= spread]
     return float(inside[0] if side < 0 else inside[-1])
 
 
 def test_all_pairs_of_a_condition_are_corrected_for() -> None:
-    """Eight scenes in which only a succeeds: (8 − 1)/√8, p = .0133, stands three comparisons and not six."""
+    """Eight scenes in which only a succeeds: (8 − 1)/√8, p = .0133, stands three comparisons and
+    not six.
+    """
     assert 2.0 * norm.sf(7 / math.sqrt(8)) == pytest.approx(0.0133, abs=1e-4)
-    ahead, behind = "+" * 8 + "t", "t" * 9
+    ahead = "+" * 8 + "t"
+    behind = "t" * 9
     three = material({"nominal": {"a": ahead, "b": behind, "c": behind}})
     (sentence,) = claims(three, "best")
     assert sentence.laws == ("a", "b")
@@ -133,7 +149,10 @@ def test_all_pairs_of_a_condition_are_corrected_for() -> None:
     four = material({"nominal": {"a": ahead, "b": behind, "c": behind, "d": behind}})
     assert ranking(four, "nominal").front == ("a", "b", "c", "d")
     (sentence,) = claims(four, "alike")
-    assert "no significant difference to the best (9 scenes of 1 family): **a** 89 % (" in sentence.text
+    assert (
+        "no significant difference to the best (9 scenes of 1 family): **a** 89 % ("
+        in sentence.text
+    )
     assert "difference" not in sentence.numbers
 
 
@@ -153,7 +172,8 @@ def test_laws_in_front_together_are_named_with_the_next_behind_them() -> None:
     (sentence,) = claims(made_up, "best")
     assert sentence.laws == ("a", "b", "c")
     assert (
-        "without significant difference: **a** 100 % (83–100 %) and **b** 95 % (75–99.9 %); next: c " in sentence.text
+        "without significant difference: **a** 100 % (83–100 %) and **b** 95 % (75–99.9 %); next: "
+        "c " in sentence.text
     )
     assert sentence.numbers["difference"] == 0.75
 
@@ -182,7 +202,10 @@ def test_where_nobody_gets_anywhere_it_is_said_what_that_still_allows() -> None:
 def test_one_law_in_one_scene_is_told_as_it_is() -> None:
     made_up = material({"nominal": {"a": "+"}})
     (sentence,) = claims(made_up, "best")
-    assert sentence.text == "Without disturbances: **a** succeeds in 100 % (3–100 %); 1 scene of 1 family."
+    assert (
+        sentence.text
+        == "Without disturbances: **a** succeeds in 100 % (3–100 %); 1 scene of 1 family."
+    )
     assert sentence.numbers["low[a]"] == pytest.approx(0.025)
     (violations,) = claims(made_up, "violations")
     assert violations.text == "Violated: **a** 0 % (0–98 %)."
@@ -211,7 +234,9 @@ def test_a_violation_counts_whether_the_goal_is_reached_or_not() -> None:
 
 
 def test_the_calmest_of_laws_in_front_is_found_where_it_is_sure() -> None:
-    """In scene k, a varies by 2 k and b by k, but for scenes in which either fails, where b is said to be wild."""
+    """In scene k, a varies by 2 k and b by k, but for scenes in which either fails, where b is said
+    to be wild.
+    """
     lines = []
     for scene in range(1, 31):
         failed = scene > 28
@@ -234,13 +259,18 @@ def test_the_calmest_of_laws_in_front_is_found_where_it_is_sure() -> None:
     assert sentence.laws == ("b", "a")
     assert sentence.numbers["ratio"] == pytest.approx(0.5)
     assert sentence.numbers["ratio_scenes"] == 28
-    assert "**b**, 0.500 times (0.500–0.500) that of a, the next (median over 28 scenes" in sentence.text
+    assert (
+        "**b**, 0.500 times (0.500–0.500) that of a, the next (median over 28 scenes"
+        in sentence.text
+    )
 
 
 def test_nobody_is_calmest_where_it_is_not_sure() -> None:
     rng = np.random.default_rng(0)
     lines = [
-        run("nominal", law, scene, acceleration_variation=float(rng.lognormal())) for scene in range(40) for law in "ab"
+        run("nominal", law, scene, acceleration_variation=float(rng.lognormal()))
+        for scene in range(40)
+        for law in "ab"
     ]
     made_up = Dataset(made(frame(lines), Path()))
     assert calmest(made_up, ranking(made_up, "nominal")) is None
@@ -266,16 +296,20 @@ def without(successes: dict[str, str]) -> dict[str, Finding]:
 def test_the_best_of_laws_without_the_drift_is_told_where_it_is_behind() -> None:
     found = without({"qp": "+" * 30, "sliding": "+" * 15 + "t" * 15, "additive": "t" * 30})
     sentence = found["without L_fφ"]
-    assert sentence.text.startswith("Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 points")
+    assert sentence.text.startswith(
+        "Best without L_fφ: **sliding** 50 % (31–69 %); sliding 50 points"
+    )
     assert sentence.text.endswith("less than qp.")
     assert sentence.numbers["difference"] == 0.5
     assert set(found) == {"without L_fφ"}  # that qp needs no model goes without saying
 
 
 def test_where_laws_without_the_drift_are_in_front_it_is_said() -> None:
-    ahead, behind = "+" * 30, "t" * 30
+    ahead = "+" * 30
+    behind = "t" * 30
     assert (
-        without({"sliding": ahead, "qp": behind})["without L_fφ"].text == "Of these, L_fφ is not required by sliding."
+        without({"sliding": ahead, "qp": behind})["without L_fφ"].text
+        == "Of these, L_fφ is not required by sliding."
     )
     both = without({"sliding": ahead, "additive": ahead, "qp": behind})
     assert both["without L_fφ"].text == "Of these, L_fφ is not required by sliding and additive."
@@ -286,25 +320,36 @@ def test_where_laws_without_the_drift_are_in_front_it_is_said() -> None:
 
 def test_a_law_with_a_model_in_front_is_held_against_those_without() -> None:
     found = without({"plan": "+" * 30, "sliding": "+" * 10 + "t" * 20})
-    assert found["without L_fφ"].text == "Of these, L_fφ is not required by plan." if "without L_fφ" in found else True
-    assert found["without model"].text.startswith("Best without a model: **sliding** 33 % (17–53 %)")
+    assert (
+        found["without L_fφ"].text == "Of these, L_fφ is not required by plan."
+        if "without L_fφ" in found
+        else True
+    )
+    assert found["without model"].text.startswith(
+        "Best without a model: **sliding** 33 % (17–53 %)"
+    )
 
 
 # --- several conditions ---
 
 
 def test_an_order_that_turns_over_is_said_and_one_that_does_not_is_not() -> None:
-    ahead, behind = "+" * 20, "+" * 8 + "t" * 12
+    ahead = "+" * 20
+    behind = "+" * 8 + "t" * 12
     over = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": behind, "b": ahead}})
     (sentence,) = reversals(over)
     assert sentence.numbers["difference[nominal]"] == 12 / 20
     assert sentence.numbers["difference[disturbed]"] == 12 / 20
-    assert sentence.text.startswith("Rank reversal: without disturbances, a succeeds more often than b by 60 points")
+    assert sentence.text.startswith(
+        "Rank reversal: without disturbances, a succeeds more often than b by 60 points"
+    )
     assert "with disturbances, b more often than a by 60 points" in sentence.text
     assert "more pair" not in sentence.text
     same = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead, "b": behind}})
     assert list(reversals(same)) == []
-    unsure = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead[:-1] + "t", "b": ahead}})
+    unsure = material(
+        {"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead[:-1] + "t", "b": ahead}}
+    )
     assert list(reversals(unsure)) == []
 
 
@@ -316,7 +361,9 @@ def test_orders_are_compared_in_the_families_that_both_conditions_have() -> None
             lines.append(run("nominal", law, scene, **MADE["+" if good else "t"]))
             lines.append(run("disturbed", law, scene, **MADE["+" if good else "t"]))
             lines.append(run("disturbed", law, scene, family="ur5", **MADE["t" if good else "+"]))
-            lines.append(run("disturbed", law, scene + 20, family="ur5", **MADE["t" if good else "+"]))
+            lines.append(
+                run("disturbed", law, scene + 20, family="ur5", **MADE["t" if good else "+"])
+            )
     made_up = Dataset(made(frame(lines), Path()))
     assert ranking(made_up, "disturbed").leader == "b"
     assert list(reversals(made_up)) == []
@@ -348,21 +395,28 @@ def test_what_tuning_gains_is_told_law_by_law() -> None:
 
 
 def test_a_law_that_fails_everywhere_is_named_with_its_reason() -> None:
-    made_up = material({"nominal": {"a": "+" * 10, "b": "f" * 10}, "disturbed": {"a": "t" * 10, "b": "f" * 10}})
+    made_up = material(
+        {"nominal": {"a": "+" * 10, "b": "f" * 10}, "disturbed": {"a": "t" * 10, "b": "f" * 10}}
+    )
     (sentence,) = always_failing(made_up)
     assert sentence.text == (
-        "**b** failed or was aborted in each of its 20 runs, most often: the law gave nothing at 0.1 s."
+        "**b** failed or was aborted in each of its 20 runs, most often: the law gave nothing at "
+        "0.1 s."
     )
 
 
 # --- all of it, against pandas alone ---
 
 
-def shares(runs: pd.DataFrame, condition: str, laws: Sequence[str], tolerance: float = 1e-4) -> pd.DataFrame:
+def shares(
+    runs: pd.DataFrame, condition: str, laws: Sequence[str], tolerance: float = 1e-4
+) -> pd.DataFrame:
     """One line per scene, one column per law: whether it succeeded, with a depth tolerated."""
     own = runs[(runs["condition"] == condition) & runs["controller"].isin(laws)]
     good = (own["status"] == "converged") & (own["violation_fraction"] <= tolerance)
-    return own.assign(good=good).pivot(index=["family", "scene"], columns="controller", values="good")
+    return own.assign(good=good).pivot(
+        index=["family", "scene"], columns="controller", values="good"
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -380,16 +434,21 @@ def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
             good = shares(runs, condition, list(rates[condition]), tolerance)
             for law in sentence.laws:
                 if f"success[{law}]" in sentence.numbers:
-                    count, of = int(good[law].sum()), len(good)
+                    count = int(good[law].sum())
+                    of = len(good)
                     low, high = clopper_pearson(count, of)
-                    found = [sentence.numbers[f"{name}[{law}]"] for name in ("success", "low", "high")]
+                    found = [
+                        sentence.numbers[f"{name}[{law}]"] for name in ("success", "low", "high")
+                    ]
                     assert found == pytest.approx([count / of, low, high])
                     checked += 1
             if "difference" in sentence.numbers:
-                first, second = sentence.laws[0], sentence.laws[-1]
+                first = sentence.laws[0]
+                second = sentence.laws[-1]
                 if sentence.about not in ("best", "tolerant"):
                     first, second = second, first
-                a, b = good[first], good[second]
+                a = good[first]
+                b = good[second]
                 assert sentence.numbers["difference"] == pytest.approx(a.mean() - b.mean())
                 low = tango(int((a & ~b).sum()), int((b & ~a).sum()), len(good), -1, pairs=3)
                 assert sentence.numbers["difference_low"] == pytest.approx(low, abs=2e-5)
@@ -399,7 +458,9 @@ def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
     a, b = sentence.laws
     for condition, sign in (("nominal", 1.0), ("disturbed", -1.0)):
         good = shares(runs, condition, [a, b])
-        assert sentence.numbers[f"difference[{condition}]"] == pytest.approx(sign * (good[a].mean() - good[b].mean()))
+        assert sentence.numbers[f"difference[{condition}]"] == pytest.approx(
+            sign * (good[a].mean() - good[b].mean())
+        )
 
 
 def test_what_is_printed_is_what_the_sentences_hold() -> None:
@@ -408,9 +469,13 @@ def test_what_is_printed_is_what_the_sentences_hold() -> None:
     for sentence in claims_of(Dataset(made(runs, Path()), figures=False)):
         if sentence.about != "best":
             continue
-        pool = [abs(100.0 * value) for name, value in sentence.numbers.items()] + list(sentence.numbers.values())
+        pool = [abs(100.0 * value) for name, value in sentence.numbers.items()] + list(
+            sentence.numbers.values()
+        )
         text = sentence.text.replace("95 % confidence", "")
-        for word in text.replace("–", " ").replace("(", " ").replace(",", " ").replace(";", " ").split():
+        for word in (
+            text.replace("–", " ").replace("(", " ").replace(",", " ").replace(";", " ").split()
+        ):
             if word.replace(".", "").isdigit():
                 value = float(word.rstrip("."))
                 assert min(abs(value - other) for other in pool) <= 0.5, word
@@ -436,4 +501,6 @@ def test_where_tracking_alone_misses_the_goal_it_is_said() -> None:
     (sentence,) = claims(made_up, "attainable")
     assert sentence.numbers["reached"] == 0.8
     assert "reaches the goal in only 80 % (44–97 %) of 10 scenes" in sentence.text
-    assert not claims(material({"nominal": {"tracking": "v" * 9 + "t", "a": "+" * 10}}), "attainable")
+    assert not claims(
+        material({"nominal": {"tracking": "v" * 9 + "t", "a": "+" * 10}}), "attainable"
+    )

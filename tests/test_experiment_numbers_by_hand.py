@@ -1,4 +1,6 @@
-"""The numbers that claim 6 gives of the experiments, on made-up runs in which no two of them are alike."""
+"""The numbers that claim 6 gives of the experiments, on made-up runs in which no two of them are
+alike.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,14 @@ class Long(Told):
 
 
 def test_the_row_that_slides_is_the_one_that_acts_longest() -> None:
-    run: Any = Told({"occlusion[a]": 0.0, ROW: during((0.1, 0.2)), OTHER: during((0.1, 0.3)), "fov[marker 4]": -1.0})
+    run: Any = Told(
+        {
+            "occlusion[a]": 0.0,
+            ROW: during((0.1, 0.2)),
+            OTHER: during((0.1, 0.3)),
+            "fov[marker 4]": -1.0,
+        }
+    )
     assert experiments.acting_rows(run, "fov") == [ROW, OTHER]
     assert experiments.sliding_row(run, "fov") == OTHER
     with pytest.raises(NotMeasured, match="no fov row ever acts"):
@@ -38,15 +47,22 @@ def test_the_row_that_slides_is_the_one_that_acts_longest() -> None:
 
 
 def test_exponentially() -> None:
-    """From 0.2 to 0.6 s, K = 0.5 s: 3 px/s from 2 px away, and 2 px/s from 1.25 px away, 0.8 of clearance / K."""
+    """From 0.2 to 0.6 s, K = 0.5 s: 3 px/s from 2 px away, and 2 px/s from 1.25 px away, 0.8 of
+    clearance / K.
+    """
     run: Any = Told(
-        {ROW: during((0.2, 0.6))}, {}, {ROW: at({30: 2.0, 40: 1.25}, 9.0)}, speed=at({30: 3.0, 40: 2.0}, -1.0), K=0.5
+        {ROW: during((0.2, 0.6))},
+        {},
+        {ROW: at({30: 2.0, 40: 1.25}, 9.0)},
+        speed=at({30: 3.0, 40: 2.0}, -1.0),
+        K=0.5,
     )
     finding = experiments.exponentially(run, ROW)
     assert finding.verdict == YES
     assert finding.values == {"share": pytest.approx(0.8), "speed": 3.0}
     assert finding.text == (
-        f"{ROW} acts from 0.2 to 0.6 s; towards the boundary at most 3 px/s, 2 px before it: at most 0.8 clearance / K"
+        f"{ROW} acts from 0.2 to 0.6 s; towards the boundary at most 3 px/s, 2 px before it: at "
+        f"most 0.8 clearance / K"
     )
 
 
@@ -67,22 +83,35 @@ def test_what_has_crossed_the_boundary_does_not_approach_it(clearance: float) ->
 def test_one_marker_slides() -> None:
     """It acts in 3 samples, at most 0.4 s apart; the other in one."""
     phi = {ROW: at({10: 1.0, 20: 0.0, 60: 2.0}), OTHER: -1.0}
-    run: Any = Long(phi, {ROW: at({5: -0.25}, -3.0), OTHER: 7.0}, {ROW: at({5: 0.02}, 0.5), OTHER: -7.0})
+    run: Any = Long(
+        phi, {ROW: at({5: -0.25}, -3.0), OTHER: 7.0}, {ROW: at({5: 0.02}, 0.5), OTHER: -7.0}
+    )
     finding = experiments.one_marker_slides(run, "fov")
     assert finding.verdict == YES
     assert finding.values == {"margin": 0.005, "sigma_max": -0.25, "rows": 1.0}
     assert finding.text == (
-        f"{ROW} acts in 3 samples from 0.1 to 0.6 s, at most 0.4 s apart; max σ = −0.25, 0.02 px from the boundary "
+        f"{ROW} acts in 3 samples from 0.1 to 0.6 s, at most 0.4 s apart; max σ = −0.25, 0.02 px "
+        f"from the boundary "
         "(0.5 % of L); the greatest φ is 0.5 T_s u⁺"
     )
-    both: Any = Long({ROW: at({10: 1.0}), OTHER: at({10: 1.0, 11: 1.0})}, {ROW: 7.0, OTHER: -1.0}, {OTHER: 0.04})
+    both: Any = Long(
+        {ROW: at({10: 1.0}), OTHER: at({10: 1.0, 11: 1.0})}, {ROW: 7.0, OTHER: -1.0}, {OTHER: 0.04}
+    )
     finding = experiments.one_marker_slides(both, "fov")
-    assert (finding.verdict, finding.values) == (PARTLY, {"margin": 0.01, "sigma_max": -1.0, "rows": 2.0})
+    assert (finding.verdict, finding.values) == (
+        PARTLY,
+        {"margin": 0.01, "sigma_max": -1.0, "rows": 2.0},
+    )
     once: Any = Long({ROW: at({10: 1.0})})
-    assert "acts in 1 sample from 0.1 to 0.1 s, at most 0.0 s apart" in experiments.one_marker_slides(once, "fov").text
+    assert (
+        "acts in 1 sample from 0.1 to 0.1 s, at most 0.0 s apart"
+        in experiments.one_marker_slides(once, "fov").text
+    )
 
 
-@pytest.mark.parametrize(("key", "kind"), [("6a", "fov"), ("6b", "fov"), ("6e", "occlusion"), ("6f", "occlusion")])
+@pytest.mark.parametrize(
+    ("key", "kind"), [("6a", "fov"), ("6b", "fov"), ("6e", "occlusion"), ("6f", "occlusion")]
+)
 def test_the_kind_of_row_that_slides(key: str, kind: str) -> None:
     phi = {f"{name}[x]": 0.0 if name == kind else -1.0 for name in ("fov", "occlusion")}
     finding = found(key, Told(phi, speed=at({}, 0.0)))
@@ -93,12 +122,16 @@ def test_the_kind_of_row_that_slides(key: str, kind: str) -> None:
 @pytest.mark.parametrize(("status", "expected"), [("converged", YES), ("timeout", NO)])
 @pytest.mark.parametrize("key", ["6c", "6g"])
 def test_reached(key: str, status: str, expected: str) -> None:
-    camera = np.column_stack([at({-2: 0.5, -1: 0.0015, 1: 0.7}, 0.2), at({-2: 0.6, -1: 0.0025, 1: 0.8}, 0.3)])
+    camera = np.column_stack(
+        [at({-2: 0.5, -1: 0.0015, 1: 0.7}, 0.2), at({-2: 0.6, -1: 0.0025, 1: 0.8}, 0.3)]
+    )
     pixels = at({-2: 5.0, -1: 0.25, 1: 7.0}, 2.0)
     run = Told(camera_error=camera, feature_error_px=pixels, status=status, settling_time=41.0)
     finding = found(key, run)
     assert (finding.verdict, finding.values) == (expected, {"settling": 41.0})
-    assert finding.text == f"{status} after 41 s; at the end 0.25 px, 1.50 mm, 2.50 mrad from the goal"
+    assert (
+        finding.text == f"{status} after 41 s; at the end 0.25 px, 1.50 mm, 2.50 mrad from the goal"
+    )
     run.trajectory.camera_error = np.full((101, 2), np.nan)
     assert found(key, run).text == f"{status} after 41 s; at the end 0.25 px from the goal"
 
@@ -116,8 +149,10 @@ def test_6l_asks_every_row() -> None:
     finding = found("6l", *runs((-0.5, 2.0), (0.25, 2.0), (3.0, -0.75), (3.0, 0.125)))
     assert finding.verdict == YES
     assert finding.text == (
-        "experiment 1, T_s = 0.01 s: converged, −0.5 px clear; experiment 1, T_s = 0.01 s: converged, 0.25 px clear; "
-        "experiment 2, T_s = 0.01 s: converged, −0.75 px clear; experiment 2, T_s = 0.01 s: converged, 0.125 px clear"
+        "experiment 1, T_s = 0.01 s: converged, −0.5 px clear; experiment 1, T_s = 0.01 s: "
+        "converged, 0.25 px clear; "
+        "experiment 2, T_s = 0.01 s: converged, −0.75 px clear; experiment 2, T_s = 0.01 s: "
+        "converged, 0.125 px clear"
     )
 
 
@@ -165,7 +200,9 @@ def test_6m() -> None:
     assert finding.text.endswith("rad and 0.5 rad/s are left")
     # at rest, but for exactly as much as may be left
     still = np.zeros((3, 1))
-    last = Told(t=0.1 * np.arange(3), q=still, qd=np.array([[0.0], [0.0], [1e-9]]), qdd_command=still)
+    last = Told(
+        t=0.1 * np.arange(3), q=still, qd=np.array([[0.0], [0.0], [1e-9]]), qdd_command=still
+    )
     assert found("6m", last, last).verdict == YES
 
 
@@ -173,7 +210,9 @@ def test_6m() -> None:
 
 
 @pytest.mark.parametrize(("apart", "similar"), [(32.0, True), (33.0, False)])
-def test_tracks_within_a_twentieth_of_the_image_are_very_similar(apart: float, similar: bool) -> None:
+def test_tracks_within_a_twentieth_of_the_image_are_very_similar(
+    apart: float, similar: bool
+) -> None:
     """Of 640 px, 32 px: the row that acts leaves a hundredth of its length in both runs."""
     rows = {"fov[marker 1]": {"clearance_min": 0.1, "usage_max": 0.99, "phi_max": 0.5}}
     exact, wrong = (

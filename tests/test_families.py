@@ -102,7 +102,8 @@ def test_draws_follow_their_distribution(table: dict[str, Any], cdf: Callable[..
 
 
 @pytest.mark.parametrize(
-    ("table", "values"), [({"integer": [-1, 4]}, range(-1, 5)), ({"choice": [3.0, 7.0, 7.5]}, [3.0, 7.0, 7.5])]
+    ("table", "values"),
+    [({"integer": [-1, 4]}, range(-1, 5)), ({"choice": [3.0, 7.0, 7.5]}, [3.0, 7.0, 7.5])],
 )
 def test_draws_of_few_values_are_as_likely(table: dict[str, Any], values: Any) -> None:
     found = draws(table, 3000)
@@ -154,7 +155,9 @@ def test_uniform_draws_stay_within(least: float, width: float, number: int) -> N
         ("{ log_uniform = [0.1, 1.0] }", ["log-uniform"]),
     ],
 )
-def test_impossible_distributions_are_refused(by_hand: Callable[..., Family], text: str, words: list[str]) -> None:
+def test_impossible_distributions_are_refused(
+    by_hand: Callable[..., Family], text: str, words: list[str]
+) -> None:
     with pytest.raises(ConfigurationError) as refused:
         by_hand(("{ uniform = [[-0.74, -1.76, 1.06], [-0.70, -1.73, 1.09]] }", text))
     for word in words:
@@ -195,7 +198,9 @@ def test_a_family_without_any_scene_says_why(by_hand: Callable[..., Family]) -> 
     assert scene.attempts == 30
     with pytest.raises(ConfigurationError, match="outside the image at the start 30"):
         scene.scenario()
-    with pytest.raises(ConfigurationError, match=r"all of 90 attempts .* outside the image at the start 90"):
+    with pytest.raises(
+        ConfigurationError, match=r"all of 90 attempts .* outside the image at the start 90"
+    ):
         family.demand_scenes()
     with pytest.raises(ConfigurationError, match="all of 90 attempts"):
         summarised(family, 1000)
@@ -215,7 +220,12 @@ def test_a_family_without_any_scene_says_why(by_hand: Callable[..., Family]) -> 
             Reason.GOAL_OUT_OF_REACH,
         ),
         (
-            (("camera_at_q = [-0.72, -1.744, 4.2]", "camera_pose = { xyz = [3.0, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }"),),
+            (
+                (
+                    "camera_at_q = [-0.72, -1.744, 4.2]",
+                    "camera_pose = { xyz = [3.0, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }",
+                ),
+            ),
             Reason.GOAL_OUT_OF_REACH,
         ),
         ((("pixel_noise = { uniform = [0.1, 1.0] }", "pixel_noise = -1.0"),), Reason.BUILD_REFUSED),
@@ -242,17 +252,28 @@ switching_gain = 1.0
 
 @pytest.mark.parametrize(
     ("centre", "reason"),
-    [("tip-path = { share = 0.0 }", Reason.START_FORBIDDEN), ("tip-path = { share = 1.0 }", Reason.GOAL_FORBIDDEN)],
+    [
+        ("tip-path = { share = 0.0 }", Reason.START_FORBIDDEN),
+        ("tip-path = { share = 1.0 }", Reason.GOAL_FORBIDDEN),
+    ],
 )
-def test_forbidden_ends_are_rejected(by_hand: Callable[..., Family], centre: str, reason: Reason) -> None:
+def test_forbidden_ends_are_rejected(
+    by_hand: Callable[..., Family], centre: str, reason: Reason
+) -> None:
     sphere = SPHERE.replace("CENTRE", f"{{ {centre} }}")
     # far enough from each other that the sphere holds one of them only
-    family = by_hand(("[-0.72, -1.744, 4.2]", "[-1.1, -2.04, 3.11]"), ("[conditions", sphere + "\n[conditions"))
+    family = by_hand(
+        ("[-0.72, -1.744, 4.2]", "[-1.1, -2.04, 3.11]"), ("[conditions", sphere + "\n[conditions")
+    )
     assert family.scene(0).rejected == {reason.value: 30}
 
 
-def test_an_arm_without_its_meshes_has_scenes_if_hidden_markers_are_no_matter(tmp_path: Path) -> None:
-    """Lines of sight need the links' meshes; a family that runs on with hidden markers does not ask for them."""
+def test_an_arm_without_its_meshes_has_scenes_if_hidden_markers_are_no_matter(
+    tmp_path: Path,
+) -> None:
+    """Lines of sight need the links' meshes; a family that runs on with hidden markers does not ask
+    for them.
+    """
     text = """
 extends = "ur5-fov"
 attempts = 1
@@ -275,7 +296,9 @@ switching_gain = 10.0
 """
     arm = (Path(__file__).parents[1] / "examples" / "six_axis.urdf").read_text()
     mesh = '<collision><geometry><mesh filename="missing.stl"/></geometry></collision>'
-    (tmp_path / "bare.urdf").write_text(arm.replace('<link name="forearm"/>', f'<link name="forearm">{mesh}</link>'))
+    (tmp_path / "bare.urdf").write_text(
+        arm.replace('<link name="forearm"/>', f'<link name="forearm">{mesh}</link>')
+    )
     for hidden in ("continue", "refuse"):
         (tmp_path / f"{hidden}.toml").write_text(text.replace("HIDDEN", hidden))
     scene = Family.load(tmp_path / "continue.toml").scene(0)
@@ -319,11 +342,20 @@ light = LIGHT
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ((("q0 = ", "q0 = { look-at = { distanse = 1.0 } } # "),), ["distanse", "distance", "tilt"]),
+        (
+            (("q0 = ", "q0 = { look-at = { distanse = 1.0 } } # "),),
+            ["distanse", "distance", "tilt"],
+        ),
         ((("pixel_noise", "pixel_nois"),), ["pixel_nois", "Did you mean 'pixel_noise'"]),
         ((("duration = 0.5", 'duration = { choice = ["long"] }'),), ["duration", "'long'"]),
-        ((("upper = [0.5, 0.5, 0.5]", "upper = { joint-path = { beyond = 0.1, goal = 2 } }"),), ["no goal 2"]),
-        ((("[conditions.disturbed.disturbances]", "[conditions.disturbed.constraints.7]"),), ["constraints", "7"]),
+        (
+            (("upper = [0.5, 0.5, 0.5]", "upper = { joint-path = { beyond = 0.1, goal = 2 } }"),),
+            ["no goal 2"],
+        ),
+        (
+            (("[conditions.disturbed.disturbances]", "[conditions.disturbed.constraints.7]"),),
+            ["constraints", "7"],
+        ),
     ],
 )
 def test_slips_in_a_family_are_named_before_thousands_are_drawn(
@@ -341,7 +373,9 @@ def test_attempts_are_those_rejected_and_the_accepted_one() -> None:
     for scene in summary.scenes:
         assert scene.attempts == sum(scene.rejected.values()) + 1
         assert set(scene.rejected) <= {reason.value for reason in Reason}
-    assert sum(summary.rejected.values()) + len(summary.found) == sum(scene.attempts for scene in summary.scenes)
+    assert sum(summary.rejected.values()) + len(summary.found) == sum(
+        scene.attempts for scene in summary.scenes
+    )
     assert summary.acceptance == pytest.approx(6 / sum(scene.attempts for scene in summary.scenes))
 
 
@@ -360,7 +394,9 @@ def test_the_command_says_what_scenes_are_like(by_hand: Callable[..., Family]) -
 
 
 def told(scene: Drawn) -> str:
-    return json.dumps([scene.tables, scene.values, scene.rejected, scene.challenged, scene.noise], sort_keys=True)
+    return json.dumps(
+        [scene.tables, scene.values, scene.rejected, scene.challenged, scene.noise], sort_keys=True
+    )
 
 
 def test_the_same_scene_in_another_process_and_in_any_order() -> None:
@@ -371,7 +407,9 @@ def test_the_same_scene_in_another_process_and_in_any_order() -> None:
         "from test_families import told\nfrom vsconstraints.scenarios.families import Family\n"
         "print(told(Family.load('planar-arm').scene(2, seed=5)))"
     )
-    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    there = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.strip()
     assert there == here[2]
     assert told(Family.load("planar-arm").scene(0, seed=5)) == here[0]
     assert len(set(here.values())) == 3
@@ -383,19 +421,36 @@ def test_halves_have_nothing_in_common() -> None:
     training, held_out = ([family.scene(i, half).values for i in range(5)] for half in HALVES)
     starts = [tuple(values["q0"]) for values in (*training, *held_out)]
     assert len(set(starts)) == len(starts)
-    entropies = {Streams(0, half, i, a).entropy("q0") for half in HALVES for i in range(100) for a in range(10)}
+    entropies = {
+        Streams(0, half, i, a).entropy("q0")
+        for half in HALVES
+        for i in range(100)
+        for a in range(10)
+    }
     assert len(entropies) == 2000
-    assert len({Streams(0, "training", 0, 0).entropy(key) for key in ("q0", "task.Kp0", "q0.look-at", "")}) == 4
+    assert (
+        len(
+            {
+                Streams(0, "training", 0, 0).entropy(key)
+                for key in ("q0", "task.Kp0", "q0.look-at", "")
+            }
+        )
+        == 4
+    )
 
 
 def test_a_further_key_that_is_drawn_shifts_no_other(by_hand: Callable[..., Family]) -> None:
     before = by_hand(name="before").scene(0)
-    after = by_hand(("duration = 0.5", "duration = { uniform = [0.4, 0.6] }"), name="after").scene(0)
+    after = by_hand(("duration = 0.5", "duration = { uniform = [0.4, 0.6] }"), name="after").scene(
+        0
+    )
     assert "duration" in after.values
     assert {key: after.values[key] for key in before.values} == before.values
 
 
-def test_a_scene_is_the_same_in_all_conditions_but_for_what_they_say(by_hand: Callable[..., Family]) -> None:
+def test_a_scene_is_the_same_in_all_conditions_but_for_what_they_say(
+    by_hand: Callable[..., Family],
+) -> None:
     scene = by_hand().scene(0)
     nominal, disturbed = (dict(scene.tables[name]) for name in ("nominal", "disturbed"))
     noise = disturbed.pop("disturbances")
@@ -407,12 +462,24 @@ def test_a_scene_is_the_same_in_all_conditions_but_for_what_they_say(by_hand: Ca
 
 def test_a_condition_of_several_has_their_draws_together(by_hand: Callable[..., Family]) -> None:
     more = "[conditions.slow.task]\nKp0 = { uniform = [1.0, 2.0] }\n"
-    more += "[conditions.both]\nconditions = ['disturbed', 'slow']\n[conditions.both.task]\nKp_slope = 0.5\n"
+    more += (
+        "[conditions.both]\nconditions = ['disturbed', "
+        "'slow']\n[conditions.both.task]\nKp_slope = 0.5\n"
+    )
     family = by_hand(("[conditions.disturbed", more + "[conditions.disturbed"))
     assert set(family.conditions) == {"nominal", "disturbed", "slow", "both"}
-    scene, tables = family.scene(1), family.scene(1).tables
-    assert tables["both"]["disturbances"] == tables["disturbed"]["disturbances"] != tables["slow"].get("disturbances")
-    assert tables["both"]["task"]["Kp0"] == tables["slow"]["task"]["Kp0"] != tables["nominal"]["task"]["Kp0"]
+    scene = family.scene(1)
+    tables = family.scene(1).tables
+    assert (
+        tables["both"]["disturbances"]
+        == tables["disturbed"]["disturbances"]
+        != tables["slow"].get("disturbances")
+    )
+    assert (
+        tables["both"]["task"]["Kp0"]
+        == tables["slow"]["task"]["Kp0"]
+        != tables["nominal"]["task"]["Kp0"]
+    )
     assert tables["both"]["task"]["Kp_slope"] == 0.5
     # what a condition has of others is drawn once
     assert not any(key.startswith("conditions.both") for key in scene.values)
@@ -422,7 +489,12 @@ def test_a_condition_of_several_has_their_draws_together(by_hand: Callable[..., 
         ("'slow'", "must be a list"),
     ):
         with pytest.raises(ConfigurationError, match=what):
-            by_hand(("[conditions.disturbed", more.replace("['disturbed', 'slow']", told) + "[conditions.disturbed"))
+            by_hand(
+                (
+                    "[conditions.disturbed",
+                    more.replace("['disturbed', 'slow']", told) + "[conditions.disturbed",
+                )
+            )
 
 
 def test_scenes_and_families_can_be_sent_to_other_processes() -> None:
@@ -444,7 +516,11 @@ def test_values_of_a_scene_are_within_what_is_stated(by_hand: Callable[..., Fami
 
 
 def test_lists_and_tables_are_merged_key_by_key() -> None:
-    under = {"a": {"b": 1, "c": 2}, "list": [{"x": 1, "y": 2}, {"x": 3}], "drawn": {"uniform": [0, 1]}}
+    under = {
+        "a": {"b": 1, "c": 2},
+        "list": [{"x": 1, "y": 2}, {"x": 3}],
+        "drawn": {"uniform": [0, 1]},
+    }
     over = {"a": {"c": 3}, "list": {"1": {"x": 4}}, "drawn": {"gaussian": [0, 1]}}
     assert merged(under, over, "test") == {
         "a": {"b": 1, "c": 3},
@@ -458,10 +534,14 @@ def test_lists_and_tables_are_merged_key_by_key() -> None:
 
 def test_look_at_puts_the_target_where_it_says() -> None:
     scene = Family.load("six-axis").scene(0)
-    setup, values = scene.setup(), scene.values
+    setup = scene.setup()
+    values = scene.values
     for q, key in (
         (setup.q0, "q0.look-at"),
-        (np.array(scene.tables["nominal"]["task"]["goals"][0]["camera_at_q"]), "task.goals.0.camera_at_q.look-at"),
+        (
+            np.array(scene.tables["nominal"]["task"]["goals"][0]["camera_at_q"]),
+            "task.goals.0.camera_at_q.look-at",
+        ),
     ):
         camera = setup.scene.camera_pose(q)
         middle = camera.inverse.act(setup.scene.markers.mean(axis=0))
@@ -470,15 +550,19 @@ def test_look_at_puts_the_target_where_it_says() -> None:
         assert pixels == pytest.approx(values[f"{key}.image_px"], abs=1e-5)
         # straight down and rolled, then tilted away to where the azimuth points
         tilt, azimuth, roll = (values[f"{key}.{angle}"] for angle in ("tilt", "azimuth", "roll"))
-        tilting = Rotation.from_rotvec(tilt * np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]))
+        tilting = Rotation.from_rotvec(
+            tilt * np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+        )
         wanted = tilting * Rotation.from_euler("x", math.pi) * Rotation.from_euler("z", roll)
         assert np.allclose(camera.R, wanted.as_matrix(), atol=1e-7)
 
 
 @pytest.mark.parametrize("name", sorted(READY_MADE))
 def test_inverse_kinematics_come_back(name: str) -> None:
-    robot, random = READY_MADE[name](), np.random.default_rng(7)
-    least, greatest = np.maximum(robot.q_min, -1.5), np.minimum(robot.q_max, 1.5)
+    robot = READY_MADE[name]()
+    random = np.random.default_rng(7)
+    least = np.maximum(robot.q_min, -1.5)
+    greatest = np.minimum(robot.q_max, 1.5)
     found = 0
     for _ in range(20):
         q = random.uniform(least, greatest)
@@ -486,7 +570,8 @@ def test_inverse_kinematics_come_back(name: str) -> None:
         again = inverse_kinematics(robot, robot.pose(q), near)
         if again is not None:
             found += 1
-            there, wanted = robot.pose(again), robot.pose(q)
+            there = robot.pose(again)
+            wanted = robot.pose(q)
             assert np.allclose(there.t, wanted.t, atol=1e-8)
             assert np.allclose(there.R, wanted.R, atol=1e-8)
             assert robot.outside_ranges(again) == []
@@ -520,10 +605,15 @@ def test_tracking_alone_leaves_the_rows_that_are_named(name: str) -> None:
         setup = scene.setup()
         record = RunRecord.of(setup, simulate(setup, Tracking()), "")
         lines = score(record, record).constraints
-        left = {line["constraint"] for line in lines if line["challenged"] and line["violation_depth"] > 0.0}
+        left = {
+            line["constraint"]
+            for line in lines
+            if line["challenged"] and line["violation_depth"] > 0.0
+        }
         assert scene.challenged
         assert set(scene.challenged) <= left
-        # possible at its ends: nothing is violated at the start, every marker is in the image there and at the goal
+        # possible at its ends: nothing is violated at the start, every marker is in the image there
+        # and at the goal
         assert (record.trajectory.clearance[0] >= 0.0).all()
         camera = setup.scene.camera
         assert camera.sees(record.trajectory.features_px[0]).all()

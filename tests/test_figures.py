@@ -1,4 +1,6 @@
-"""The figure kit: what is drawn is all there, what is not is not, and matplotlib waits until it is needed."""
+"""The figure kit: what is drawn is all there, what is not is not, and matplotlib waits until it is
+needed.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,17 @@ from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.numbers import number as printed
 from vsconstraints.reports.numbers import percent
-from vsconstraints.reports.plots import WIDTH, Figure, Sheet, decades, formats_of, line, logarithmic, looks, shortened
+from vsconstraints.reports.plots import (
+    WIDTH,
+    Figure,
+    Sheet,
+    decades,
+    formats_of,
+    line,
+    logarithmic,
+    looks,
+    shortened,
+)
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.sheet import DPI, FOOT
 from vsconstraints.reports.plots.style import LOOKS, area, extremes, folded, plain, rgb
@@ -83,7 +95,8 @@ def test_a_figure_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_tables_of_figures_load_no_matplotlib() -> None:
     code = (
-        "import sys, vsconstraints.reports.figures, vsconstraints.paper.figures, vsconstraints.paper.studies\n"
+        "import sys, vsconstraints.reports.figures, vsconstraints.paper.figures, "
+        "vsconstraints.paper.studies\n"
         "print(sorted({'matplotlib', 'PIL', 'mpl_toolkits'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -115,7 +128,13 @@ def test_an_axis_without_positive_values_stays_linear() -> None:
 
 
 def test_numbers_on_axes_are_plain() -> None:
-    assert [plain(value) for value in (0.0, 0.001, 25.0, 1e-5, 2e-4)] == ["0", "0.001", "25", "10⁻⁵", "2·10⁻⁴"]
+    assert [plain(value) for value in (0.0, 0.001, 25.0, 1e-5, 2e-4)] == [
+        "0",
+        "0.001",
+        "25",
+        "10⁻⁵",
+        "2·10⁻⁴",
+    ]
 
 
 def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
@@ -135,9 +154,14 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
     assert folded("cbf-filter", 24) == "cbf-filter"
 
 
-#: Machado, Oliveira and Fernandes (2009), table 1: what a deuteranope sees of linear red, green and blue.
+#: Machado, Oliveira and Fernandes (2009), table 1: what a deuteranope sees of linear red, green and
+#: blue.
 DEUTERANOPIA = np.array(
-    [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ]
 )
 #: Of CIE XYZ from linear sRGB (IEC 61966-2-1), and its white point D65.
 XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
@@ -155,7 +179,9 @@ def lab(colour: str, seen: np.ndarray) -> np.ndarray:
 
 
 def test_colour_distances_are_those_of_the_literature() -> None:
-    """Of CIELAB: sRGB red is (53.24, 80.09, 67.20) (Lindbloom); grey stays grey for a deuteranope."""
+    """Of CIELAB: sRGB red is (53.24, 80.09, 67.20) (Lindbloom); grey stays grey for a
+    deuteranope.
+    """
     assert lab("#FF0000", np.eye(3)) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
     assert lab("#8A8A8A", DEUTERANOPIA) == pytest.approx(lab("#8A8A8A", np.eye(3)), abs=0.05)
     assert np.linalg.norm(lab("#009E73", DEUTERANOPIA) - lab("#CC79A7", DEUTERANOPIA)) < 20.0
@@ -163,7 +189,9 @@ def test_colour_distances_are_those_of_the_literature() -> None:
 
 @pytest.mark.parametrize("seen", [np.eye(3), DEUTERANOPIA], ids=["all cones", "deuteranopia"])
 def test_laws_are_told_apart_without_red_and_green(seen: np.ndarray) -> None:
-    """Each pair of shipped laws differs in marker or dashes, or else in a colour that every reader can see."""
+    """Each pair of shipped laws differs in marker or dashes, or else in a colour that every reader
+    can see.
+    """
     for (one, look), (other, own) in combinations(LOOKS.items(), 2):
         distance = np.linalg.norm(lab(look.colour, seen) - lab(own.colour, seen))
         same = (look.marker, look.line) == (own.marker, own.line)
@@ -178,7 +206,9 @@ def test_lines_of_laws_carry_their_markers() -> None:
         for ax in sheet.figure.axes:
             drawn = [one for one in ax.lines if one.get_marker() not in ("None", None, "")]
             for one in drawn:
-                (law,) = [name for name in view.competitors if view.looks[name].colour == one.get_color()]
+                (law,) = [
+                    name for name in view.competitors if view.looks[name].colour == one.get_color()
+                ]
                 assert one.get_marker() == view.looks[law].marker
             places = [float(one.get_xdata()[k]) for one in drawn for k in one.get_markevery()]
             assert len(places) == len(set(places))
@@ -187,7 +217,9 @@ def test_lines_of_laws_carry_their_markers() -> None:
 
 
 def test_time_axes_end_where_the_action_ends() -> None:
-    """The runs go on for 20 s at rest: errors are drawn until they end, rows until the last of them acts."""
+    """The runs go on for 20 s at rest: errors are drawn until they end, rows until the last of them
+    acts.
+    """
     view = small_view(20.0)
     longest = max(run.trajectory.t[-1] for run in view.runs.values())
     assert longest == pytest.approx(20.0)
@@ -208,7 +240,9 @@ def small_view(duration: float = 5.0) -> View:
     scenario = Scenario.load("ur5-fov").with_override("duration", duration)
     setup = scenario.setup()
     laws = ("tracking", "hierarchical-qp", "cbf-filter")
-    runs = {law: RunRecord.of(setup, simulate(setup, ControllerSpec(law).make()), "") for law in laws}
+    runs = {
+        law: RunRecord.of(setup, simulate(setup, ControllerSpec(law).make()), "") for law in laws
+    }
     rows = ("fov[marker 1]", "fov[marker 2]")
     return View(setup, runs, laws, rows, rows)
 
@@ -218,7 +252,8 @@ def small_view(duration: float = 5.0) -> View:
     st.integers(1, 50),
 )
 def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
-    t, y = np.arange(float(len(values))), np.array(values)
+    t = np.arange(float(len(values)))
+    y = np.array(values)
     _, least, greatest, _ = extremes(t, y, bins)
     assert len(least) <= bins
     if np.isfinite(y).any():
@@ -253,13 +288,20 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
 def test_a_legend_beside_tracks_covers_no_panel_and_no_label(name, tmp_path):
     """Of a wide image and of a square one: the last place of the grid is free."""
     setup = Scenario.load(name).setup()
-    runs = {law.name: RunRecord.of(setup, simulate(setup, law.make()), "") for law in Suite.load().controllers}
+    runs = {
+        law.name: RunRecord.of(setup, simulate(setup, law.make()), "")
+        for law in Suite.load().controllers
+    }
     sheet = draw_tracks(View(setup, runs, tuple(runs), phi_rows=setup.constraints.labels))
     sheet.save(tmp_path / "tracks.png")
     (legend,) = sheet.figure.legends
     told = [text.get_text() for text in legend.get_texts()]
     assert len(told) >= 6  # long enough to need care
-    outside = [run for law, run in runs.items() if law != "tracking" and (run.trajectory.clearance < -1.0).any()]
+    outside = [
+        run
+        for law, run in runs.items()
+        if law != "tracking" and (run.trajectory.clearance < -1.0).any()
+    ]
     assert ("row in the image violated" in told) == bool(outside)
     placed = legend.get_window_extent()
     for ax in sheet.figure.axes:
@@ -273,7 +315,9 @@ def test_a_long_name_leaves_room_for_how_the_run_ended():
     view = View(setup, dict.fromkeys(names, run), names)
     for ax in draw_tracks(view).placed().axes:
         law, status = (
-            next(text for text in ax.findobj(Text) if text.get_text() == ax.get_title(loc=side) != "")
+            next(
+                text for text in ax.findobj(Text) if text.get_text() == ax.get_title(loc=side) != ""
+            )
             for side in ("left", "right")
         )
         assert status.get_text().strip() == "converged"
@@ -291,7 +335,8 @@ def test_a_figure_is_written_in_the_formats_asked_for(tmp_path: Path) -> None:
     for _ in range(2):
         assert figure.write(tmp_path / figure.file_in(formats), formats=formats)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pdf", "a.svg"]
-        earlier, written = written, {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+        earlier = written
+        written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert written == earlier
     root = ElementTree.fromstring(written["a.svg"])
     assert root.attrib["width"] == "576pt"  # 8 in
@@ -301,7 +346,14 @@ def test_a_figure_is_written_in_the_formats_asked_for(tmp_path: Path) -> None:
 
 
 def test_figures_of_another_format_are_stale(tmp_path: Path) -> None:
-    names = ["a--tracks.png", "a--tracks.pdf", "a--tracks--own.svg", "a--tracks.txt", "b--phi.svg", "mine.png"]
+    names = [
+        "a--tracks.png",
+        "a--tracks.pdf",
+        "a--tracks--own.svg",
+        "a--tracks.txt",
+        "b--phi.svg",
+        "mine.png",
+    ]
     for name in names:
         (tmp_path / name).touch()
     remove_stale(tmp_path, ["a--tracks.png"], ("png", "pdf"))
@@ -321,7 +373,9 @@ def test_no_label_is_cut_however_long_its_numbers(tmp_path: Path) -> None:
     lefts = {}
     for number in ("0.5", "0.500000000"):
         made: list[Sheet] = []
-        figure = Figure("a", "a", "A.", lambda number=number, made=made: made.append(drawn(number)) or made[0])
+        figure = Figure(
+            "a", "a", "A.", lambda number=number, made=made: made.append(drawn(number)) or made[0]
+        )
         figure.write(tmp_path / "a.png")
         (ax,) = made[0].figure.axes
         lefts[number] = float(ax.get_position().x0) * WIDTH
@@ -337,20 +391,31 @@ def test_an_area_leaves_gaps_and_the_limits_of_its_axes() -> None:
     limits = ax.dataLim.get_points().tolist()
     area(ax, np.arange(5.0), low, low + 1.0, color="#000000")
     (drawn,) = ax.collections
-    inside = [drawn.get_paths()[k].contains_point(point) for k, point in ((0, (0.5, 1.0)), (1, (3.5, 3.0)))]
+    inside = [
+        drawn.get_paths()[k].contains_point(point)
+        for k, point in ((0, (0.5, 1.0)), (1, (3.5, 3.0)))
+    ]
     assert inside == [True, True]
     assert not any(path.contains_point((2.0, 2.0)) for path in drawn.get_paths())
     assert ax.dataLim.get_points().tolist() == limits
 
 
 def test_large_markers_are_the_medians_of_the_table() -> None:
-    """Of the kept default comparison: what is drawn is what the report's first table prints, and within the ranges."""
+    """Of the kept default comparison: what is drawn is what the report's first table prints, and
+    within the ranges.
+    """
     results = Results(StoredComparison.load(Path(__file__).parent.parent / "reports" / "default"))
     table = law_table(results)
-    used, variation = map(table.header.index, ("median utilization [%]", "acceleration variation [rad/s³]"))
+    used, variation = map(
+        table.header.index, ("median utilization [%]", "acceleration variation [rad/s³]")
+    )
     sheet = draw_trade_off(results, results.controllers)
     (ax,) = sheet.figure.axes
-    large = {(float(one.get_xdata()[0]), float(one.get_ydata()[0])) for one in ax.lines if one.get_markersize() > 10.0}
+    large = {
+        (float(one.get_xdata()[0]), float(one.get_ydata()[0]))
+        for one in ax.lines
+        if one.get_markersize() > 10.0
+    }
     named = {text.get_text() for text in ax.texts}
     for line_ in table.lines:
         centre = Centre.of(results.all_runs(line_[0]))
@@ -367,7 +432,9 @@ def test_names_beside_markers_cover_none_of_them(seed: int) -> None:
     """Eight laws near each other: their names lie within the panel, and no two cover each other."""
     random = np.random.default_rng(seed)
     places = zip(
-        (1.0 - 10 ** random.uniform(-2.3, -1.3, 8)).tolist(), (10 ** random.uniform(0, 2, 8)).tolist(), strict=True
+        (1.0 - 10 ** random.uniform(-2.3, -1.3, 8)).tolist(),
+        (10 ** random.uniform(0, 2, 8)).tolist(),
+        strict=True,
     )
     centres = {
         f"law-{k}": Centre(used, variation, (used, used), (variation, variation))

@@ -1,4 +1,6 @@
-"""The page on the first five minutes, carried out as a reader would: in order, in one folder, each command for real."""
+"""The page on the first five minutes, carried out as a reader would: in order, in one folder, each
+command for real.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Formulas that stand once, for NumPy and compiled code: against NumPy, SciPy, differences and numbers by hand.
+"""Formulas that stand once, for NumPy and compiled code: against NumPy, SciPy, differences and
+numbers by hand.
 
-What both forms share no comparison of the two can tell to be wrong, so nothing here is computed by another formula of
-the package.
+What both forms share no comparison of the two can tell to be wrong, so nothing here is computed by
+another formula of the package.
 """
 
 from __future__ import annotations
@@ -68,7 +69,11 @@ def test_turns_are_scipys(angle: float) -> None:
     axis = a / np.linalg.norm(a)
     expected = Rotation.from_rotvec(angle * axis).as_matrix()
     same(rotation.turn_about(axis, np.sin(angle), np.cos(angle)), expected)
-    same(motion.angle(((expected - np.eye(3)) ** 2).sum()), min(angle, 2.0 * np.pi - angle), rtol=1e-7)
+    same(
+        motion.angle(((expected - np.eye(3)) ** 2).sum()),
+        min(angle, 2.0 * np.pi - angle),
+        rtol=1e-7,
+    )
     assert motion.angle(8.0 + 1e-9) == pytest.approx(np.pi, abs=1e-12)
 
 
@@ -86,7 +91,10 @@ def test_the_cotangents_coefficient_is_its_sum_of_partial_fractions(theta: float
 def test_whole_turns_are_kept_as_often_as_they_were_made() -> None:
     axis = a / np.linalg.norm(a)
     for turns in (1, 2, 3):
-        same(rotation.rotation_vector(np.eye(3), (2.0 * np.pi * turns + 0.1) * axis, True), 2.0 * np.pi * turns * axis)
+        same(
+            rotation.rotation_vector(np.eye(3), (2.0 * np.pi * turns + 0.1) * axis, True),
+            2.0 * np.pi * turns * axis,
+        )
 
 
 # --- motion ---
@@ -125,7 +133,9 @@ def test_a_point_is_carried_as_differences_say() -> None:
 
 
 def test_a_camera_seen_from_a_target_moves_as_differences_say() -> None:
-    """The target turns with e about the origin; what is seen is expressed in the camera's axes, at t = 0 the base's."""
+    """The target turns with e about the origin; what is seen is expressed in the camera's axes, at
+    t = 0 the base's.
+    """
 
     def seen(t: float) -> tuple[Rotation, Array]:
         turn, moved = body(t)
@@ -152,7 +162,9 @@ def test_a_camera_seen_from_a_target_moves_as_differences_say() -> None:
 
 def test_rows_of_the_interaction_matrix_are_the_textbooks() -> None:
     """Chaumette and Hutchinson (2006), eq. (11), at x = 0.5, y = −0.25 and Z = 2."""
-    expected = np.array([[-0.5, 0.0, 0.25, -0.125, -1.25, -0.25], [0.0, -0.5, -0.125, 1.0625, 0.125, -0.5]])
+    expected = np.array(
+        [[-0.5, 0.0, 0.25, -0.125, -1.25, -0.25], [0.0, -0.5, -0.125, 1.0625, 0.125, -0.5]]
+    )
     for coordinate in (0, 1):
         same(features.image_row(coordinate, 0.5, -0.25, 2.0), expected[coordinate])
     linear, angular = features.interaction(3.0, -2.0, 0.5, -0.25, 2.0)
@@ -175,9 +187,12 @@ def test_a_point_in_the_image_moves_as_differences_say() -> None:
 
 
 def test_the_error_of_a_pose_is_that_of_homogeneous_matrices() -> None:
-    goal, now = np.eye(4), np.eye(4)
-    goal[:3, :3], goal[:3, 3] = Rotation.from_rotvec(0.5 * a).as_matrix(), b
-    now[:3, :3], now[:3, 3] = Rotation.from_rotvec(0.3 * c).as_matrix(), d
+    goal = np.eye(4)
+    now = np.eye(4)
+    goal[:3, :3] = Rotation.from_rotvec(0.5 * a).as_matrix()
+    goal[:3, 3] = b
+    now[:3, :3] = Rotation.from_rotvec(0.3 * c).as_matrix()
+    now[:3, 3] = d
     between = np.linalg.inv(goal) @ now
     E, t, turn = features.pose_error(goal[:3, :3], b, now[:3, :3], d, np.zeros(3), False)
     same(E, between[:3, :3])
@@ -186,7 +201,9 @@ def test_the_error_of_a_pose_is_that_of_homogeneous_matrices() -> None:
 
 
 def test_the_rates_of_a_pose_are_those_of_its_matrix() -> None:
-    """Camera's velocity c in axes that turn with a: the pose's is E c, its second derivative E (d + a × c)."""
+    """Camera's velocity c in axes that turn with a: the pose's is E c, its second derivative E (d +
+    a × c).
+    """
     E = Rotation.from_rotvec(b).as_matrix()
 
     def velocity(t: float) -> Array:
@@ -224,9 +241,12 @@ def test_a_goal_is_reached_at_its_tolerances_and_not_beyond() -> None:
         (row.EQUAL, 0, 1, [-1.0, -4.0, -2.0, 3.0]),
     ],
 )
-def test_what_is_asked_for(purpose: int, relative: int, everywhere: int, expected: list[float]) -> None:
+def test_what_is_asked_for(
+    purpose: int, relative: int, everywhere: int, expected: list[float]
+) -> None:
     """Of demands −1, −4, −2 and 3, where tracking gives −2."""
-    value, tracked = np.array([-1.0, -4.0, -2.0, 3.0]), np.full(4, -2.0)
+    value = np.array([-1.0, -4.0, -2.0, 3.0])
+    tracked = np.full(4, -2.0)
     assert row.asked_for(value, tracked, purpose, relative, everywhere).tolist() == expected
 
 
@@ -245,13 +265,27 @@ def test_powers_are_pythons(n: float) -> None:
 BY_HAND = [
     # name, (u, v), parameters: value, derivatives, and (u̇, v̇) H (u̇, v̇)ᵀ along (3, 2)
     ("superellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), -7 / 8, (-1 / 4, 1 / 12), 3 * (9 / 4 + 1 / 9)),
-    ("superellipse", (4.0, -3.0), (2.0, 6.0, 3.0), 8 + 1 / 8 - 1, (6.0, -1 / 8), 6 * (2 * 9 / 4 + 1 / 2 / 9)),
+    (
+        "superellipse",
+        (4.0, -3.0),
+        (2.0, 6.0, 3.0),
+        8 + 1 / 8 - 1,
+        (6.0, -1 / 8),
+        6 * (2 * 9 / 4 + 1 / 2 / 9),
+    ),
     ("superellipse", (-4.0, 0.0), (2.0, 6.0, 3.0), 7.0, (-6.0, 0.0), 6 * 2 * 9 / 4),
     ("superellipse", (0.0, -3.0), (2.0, 6.0, 3.0), -7 / 8, (0.0, -1 / 8), 6 / 2 / 9),
     ("hyperellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), 7 / 8, (1 / 4, -1 / 12), -3 * (9 / 4 + 1 / 9)),
     ("circle", (-3.0, 2.0), (4.0,), 3 / 16, (6 / 16, -4 / 16), -26 / 16),
     # d = v − u² = 3 and ∂d²/∂u = −4 u d; ḋ = 2 − 12 and d̈ = −18
-    ("bowl", (2.0, 7.0), (4.0, 3.0), -29 / 16, (-(36 - 24) / 16, -6 / 16), -2 * (81 + 100 - 54) / 16),
+    (
+        "bowl",
+        (2.0, 7.0),
+        (4.0, 3.0),
+        -29 / 16,
+        (-(36 - 24) / 16, -6 / 16),
+        -2 * (81 + 100 - 54) / 16,
+    ),
     # d = v − |u| = 3, ḋ = 5, −1 and, where |u| is bent, 2
     ("heart", (-2.0, 5.0), (4.0, 3.0), -29 / 16, (-(-36 + 6) / 16, -6 / 16), -2 * (81 + 25) / 16),
     ("heart", (2.0, 5.0), (4.0, 3.0), -29 / 16, (-(36 - 6) / 16, -6 / 16), -2 * (81 + 1) / 16),
@@ -260,17 +294,24 @@ BY_HAND = [
 
 
 @pytest.mark.parametrize(("name", "at", "parameters", "value", "slopes", "bend"), BY_HAND)
-def test_curves_by_hand(name: str, at: Any, parameters: Any, value: float, slopes: Any, bend: float) -> None:
+def test_curves_by_hand(
+    name: str, at: Any, parameters: Any, value: float, slopes: Any, bend: float
+) -> None:
     same(getattr(curves, name)(*at, *parameters), [value, *slopes])
     same(getattr(curves, f"{name}_curvature")(*at, *parameters, 3.0, 2.0), bend)
 
 
 @pytest.mark.parametrize(
-    ("differences", "size", "far"), [(frames.differences_in_image, 2, 1e-4), (frames.differences_in_space, 3, 1e-6)]
+    ("differences", "size", "far"),
+    [(frames.differences_in_image, 2, 1e-4), (frames.differences_in_space, 3, 1e-6)],
 )
 def test_differences_of_a_gradient(differences: Any, size: int, far: float) -> None:
-    """Of ½ s xᵀ H x they are s vᵀ H v, however fast v is; they look so far along v, to either side."""
-    H, x, v = (A + A.T)[:size, :size], b[:size], c[:size]
+    """Of ½ s xᵀ H x they are s vᵀ H v, however fast v is; they look so far along v, to either
+    side.
+    """
+    H = (A + A.T)[:size, :size]
+    x = b[:size]
+    v = c[:size]
     looked: list[Array] = []
 
     def gradient(*given: float) -> tuple[float, ...]:
@@ -301,7 +342,11 @@ def test_spheres_by_hand() -> None:
 
 
 def test_in_the_middle_the_way_out_of_a_box_leads_through_the_first_of_the_nearest_sides() -> None:
-    for half, out in (((1.0, 1.0, 1.0), (1.0, 0.0, 0.0)), ((2.0, 1.0, 1.0), (0.0, 1.0, 0.0)), ((2, 3, 1), (0, 0, 1))):
+    for half, out in (
+        ((1.0, 1.0, 1.0), (1.0, 0.0, 0.0)),
+        ((2.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
+        ((2, 3, 1), (0, 0, 1)),
+    ):
         depth, *inwards = regions.box(0.0, 0.0, 0.0, *half)
         assert depth == 1.0
         assert np.array_equal(inwards, -np.array(out))
@@ -328,28 +373,41 @@ def test_what_is_exactly_beside_a_side_is_not_beyond_it() -> None:
 
 def nearest(points: Array, line: Array) -> Array:
     """Distance of each point to a line, from every segment."""
-    first, along = line[:-1], np.diff(line, axis=0)
+    first = line[:-1]
+    along = np.diff(line, axis=0)
     away = points[:, None] - first
     share = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.linalg.norm(away - share[..., None] * along, axis=2).min(axis=1)
 
 
 def test_distances_to_polylines_are_those_to_the_nearest_of_all_segments() -> None:
-    """Long, short, coarse and fine lines; the first vertex of one does not follow the last of the other."""
+    """Long, short, coarse and fine lines; the first vertex of one does not follow the last of the
+    other.
+    """
     rng = np.random.default_rng(3)
     turn = np.linspace(0.0, 2.0 * np.pi, 900)
     fine = 200.0 * np.column_stack((np.cos(turn), np.sin(3.0 * turn)))
     coarse = rng.uniform(-300.0, 300.0, (30, 2))
-    for lines in ([fine], [coarse], [coarse[:2]], [fine, coarse[:5] + 900.0], [coarse[:25], fine - 700.0]):
-        low, high = np.concatenate(lines).min(axis=0), np.concatenate(lines).max(axis=0)
+    for lines in (
+        [fine],
+        [coarse],
+        [coarse[:2]],
+        [fine, coarse[:5] + 900.0],
+        [coarse[:25], fine - 700.0],
+    ):
+        low = np.concatenate(lines).min(axis=0)
+        high = np.concatenate(lines).max(axis=0)
         points = rng.uniform(low - 100.0, high + 100.0, (40, 2))
-        found, vertex = np.empty(len(points)), np.zeros(len(points), dtype=np.int64)
+        found = np.empty(len(points))
+        vertex = np.zeros(len(points), dtype=np.int64)
         polylines.search(points, polylines.prepared(lines), 2, vertex, found)
         same(found, np.minimum.reduce([nearest(points, line) for line in lines]), rtol=1e-10)
 
 
 def test_chords_are_those_of_blocks_of_vertices() -> None:
-    """Of two lines with 30 and 25 vertices: blocks of 8, the fourth across both lines, the last of 7."""
+    """Of two lines with 30 and 25 vertices: blocks of 8, the fourth across both lines, the last of
+    7.
+    """
     rng = np.random.default_rng(5)
     lines = [rng.uniform(-9.0, 9.0, (30, 2)), rng.uniform(-9.0, 9.0, (25, 2))]
     vertices, blocks, groups, spans, before, after, longest = polylines.prepared(lines)
@@ -361,7 +419,8 @@ def test_chords_are_those_of_blocks_of_vertices() -> None:
         assert len(chords) == -(-55 // size)
         for i, chord in enumerate(chords):
             block = vertices[i * size : (i + 1) * size]
-            first, last = block[0], block[-1]
+            first = block[0]
+            last = block[-1]
             far = nearest(block, np.array([first, last])).max()
             same(chord, [*first, *(last - first), 1.0 / ((last - first) ** 2).sum(), far])
 
@@ -369,7 +428,9 @@ def test_chords_are_those_of_blocks_of_vertices() -> None:
 @pytest.mark.parametrize(
     ("at", "away"), [((6.5, 0.0), 5.0), ((-2.0, -3.0), 5.0), ((7.0, 9.0), 5.0), ((-1.5, 6.0), 5.0)]
 )
-def test_a_block_may_hold_what_is_within_the_bound_of_its_chord(at: tuple[float, float], away: float) -> None:
+def test_a_block_may_hold_what_is_within_the_bound_of_its_chord(
+    at: tuple[float, float], away: float
+) -> None:
     """The chord leads from (1, 1) by (3, 4), and its vertices are up to 0.5 beside it."""
     chords = np.array([[9.0] * 6, [1.0, 1.0, 3.0, 4.0, 1.0 / 25.0, 0.5]])
     assert polylines.may_hold(chords, 1, *at, away - 0.5 + 1e-6)

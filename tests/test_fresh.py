@@ -1,4 +1,6 @@
-"""Success on fresh scenes beside the published success: the command, its table, and the page that shows a result."""
+"""Success on fresh scenes beside the published success: the command, its table, and the page that
+shows a result.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,24 @@ ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "comparisons" / "fresh.parquet"
 
 
-def test_fresh_scenes_are_run_by_the_published_laws_and_the_same_seed_gives_the_same_table(tmp_path: Path) -> None:
-    arguments = ["testset", "fresh", "--family", "planar-arm", "--scenes", "1", "--out", str(tmp_path / "out")]
+def test_fresh_scenes_are_run_by_the_published_laws_and_the_same_seed_gives_the_same_table(
+    tmp_path: Path,
+) -> None:
+    arguments = [
+        "testset",
+        "fresh",
+        "--family",
+        "planar-arm",
+        "--scenes",
+        "1",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     done = CliRunner().invoke(app, [*arguments, "--seed", "5", "--jobs", "1"])
     assert done.exit_code == 0, done.output
     table = tmp_path / "out" / "fresh.parquet"
-    fresh, published = Study.load(table), Study.load()
+    fresh = Study.load(table)
+    published = Study.load()
     assert {*fresh.laws} == {*published.laws}
     assert {*fresh.runs["condition"]} == {"nominal", "disturbed"}
     assert fresh_page(fresh, published) in done.stdout
@@ -39,7 +53,11 @@ def test_fresh_scenes_are_run_by_the_published_laws_and_the_same_seed_gives_the_
 def test_rates_are_compared_on_the_same_families_by_fishers_exact_test() -> None:
     published = Study.load()
     runs = published.runs[published.runs["family"] == "ur5"].copy()
-    chosen = (runs["scene"] < 4) & (runs["controller"] == "sliding-mode") & (runs["condition"] == "nominal")
+    chosen = (
+        (runs["scene"] < 4)
+        & (runs["controller"] == "sliding-mode")
+        & (runs["condition"] == "nominal")
+    )
     fresh = replace(published, runs=runs[chosen].assign(success=[True, True, True, False]))
     # the tea of Fisher (1935): three of four against one of four
     of_four = runs[chosen].assign(success=[False, True, False, False])

@@ -39,7 +39,10 @@ def test_the_same_seed_asks_the_same() -> None:
     for number in range(50):
         one, two = (make_input(np.random.default_rng((3, number))) for _ in range(2))
         assert pickle.dumps(one) == pickle.dumps(two)
-    assert len({pickle.dumps(make_input(np.random.default_rng((3, number)))) for number in range(50)}) == 50
+    assert (
+        len({pickle.dumps(make_input(np.random.default_rng((3, number)))) for number in range(50)})
+        == 50
+    )
 
 
 def question() -> Input:
@@ -101,7 +104,12 @@ def raises(error: Exception) -> Any:
     [
         (lambda rows, task: sound_command(), True, "ok", ""),
         (lambda rows, task: sound_command(), None, "ok", ""),
-        (lambda rows, task: sound_command(), False, "answered", "answered, though the input is none"),
+        (
+            lambda rows, task: sound_command(),
+            False,
+            "answered",
+            "answered, though the input is none",
+        ),
         (lambda rows, task: None, True, "answered", "None is no command"),
         (writes, True, "answered", "wrote into its input"),
         (raises(InvalidInput("no")), True, "refused", "refused, though sound: no"),
@@ -126,7 +134,8 @@ def dies(sender: Any, now: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "why", "said"), [(stuck, "no end within 1 s", []), (dies, "the process ended with 3", [{"ok": 3}])]
+    ("target", "why", "said"),
+    [(stuck, "no end within 1 s", []), (dies, "the process ended with 3", [{"ok": 3}])],
 )
 def test_a_hang_and_a_crash_are_seen(target: Any, why: str, said: list[Any]) -> None:
     context = multiprocessing.get_context("spawn")
@@ -140,7 +149,9 @@ def test_a_hang_and_a_crash_are_seen(target: Any, why: str, said: list[Any]) -> 
     worker.close()
 
 
-def test_the_command_prints_what_was_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_what_was_found(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     given: list[Any] = []
 
     def finds(seed: int, numbers: range) -> tuple[list[fuzz.Finding], Counter[str]]:

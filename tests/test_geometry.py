@@ -1,4 +1,6 @@
-"""Poses and rotation vectors against scipy and Pinocchio, with special care at small angles and at π."""
+"""Poses and rotation vectors against scipy and Pinocchio, with special care at small angles and at
+π.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +30,19 @@ rotations = quaternions.map(lambda a: Rotation.from_quat(a).as_matrix())
 poses = st.builds(Pose, rotations, translations)
 angles = st.one_of(
     st.floats(0.0, PI - 1e-3),
-    st.sampled_from([0.0, 1e-300, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 0.0999999, 0.1, 0.1000001, PI - 1e-4]),
+    st.sampled_from(
+        [0.0, 1e-300, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 0.0999999, 0.1, 0.1000001, PI - 1e-4]
+    ),
 )
 
 
 def rotation_vector(R: Array, near: Array | None = None) -> Array:
     """θu (3,) with exp([θu]×) = R, the one closest to ``near`` (3,)."""
-    return np.array(rotation.rotation_vector(R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None))
+    return np.array(
+        rotation.rotation_vector(
+            R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None
+        )
+    )
 
 
 def rotation_vector_rate(w: Array, omega: Array) -> tuple[Array, Array]:
@@ -51,7 +59,9 @@ def test_rotation_vector_is_scipys(R: Array) -> None:
     expected = Rotation.from_matrix(R).as_rotvec()
     w = rotation_vector(R)
     # next to π, the logarithm is accurate to the square root of rounding
-    np.testing.assert_allclose(rotation_matrix(w), R, atol=1e-12 if np.linalg.norm(expected) < 3.14 else 1e-7)
+    np.testing.assert_allclose(
+        rotation_matrix(w), R, atol=1e-12 if np.linalg.norm(expected) < 3.14 else 1e-7
+    )
     if np.linalg.norm(expected) < PI - 1e-6:
         # next to π the axis is the more uncertain the closer: rounding divided by the distance to π
         np.testing.assert_allclose(w, expected, atol=1e-9)
@@ -61,7 +71,9 @@ def test_rotation_vector_is_scipys(R: Array) -> None:
 def test_rotation_vector_of_a_known_angle(axis: Array, angle: float) -> None:
     w = rotation_vector(Rotation.from_rotvec(angle * axis).as_matrix())
     # relative accuracy where a matrix has it; absolute to rounding below
-    np.testing.assert_allclose(w, angle * axis, rtol=1e-11, atol=2e-15 / max(PI - angle, 1e-3) + 1e-15)
+    np.testing.assert_allclose(
+        w, angle * axis, rtol=1e-11, atol=2e-15 / max(PI - angle, 1e-3) + 1e-15
+    )
 
 
 @given(axes)
@@ -116,7 +128,8 @@ def test_continuous_where_the_axis_turns_while_the_angle_passes_pi() -> None:
     times = np.linspace(0.0, 2.0 * PI, 2001)
     w = path(0.0)
     for t in times:
-        before, w = w, rotation_vector(rotation_matrix(path(t)), near=w)
+        before = w
+        w = rotation_vector(rotation_matrix(path(t)), near=w)
         np.testing.assert_allclose(w, path(t), atol=1e-6)
         assert np.linalg.norm(w - before) < 0.02
 
@@ -124,8 +137,12 @@ def test_continuous_where_the_axis_turns_while_the_angle_passes_pi() -> None:
 def test_a_whole_turn_is_kept() -> None:
     """Where the rotation is none but the path has come by a whole turn, the vector stays near."""
     near = np.array([0.0, 0.0, 2.0 * PI - 1e-9])
-    np.testing.assert_allclose(rotation_vector(np.eye(3), near=near), [0.0, 0.0, 2.0 * PI], atol=1e-6)
-    np.testing.assert_array_equal(rotation_vector(np.eye(3), near=np.array([0.1, 0.0, 0.0])), np.zeros(3))
+    np.testing.assert_allclose(
+        rotation_vector(np.eye(3), near=near), [0.0, 0.0, 2.0 * PI], atol=1e-6
+    )
+    np.testing.assert_array_equal(
+        rotation_vector(np.eye(3), near=np.array([0.1, 0.0, 0.0])), np.zeros(3)
+    )
 
 
 @given(rotations, vectors)
@@ -152,7 +169,8 @@ def pinocchios_rate(w: Array) -> Array:
 def test_rate_is_pinocchios(axis: Array, angle: float) -> None:
     w = angle * axis
     L, _ = rotation_vector_rate(w, np.zeros(3))
-    # Pinocchio takes the angle from the matrix: its own error near π is rounding over the distance to π
+    # Pinocchio takes the angle from the matrix: its own error near π is rounding over the distance
+    # to π
     np.testing.assert_allclose(L, pinocchios_rate(w), atol=1e-9 + 1e-14 / max(PI - angle, 1e-6))
 
 
@@ -179,7 +197,8 @@ def test_rate_of_the_rate(axis: Array, angle: float, omega: Array) -> None:
     h = 1e-3
 
     def moved(t: float) -> Array:
-        # third order in t is enough for a fourth-order difference quotient: w + t ẇ + t²/2 ẅ + t³/6 w⃛ ≈ RK4
+        # third order in t is enough for a fourth-order difference quotient: w + t ẇ + t²/2 ẅ + t³/6
+        # w⃛ ≈ RK4
         k1 = rotation_vector_rate(w, omega)[0] @ omega
         k2 = rotation_vector_rate(w + 0.5 * t * k1, omega)[0] @ omega
         k3 = rotation_vector_rate(w + 0.5 * t * k2, omega)[0] @ omega
@@ -193,16 +212,23 @@ def test_rate_of_the_rate(axis: Array, angle: float, omega: Array) -> None:
 
 @pytest.mark.parametrize("theta", [0.0999, 0.09999999, 0.1, 0.10000001, 0.1001])
 def test_the_series_meets_the_closed_form(theta: float) -> None:
-    """Reference values from the series of (1 − x/2 cot(x/2))/x² to x¹⁰, whose coefficients are Bernoulli numbers."""
+    """Reference values from the series of (1 − x/2 cot(x/2))/x² to x¹⁰, whose coefficients are
+    Bernoulli numbers.
+    """
     coefficients = [1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000]
     expected = sum(a * theta ** (2 * i) for i, a in enumerate(coefficients))
-    slope_over_theta = sum(2 * i * a * theta ** (2 * i - 2) for i, a in enumerate(coefficients) if i)
-    x, y = np.array([theta, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    slope_over_theta = sum(
+        2 * i * a * theta ** (2 * i - 2) for i, a in enumerate(coefficients) if i
+    )
+    x = np.array([theta, 0.0, 0.0])
+    y = np.array([0.0, 1.0, 0.0])
     L, _ = rotation_vector_rate(x, y)
     assert 1.0 - L[1, 1] == pytest.approx(expected * theta**2, rel=1e-11)
     # ω along the axis: w grows as ω, so that d/dt of c θ² is (c'/θ θ² + 2c) θ
     _, L_dot = rotation_vector_rate(x, np.array([1.0, 0.0, 0.0]))
-    assert -L_dot[1, 1] == pytest.approx((slope_over_theta * theta**2 + 2 * expected) * theta, rel=3e-12)
+    assert -L_dot[1, 1] == pytest.approx(
+        (slope_over_theta * theta**2 + 2 * expected) * theta, rel=3e-12
+    )
 
 
 def test_rate_at_zero_angle() -> None:
@@ -217,7 +243,8 @@ def test_rate_at_zero_angle() -> None:
 
 def matrix(pose: Pose) -> Array:
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = pose.R, pose.t
+    T[:3, :3] = pose.R
+    T[:3, 3] = pose.t
     return T
 
 
@@ -239,7 +266,9 @@ def test_acting_on_points(pose: Pose, points: Array) -> None:
 
 @given(poses)
 def test_twist_matrix_is_pinocchios_action(pose: Pose) -> None:
-    np.testing.assert_allclose(pose.twist_matrix, pin.SE3(pose.R, pose.t).toActionMatrix(), atol=1e-13)
+    np.testing.assert_allclose(
+        pose.twist_matrix, pin.SE3(pose.R, pose.t).toActionMatrix(), atol=1e-13
+    )
 
 
 @given(vectors, arrays(np.float64, 3, elements=st.floats(-PI, PI)))
@@ -255,12 +284,16 @@ def test_skew_is_the_cross_product(a: Array, b: Array) -> None:
 
 
 @given(poses, translations, axes, st.one_of(angles, st.just(PI), st.floats(PI - 1e-3, PI)))
-def test_distance_is_the_translation_and_the_angle(pose: Pose, shift: Array, axis: Array, angle: float) -> None:
+def test_distance_is_the_translation_and_the_angle(
+    pose: Pose, shift: Array, axis: Array, angle: float
+) -> None:
     other = Pose(pose.R @ Rotation.from_rotvec(angle * axis).as_matrix(), pose.t + shift)
     for there in (distance(pose, other), distance(other, pose)):
         assert there[0] == pytest.approx(np.linalg.norm(shift), abs=1e-12)
         # small angles to rounding, where an arc cosine would give 1e-8; at π the sine is flat
-        assert there[1] == pytest.approx(angle, abs=3e-15 if angle < 1.0 else 1e-14 if angle < 3.0 else 1e-7)
+        assert there[1] == pytest.approx(
+            angle, abs=3e-15 if angle < 1.0 else 1e-14 if angle < 3.0 else 1e-7
+        )
     assert distance(pose, pose) == (0.0, 0.0)
 
 

@@ -1,4 +1,6 @@
-"""The goal governor: what it predicts, how it moves the reference, what it holds, and where it stops."""
+"""The goal governor: what it predicts, how it moves the reference, what it holds, and where it
+stops.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ def response(model: Model, reference: Any, periods: Any) -> Any:
     """What is known of the response to a reference, in arrays of a governor; None if nothing is."""
     now = model.at(*model.present)
     governor = Governor.of(model, periods, (len(reference), now.task.J.shape[1]))
-    governor.own.reference[:], governor.own.counts[goal_governor.GOAL] = reference, model.goal
+    governor.own.reference[:] = reference
+    governor.own.counts[goal_governor.GOAL] = model.goal
     governor.decide(model, now.rows, now.task)
     np.testing.assert_array_equal(governor.own.reference, reference)
     return governor.own if governor.own.times[goal_governor.KNOWN] > 0.0 else None
@@ -55,7 +58,8 @@ def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
     setup = scene("ur5-image")
     r = 0.05 * np.sin(np.arange(8.0))
     state = setup.scene.evaluate(0.0, setup.q0, np.full(6, 0.1))
-    goal, gains = setup.task.goals[0], setup.task.gains
+    goal = setup.task.goals[0]
+    gains = setup.task.gains
     moved = Goal(0.0, goal.pixels, goal.normalised + r.reshape(4, 2), goal.camera, goal.depth)
     task, e = evaluate_task(setup.task, state)
     there, _ = evaluate_task(VisualTask(setup.task.feature, [moved], gains), state)
@@ -63,15 +67,19 @@ def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
     np.testing.assert_allclose(b, there.b, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "feature"), [("case-study-6r", CameraPose()), ("ur5-image", ImagePoints())])
+@pytest.mark.parametrize(
+    ("name", "feature"), [("case-study-6r", CameraPose()), ("ur5-image", ImagePoints())]
+)
 def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> None:
     """What is seen where the reference is, less the goal, before and after."""
     setup = scene(name)
     there = setup.scene.evaluate(0.0, setup.q0 + 0.1 * np.sin(np.arange(6)), setup.qd0)
-    old, new = setup.task.goals[0], setup.task.goals[-1]
+    old = setup.task.goals[0]
+    new = setup.task.goals[-1]
     if old is new:
         new = Goal(1.0, old.pixels, old.normalised + 0.1, old.camera)
-    before, after = feature_motion(feature, there, old, None).error, feature_motion(feature, there, new, None).error
+    before = feature_motion(feature, there, old, None).error
+    after = feature_motion(feature, there, new, None).error
     np.testing.assert_allclose(feature.carried(before, old, new, after), after, atol=1e-12)
 
 
@@ -79,7 +87,9 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
 
 
 @pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image", "panda-fov"])
-def test_responses_are_alike_where_python_predicts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_responses_are_alike_where_python_predicts(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = model_of(scene(name), 0.1)
     reference = 0.7 * model.at(*model.present).error
     compiled = response(model, reference, SHORT)
@@ -88,20 +98,28 @@ def test_responses_are_alike_where_python_predicts(name: str, monkeypatch: pytes
     assert compiled.step != 0
     assert asked.step == 0
     for part in ("least", "sigma", "Lg", "Jt"):
-        np.testing.assert_allclose(getattr(compiled, part), getattr(asked, part), rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(
+            getattr(compiled, part), getattr(asked, part), rtol=1e-7, atol=1e-7
+        )
 
 
 def test_a_response_to_the_goal_is_what_tracking_does() -> None:
-    """Against the closed loop: the deepest that each row gets; and at rest the arm is where the goal was taken from."""
+    """Against the closed loop: the deepest that each row gets; and at rest the arm is where the
+    goal was taken from.
+    """
     setup = scene("case-study-6r", duration=3.9)
     run = simulate(setup, Tracking())
     found = response(model_of(setup), np.zeros(6), np.full(195, 0.02))
     assert found is not None
     deepest = -(run.sigma[1:] / setup.constraints.scale).max(axis=0)
     # accelerations are held ten times as long as in the loop, and the deepest is seen as seldom
-    np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.05, atol=3e-3)
+    np.testing.assert_allclose(
+        np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.05, atol=3e-3
+    )
     goal = Scenario.load("case-study-6r").tables["task"]["goals"][0]["camera_at_q"]
-    at_goal, sigma = evaluate_rows(setup.constraints, setup.scene.evaluate(0.0, np.array(goal), np.zeros(6)))
+    at_goal, sigma = evaluate_rows(
+        setup.constraints, setup.scene.evaluate(0.0, np.array(goal), np.zeros(6))
+    )
     # two steps of Newton leave the square of the square of what was left of the way
     np.testing.assert_allclose(found.sigma, sigma / at_goal.scale, atol=5e-5)
 
@@ -114,7 +132,9 @@ def test_a_response_is_to_the_goal_of_now() -> None:
     model = step.model()
     assert model.goal == 0
     assert model.until == pytest.approx(4.0)
-    first = scene("case-study-6r", task__goals=Scenario.load("case-study-6r").tables["task"]["goals"][:1])
+    first = scene(
+        "case-study-6r", task__goals=Scenario.load("case-study-6r").tables["task"]["goals"][:1]
+    )
     alone = response(model_of(first), np.zeros(6), SHORT)
     found = response(model, np.zeros(6), SHORT)
     assert alone is not None
@@ -134,7 +154,8 @@ def test_what_cannot_be_seen_has_no_response() -> None:
 @pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r"])
 def test_tracking_with_a_governor_violates_nothing_where_tracking_alone_does(name: str) -> None:
     setup = scene(name)
-    run, alone = simulate(setup, GoalGovernor()), simulate(setup, Tracking())
+    run = simulate(setup, GoalGovernor())
+    alone = simulate(setup, Tracking())
     assert alone.sigma.max() > 0.1
     # the governor holds the case study's first goal back until the second one begins
     missed = "unfinished", "goal 1 was not reached before goal 2 began"
@@ -144,7 +165,9 @@ def test_tracking_with_a_governor_violates_nothing_where_tracking_alone_does(nam
 
 
 def test_a_goal_outside_is_left_at_the_margin_of_the_row_that_is_named() -> None:
-    """Joints that cannot reach the goal: the reference stops between margin and influence of what holds it."""
+    """Joints that cannot reach the goal: the reference stops between margin and influence of what
+    holds it.
+    """
     near = {"joints": [1, 2, 3], "lower": [-0.9, -1.9, 0.0], "upper": [-0.5, -1.5, 2.0], "K": 0.2}
     walls = {"type": "joint-range", "switching_gain": 1.0, **near}
     setup = scene(constraints=[walls], duration=20.0)
@@ -155,12 +178,21 @@ def test_a_goal_outside_is_left_at_the_margin_of_the_row_that_is_named() -> None
     assert 0.02 - 1e-3 < left.min() < 0.1
     assert run.sigma.max() < -0.01
     assert governor.reference is not None
-    said = f"the governor's goal is {np.linalg.norm(governor.reference):.3g} from the task's, held by"
+    said = (
+        f"the governor's goal is {np.linalg.norm(governor.reference):.3g} from the task's, held by"
+    )
     assert f"{said} {run.labels[int(np.argmin(left))]}" in run.reason
 
 
 def test_a_start_outside_stays() -> None:
-    wall = {"type": "joint-range", "joints": [3], "lower": [-2.0], "upper": [1.0], "K": 0.2, "switching_gain": 1.0}
+    wall = {
+        "type": "joint-range",
+        "joints": [3],
+        "lower": [-2.0],
+        "upper": [1.0],
+        "K": 0.2,
+        "switching_gain": 1.0,
+    }
     run = simulate(scene(constraints=[wall], duration=1.0), GoalGovernor())
     assert np.abs(run.q - run.q[0]).max() < 1e-9
     assert "held by range[joint 3].upper" in run.reason
@@ -183,8 +215,11 @@ def test_another_law_underneath() -> None:
 
 
 def test_a_law_underneath_that_is_not_compiled_gets_the_same_task() -> None:
-    """One that asks a QP solver by its name, in Python, and the compiled one: the same least squares."""
-    setup, commands = scene("ur5-fov", duration=0.1), []
+    """One that asks a QP solver by its name, in Python, and the compiled one: the same least
+    squares.
+    """
+    setup = scene("ur5-fov", duration=0.1)
+    commands = []
     for solver in ("auto", "quadprog"):
         run = simulate(setup, GoalGovernor(demand="barrier", resolver="hierarchy", solver=solver))
         assert run.compiled == (solver == "auto")
@@ -194,8 +229,10 @@ def test_a_law_underneath_that_is_not_compiled_gets_the_same_task() -> None:
 
 def test_options_may_change_on_the_way() -> None:
     """Of the governor, whose reference stays, and of the law underneath."""
-    setup, governor = scene(), GoalGovernor(demand="barrier", resolver="hierarchy", speed=1.0)
-    step, references = ControlStep(setup.scene, setup.constraints, setup.task), []
+    setup = scene()
+    governor = GoalGovernor(demand="barrier", resolver="hierarchy", speed=1.0)
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    references = []
     for t, speed in ((0.0, 1.0), (0.001, 1.0), (0.002, 2.0)):
         governor.speed = speed
         step.command(governor, t, setup.q0, setup.qd0)
@@ -204,11 +241,14 @@ def test_options_may_change_on_the_way() -> None:
     assert fast == pytest.approx(2.0 * slowly, rel=1e-2)
     assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() > 0.02
     governor.law.max_acceleration = 0.01
-    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() == pytest.approx(0.01)
+    assert np.abs(step.command(governor, 0.1, setup.q0, setup.qd0)[1].qdd).max() == pytest.approx(
+        0.01
+    )
 
 
 def test_it_begins_again_after_a_reset() -> None:
-    setup, governor = scene(duration=0.5), GoalGovernor()
+    setup = scene(duration=0.5)
+    governor = GoalGovernor()
     first = simulate(setup, governor)
     second = simulate(setup, governor)
     np.testing.assert_array_equal(first.qdd_command, second.qdd_command)
@@ -217,10 +257,14 @@ def test_it_begins_again_after_a_reset() -> None:
 
 
 def test_in_a_loop_of_ones_own() -> None:
-    """A control step gives it the model; the same states give the same commands as in a simulation."""
-    setup, governor = scene(duration=0.2), GoalGovernor()
+    """A control step gives it the model; the same states give the same commands as in a
+    simulation.
+    """
+    setup = scene(duration=0.2)
+    governor = GoalGovernor()
     run = simulate(setup, governor)
-    step, other = ControlStep(setup.scene, setup.constraints, setup.task), GoalGovernor()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    other = GoalGovernor()
     for k in range(len(run.t)):
         _, command = step.command(other, run.t[k], run.q[k], run.qd[k])
         np.testing.assert_allclose(command.qdd, run.qdd_command[k], rtol=1e-9, atol=1e-9)
@@ -229,17 +273,31 @@ def test_in_a_loop_of_ones_own() -> None:
 # --- what it commands ---
 
 RECORDED = dict(np.load(Path(__file__).parent / "data" / "goal-governor.npz"))
-BARRIER = {"demand": "barrier", "resolver": "hierarchy", "speed": 5.0, "margin": 0.05, "influence": 0.1}
-OPTIONS = {"tracking": {}, "barrier": BARRIER, "switch": {"demand": "switch", "speed": 4.0, "influence": 0.05}}
+BARRIER = {
+    "demand": "barrier",
+    "resolver": "hierarchy",
+    "speed": 5.0,
+    "margin": 0.05,
+    "influence": 0.1,
+}
+OPTIONS = {
+    "tracking": {},
+    "barrier": BARRIER,
+    "switch": {"demand": "switch", "speed": 4.0, "influence": 0.05},
+}
 
 
 @pytest.mark.parametrize("form", ["in one", "in two", "python predicts"])
 @pytest.mark.parametrize("key", sorted(name for name in RECORDED if name.count("--") == 1))
 def test_commands_are_those_of_the_decision_in_numpy(key: str, form: str) -> None:
-    """Sixty samples of a run, so far apart that many steps are refused; with goals that change, and unknown motion."""
+    """Sixty samples of a run, so far apart that many steps are refused; with goals that change, and
+    unknown motion.
+    """
     name, kind = key.split("--")
-    setup, law = scene(name), GoalGovernor(**OPTIONS[kind])
-    step, n = ControlStep(setup.scene, setup.constraints, setup.task), len(setup.q0)
+    setup = scene(name)
+    law = GoalGovernor(**OPTIONS[kind])
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    n = len(setup.q0)
     law.reset(period=setup.Ts, model=step.model())
     if form == "python predicts":
         law.model.step = None
@@ -260,7 +318,8 @@ def test_runs_are_those_of_the_decision_in_numpy(key: str) -> None:
     name, kind, _ = key.split("--")
     duration = 6.0 if name == "case-study-6r" else 4.0
     setup = scene(name, duration=duration)
-    run, n = simulate(setup, GoalGovernor(**OPTIONS[kind])), len(setup.q0)
+    run = simulate(setup, GoalGovernor(**OPTIONS[kind]))
+    n = len(setup.q0)
     assert run.compiled
     places = RECORDED[key][:, 0].astype(int)
     np.testing.assert_allclose(run.q[places], RECORDED[key][:, 1 : 1 + n], atol=1e-9)
@@ -278,15 +337,23 @@ def test_runs_are_those_of_the_decision_in_numpy(key: str) -> None:
             for name in ("speed", "margin", "influence", "horizon")
             for value in (0.0, -1.0, float("nan"), float("inf"), "1", True)
         ),
-        ({"margin": 0.5}, ConfigurationError, r"influence of goal-governor must be above its margin 0\.5, not 0\.3"),
+        (
+            {"margin": 0.5},
+            ConfigurationError,
+            r"influence of goal-governor must be above its margin 0\.5, not 0\.3",
+        ),
         ({"demand": "none"}, ConfigurationError, "unknown demand 'none'.*nothing"),
         ({"speeed": 1.0}, ConfigurationError, "'speeed'"),
     ],
 )
-def test_options_that_are_none(options: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_options_that_are_none(
+    options: dict[str, Any], error: type[Exception], message: str
+) -> None:
     with pytest.raises(error, match=message):
         make_controller("goal-governor", options)
-    for name, value in options.items() if "speeed" not in options and "demand" not in options else ():
+    for name, value in (
+        options.items() if "speeed" not in options and "demand" not in options else ()
+    ):
         governor = GoalGovernor()
         kept = getattr(governor, name)
         with pytest.raises(error, match=message):
@@ -295,7 +362,8 @@ def test_options_that_are_none(options: dict[str, Any], error: type[Exception], 
 
 
 def test_what_it_needs_is_asked_for() -> None:
-    rows, task = Rows.none(2), Task(np.eye(2), np.ones(2), np.ones(2), np.ones(2))
+    rows = Rows.none(2)
+    task = Task(np.eye(2), np.ones(2), np.ones(2), np.ones(2))
     with pytest.raises(InvalidInput, match=r"goal-governor uses a model: .*reset\(model="):
         GoalGovernor().command(rows, task)
     governor = GoalGovernor()
@@ -304,11 +372,16 @@ def test_what_it_needs_is_asked_for() -> None:
         governor.command(rows, Task(np.eye(2), np.ones(2)))
     with pytest.raises(InvalidInput, match=r"uses task\.error and task\.error_rate"):
         governor.command(rows, Task(np.eye(2), np.ones(2), np.ones(2)))
-    with pytest.raises(InvalidInput, match="goal-governor has the model of other rows or of another robot"):
+    with pytest.raises(
+        InvalidInput, match="goal-governor has the model of other rows or of another robot"
+    ):
         governor.command(rows, task)
     # a task of another size, at first and later, which moves nothing
     seen = governor.model.at(*governor.model.present)
-    fewer = Task(seen.task.J[:2], *(part[:2] for part in (seen.task.b, seen.task.error, seen.task.error_rate)))
+    fewer = Task(
+        seen.task.J[:2],
+        *(part[:2] for part in (seen.task.b, seen.task.error, seen.task.error_rate)),
+    )
     with pytest.raises(InvalidInput, match="predicts other rows and another task than these"):
         governor.command(seen.rows, fewer)
     governor.reset()
@@ -322,10 +395,14 @@ def test_what_it_needs_is_asked_for() -> None:
 def test_references_of_their_own_and_motions_without_end_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="moves the reference itself: leave reach_in out"):
         simulate(scene(task__goals__0__reach_in=1.0), GoalGovernor())
-    with pytest.raises(ConfigurationError, match="without damping tracking never comes to rest: give goal-governor"):
+    with pytest.raises(
+        ConfigurationError, match="without damping tracking never comes to rest: give goal-governor"
+    ):
         simulate(scene(task__damping=0.0), GoalGovernor())
     setup = scene()
     setup.task.feature = copy(setup.task.feature)
     setup.task.feature.name = "own"
     with pytest.raises(ConfigurationError, match="the feature own does not say where a reference"):
-        super(CameraPose, setup.task.feature).carried(np.zeros(6), *setup.task.goals, *setup.task.goals, np.zeros(6))
+        super(CameraPose, setup.task.feature).carried(
+            np.zeros(6), *setup.task.goals, *setup.task.goals, np.zeros(6)
+        )

@@ -1,4 +1,6 @@
-"""Gradients of constraints against difference quotients: of every scenario at its start, and of own ones."""
+"""Gradients of constraints against difference quotients: of every scenario at its start, and of own
+ones.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ from vsconstraints.vision.scene import Scene
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
-def test_every_constraint_of_every_scenario_has_the_gradient_of_its_sigma_at_the_start(name: str) -> None:
+def test_every_constraint_of_every_scenario_has_the_gradient_of_its_sigma_at_the_start(
+    name: str,
+) -> None:
     setup = Scenario.load(name).setup()
     every = setup.constraints.constraints
     qd = np.full(setup.scene.robot.n, 0.05)
@@ -130,8 +134,14 @@ WRONG: dict[str, tuple[Callable[[], Constraint], str]] = {
         lambda: Floor(K=0.3, switching_gain=1.0, length=0.1, points=[RobotPoint()]),
         r"^floor\[tip\]: .*Floor.*∂σ/∂y is 0.1 by differences, but 0 as given$",
     ),
-    "a joint": (lambda: Elbow(K=0.1, switching_gain=1.0), r"^elbow: .*Elbow.*∂σ/∂q of joint 3 \(elbow_joint\) is"),
-    "a speed": (lambda: Energy(switching_gain=1.0), r"^energy: .*Energy.*∂φ/∂q̇ of joint 1 .* is -0.2 .*, but -0.6 as"),
+    "a joint": (
+        lambda: Elbow(K=0.1, switching_gain=1.0),
+        r"^elbow: .*Elbow.*∂σ/∂q of joint 3 \(elbow_joint\) is",
+    ),
+    "a speed": (
+        lambda: Energy(switching_gain=1.0),
+        r"^energy: .*Energy.*∂φ/∂q̇ of joint 1 .* is -0.2 .*, but -0.6 as",
+    ),
 }
 
 
@@ -200,12 +210,23 @@ class Kinked(ImageConstraint):
 @pytest.mark.parametrize(
     ("away", "side"),
     # beside the kink, only the slope there is right
-    [(0.0, 1.0), (0.0, 0.0), (0.0, -1.0), *((away, 1.0) for away in (1e-9, -1e-9, 1e-4, -1e-4, 3e-2, -3e-2))],
+    [
+        (0.0, 1.0),
+        (0.0, 0.0),
+        (0.0, -1.0),
+        *((away, 1.0) for away in (1e-9, -1e-9, 1e-4, -1e-4, 3e-2, -3e-2)),
+    ],
 )
-def test_kinks_are_no_wrong_gradients(away: float, side: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """σ has a kink at, or near, the first marker: any slope between those of its sides is right there."""
+def test_kinks_are_no_wrong_gradients(
+    away: float, side: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """σ has a kink at, or near, the first marker: any slope between those of its sides is right
+    there.
+    """
     start = Scenario.load("ur5-fov").setup()
-    monkeypatch.setattr(Kinked, "at", start.scene.project(start.scene.camera_pose(start.q0))[0] - away)
+    monkeypatch.setattr(
+        Kinked, "at", start.scene.project(start.scene.camera_pose(start.q0))[0] - away
+    )
     monkeypatch.setattr(Kinked, "side", side)
     setup = with_constraint(Kinked(K=0.3, switching_gain=1.0, length=80.0, markers=[1]))
     ControlStep(setup.scene, setup.constraints, setup.task).evaluate(0.0, setup.q0, setup.qd0)
@@ -218,7 +239,9 @@ def test_a_constraint_without_a_gradient_says_so() -> None:
         def sigma(self, y: Array) -> Array:
             return y[..., 0]
 
-    with pytest.raises(ConfigurationError, match=r"NoGradient \(none\) gives sigma, but no gradient: give ∂σ/∂y"):
+    with pytest.raises(
+        ConfigurationError, match=r"NoGradient \(none\) gives sigma, but no gradient: give ∂σ/∂y"
+    ):
         NoGradient(K=0.3, switching_gain=1.0, length=80.0)
 
 

@@ -1,4 +1,6 @@
-"""Where a camera is mounted: as OpenCV's hand–eye calibration has it, in every form in which it may be given."""
+"""Where a camera is mounted: as OpenCV's hand–eye calibration has it, in every form in which it may
+be given.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,17 @@ from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.scene import Scene
 
-CAMERA_IN_TIP = Pose(Rotation.from_rotvec([0.1, -0.2, 1.5]).as_matrix(), np.array([0.02, 0.07, -0.05]))
+CAMERA_IN_TIP = Pose(
+    Rotation.from_rotvec([0.1, -0.2, 1.5]).as_matrix(), np.array([0.02, 0.07, -0.05])
+)
 EYE = Camera((600.0, 600.0), (640.0, 480.0))
 BOARD = Pose(Rotation.from_rotvec([0.2, 0.1, 0.4]).as_matrix(), np.array([0.5, 0.1, 0.02]))
 
 
 def homogeneous(pose: Pose) -> Array:
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = pose.R, pose.t
+    matrix[:3, :3] = pose.R
+    matrix[:3, 3] = pose.t
     return matrix
 
 
@@ -35,13 +40,22 @@ def configurations() -> Array:
     return found
 
 
-@pytest.mark.parametrize("method", [cv2.CALIB_HAND_EYE_TSAI, cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_DANIILIDIS])
+@pytest.mark.parametrize(
+    "method", [cv2.CALIB_HAND_EYE_TSAI, cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_DANIILIDIS]
+)
 def test_what_opencv_calls_cam2gripper_is_the_camera_in_the_tip(method: int) -> None:
-    """OpenCV is told poses of the arm, by Pinocchio, and what its own solvePnP finds in images of this package."""
-    arm, corners = ur5(), np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.5, 0, 0], [0, 0.7, 0]]) * 0.05
+    """OpenCV is told poses of the arm, by Pinocchio, and what its own solvePnP finds in images of
+    this package.
+    """
+    arm = ur5()
+    corners = (
+        np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.5, 0, 0], [0, 0.7, 0]])
+        * 0.05
+    )
     scene = Scene(arm, EYE.mounted(camera_in_tip=CAMERA_IN_TIP), BOARD.act(corners))
     K = np.array([[600.0, 0.0, 319.5], [0.0, 600.0, 239.5], [0.0, 0.0, 1.0]])
-    tips, boards = [], []
+    tips = []
+    boards = []
     for q in configurations():
         pixels = EYE.to_corner(scene.project(scene.camera_pose(q)), "centres")
         found, turn, away = cv2.solvePnP(corners, pixels, K, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP)
@@ -49,7 +63,11 @@ def test_what_opencv_calls_cam2gripper_is_the_camera_in_the_tip(method: int) -> 
         tips.append(arm.pose(q))
         boards.append((cv2.Rodrigues(turn)[0], away.ravel()))
     R, t = cv2.calibrateHandEye(
-        [tip.R for tip in tips], [tip.t for tip in tips], [R for R, _ in boards], [t for _, t in boards], method=method
+        [tip.R for tip in tips],
+        [tip.t for tip in tips],
+        [R for R, _ in boards],
+        [t for _, t in boards],
+        method=method,
     )
     assert max(distance(Pose(R, t.ravel()), CAMERA_IN_TIP)) < 1e-6
     again = EYE.mounted(camera_in_tip=Pose.from_matrix(np.column_stack((R, t))))
@@ -58,23 +76,36 @@ def test_what_opencv_calls_cam2gripper_is_the_camera_in_the_tip(method: int) -> 
 
 def test_a_camera_that_is_fixed_is_what_opencv_finds_from_the_arm_reversed() -> None:
     """As its documentation says of eye-to-hand: given base-in-tip, it gives cam2base."""
-    arm, camera_in_base = ur5(), Pose(Rotation.from_rotvec([3.0, 0.2, 0.1]).as_matrix(), np.array([0.4, 0.1, 1.3]))
-    board_in_tip = Pose(Rotation.from_rotvec([0.1, 0.2, 0.3]).as_matrix(), np.array([0.01, 0.02, 0.1]))
+    arm = ur5()
+    camera_in_base = Pose(
+        Rotation.from_rotvec([3.0, 0.2, 0.1]).as_matrix(), np.array([0.4, 0.1, 1.3])
+    )
+    board_in_tip = Pose(
+        Rotation.from_rotvec([0.1, 0.2, 0.3]).as_matrix(), np.array([0.01, 0.02, 0.1])
+    )
     eye = EYE.mounted(camera_in_base=camera_in_base)
     assert eye.fixed is not None
     tips = [arm.pose(q) for q in configurations()]
     boards = [eye.fixed.inverse @ tip @ board_in_tip for tip in tips]
     R, t = cv2.calibrateHandEye(
-        [tip.inverse.R for tip in tips], [tip.inverse.t for tip in tips], [b.R for b in boards], [b.t for b in boards]
+        [tip.inverse.R for tip in tips],
+        [tip.inverse.t for tip in tips],
+        [b.R for b in boards],
+        [b.t for b in boards],
     )
     assert max(distance(Pose(R, t.ravel()), camera_in_base)) < 1e-6
 
 
 def test_each_way_says_the_same_of_a_camera() -> None:
-    ways = [EYE.mounted(camera_in_tip=CAMERA_IN_TIP), EYE.mounted(tip_in_camera=CAMERA_IN_TIP.inverse)]
+    ways = [
+        EYE.mounted(camera_in_tip=CAMERA_IN_TIP),
+        EYE.mounted(tip_in_camera=CAMERA_IN_TIP.inverse),
+    ]
     for eye in ways:
         assert eye.fixed is None
-        np.testing.assert_allclose(homogeneous(eye.mount), np.linalg.inv(homogeneous(CAMERA_IN_TIP)), atol=1e-15)
+        np.testing.assert_allclose(
+            homogeneous(eye.mount), np.linalg.inv(homogeneous(CAMERA_IN_TIP)), atol=1e-15
+        )
     fixed = [EYE.mounted(camera_in_base=BOARD), EYE.mounted(base_in_camera=BOARD.inverse)]
     for eye in fixed:
         assert eye.fixed is not None
@@ -133,14 +164,26 @@ MIRRORED = TURNED * (1.0, 1.0, -1.0, 1.0)
         ({"matrix": TURNED[:3].tolist()}, "matrix must be 4 rows of 4 numbers"),
         ({"matrix": np.zeros((4, 4)).tolist()}, "last row .* must be 0 0 0 1"),
         ({"matrix": TURNED.tolist(), "xyz": XYZ}, "xyz or matrix"),
-        ({"xyz": XYZ, "quaternion_xyzw": [0.0, 0.0, 0.9, 0.1]}, r"length 1, not 0\.905539, .*: \[.*\] has length 1"),
+        (
+            {"xyz": XYZ, "quaternion_xyzw": [0.0, 0.0, 0.9, 0.1]},
+            r"length 1, not 0\.905539, .*: \[.*\] has length 1",
+        ),
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 4}, "length 1, not 0"),
         ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 3}, "quaternion_xyzw must be 4 numbers"),
-        ({"xyz": XYZ, "quaternion": [0.0] * 4}, "key in ur5-fov.camera.camera_in_tip 'quaternion'.*quaternion_wxyz"),
-        ({"xyz": XYZ, "rotation_vector": [0, 0, 90]}, r"no longer than a turn .* not \[0.*90.*\]: are these degrees"),
+        (
+            {"xyz": XYZ, "quaternion": [0.0] * 4},
+            "key in ur5-fov.camera.camera_in_tip 'quaternion'.*quaternion_wxyz",
+        ),
+        (
+            {"xyz": XYZ, "rotation_vector": [0, 0, 90]},
+            r"no longer than a turn .* not \[0.*90.*\]: are these degrees",
+        ),
         ({"xyz": XYZ, "file": "eMc.yaml"}, "xyz or file"),
         ({"rpy": [0, 0, 0], "file": "eMc.yaml"}, "one of rpy, .*, matrix and file"),
-        ({"xyz": XYZ, "rpy": [0, 0, 90]}, r"are radians, up to a turn \(6\.283\), not \[.*90.*\]: are these degrees"),
+        (
+            {"xyz": XYZ, "rpy": [0, 0, 90]},
+            r"are radians, up to a turn \(6\.283\), not \[.*90.*\]: are these degrees",
+        ),
         (
             {"rpy": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1]},
             "one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix and file",
@@ -164,7 +207,10 @@ def test_the_nearest_rotation_that_is_told_is_the_right_one() -> None:
 
 
 def test_a_camera_is_in_one_place() -> None:
-    with pytest.raises(ConfigurationError, match="one key says where a camera is, not camera_in_tip and tip_in_camera"):
+    with pytest.raises(
+        ConfigurationError,
+        match="one key says where a camera is, not camera_in_tip and tip_in_camera",
+    ):
         camera_of(camera_in_tip=FORMS["rpy"], tip_in_camera=FORMS["rpy"])
     with pytest.raises(ConfigurationError, match="where a camera is, not mount and fixed"):
         camera_of(mount=FORMS["rpy"], fixed=FORMS["rpy"])
@@ -182,10 +228,14 @@ QX, QY, QZ, QW = R.as_quat().tolist()
 TX, TY, TZ = XYZ
 QUATERNION = f"qw: {QW}\n  qx: {QX}\n  qy: {QY}\n  qz: {QZ}\n  x: {TX}\n  y: {TY}\n  z: {TZ}\n"
 TRANSFORM = (
-    f"  translation:\n    x: {TX}\n    y: {TY}\n    z: {TZ}\n  rotation:\n    x: {QX}\n    y: {QY}\n    z: {QZ}\n"
+    f"  translation:\n    x: {TX}\n    y: {TY}\n    z: {TZ}\n  rotation:\n    x: {QX}\n   "
+    f" y: {QY}\n    z: {QZ}\n"
 )
 TRANSFORM += f"    w: {QW}\n"
-FRAMES = "  robot_base_frame: base_link\n  robot_effector_frame: tool0\n  tracking_base_frame: camera_optical_frame\n"
+FRAMES = (
+    "  robot_base_frame: base_link\n  robot_effector_frame: tool0\n  tracking_base_frame: "
+    "camera_optical_frame\n"
+)
 THETA_U = "\n".join(f"  - [{number}]" for number in (*XYZ, *R.as_rotvec()))
 ROWS = homogeneous(CAMERA_IN_TIP).tolist()
 OPTIONS = {"x": TX, "y": TY, "z": TZ, "qx": QX, "qy": QY, "qz": QZ, "qw": QW}
@@ -197,14 +247,17 @@ LAUNCH_PY = (
     + '\n# "--roll",\n# "0.1",\n])\n'
 )
 LAUNCH = (
-    '<launch>\n  <!-- EYE-IN-HAND: tool0 -> camera_optical_frame -->\n  <!-- xyz="0 0 0" rpy="0 0 0" -->\n'
+    '<launch>\n  <!-- EYE-IN-HAND: tool0 -> camera_optical_frame -->\n  <!-- xyz="0 0 0" rpy="0 0 '
+    '0" -->\n'
     '  <node pkg="tf2_ros" type="static_transform_publisher" name="camera_link_broadcaster"\n'
     f'      args="{TX} {TY} {TZ}   {QX} {QY} {QZ} {QW} tool0 camera_optical_frame" />\n</launch>\n'
 )
 IN_HAND = {
     "easy_handeye": f"parameters:\n  eye_on_hand: true\n{FRAMES}transformation:\n  {QUATERNION}",
-    "easy_handeye of 2016": f"eye_on_hand: true\ntracking_base_frame: camera\ntransformation:\n  {QUATERNION}",
-    "easy_handeye2": f"parameters:\n  name: own\n  calibration_type: eye_in_hand\n{FRAMES}transform:\n{TRANSFORM}",
+    "easy_handeye of 2016": f"eye_on_hand: true\ntracking_base_frame: camera\ntransformation:\n  "
+    f"{QUATERNION}",
+    "easy_handeye2": f"parameters:\n  name: own\n  calibration_type: "
+    f"eye_in_hand\n{FRAMES}transform:\n{TRANSFORM}",
     "MoveIt, ROS 1": LAUNCH,
     "MoveIt, ROS 2": LAUNCH_PY,
 }
@@ -212,9 +265,12 @@ SILENT = {
     "qw … qz": QUATERNION.replace("\n  ", "\n"),
     "geometry_msgs/Transform": TRANSFORM,
     "visp_hand2eye_calibration": f"effector_camera:\n{TRANSFORM}",
-    "geometry_msgs/Pose": TRANSFORM.replace("translation", "position").replace("rotation", "orientation"),
+    "geometry_msgs/Pose": TRANSFORM.replace("translation", "position").replace(
+        "rotation", "orientation"
+    ),
     "ViSP, vpPoseVector": f"rows: 6\ncols: 1\ndata: \n{THETA_U}\n",
-    "ViSP, vpHomogeneousMatrix": "rows: 4\ncols: 4\ndata: \n" + "".join(f"  - {row}\n" for row in ROWS),
+    "ViSP, vpHomogeneousMatrix": "rows: 4\ncols: 4\ndata: \n"
+    + "".join(f"  - {row}\n" for row in ROWS),
     "ViSP, text": "\n".join("  ".join(map(str, row)) for row in ROWS) + "\n",
     "rvec and tvec": f"rvec: {R.as_rotvec().tolist()}\ntvec: {XYZ}\n",
 }
@@ -229,18 +285,24 @@ def opencv_file(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("form", {**IN_HAND, **SILENT}.values(), ids=[*IN_HAND, *SILENT])
-def test_files_of_tools_are_read_by_one_key_in_scenarios_and_python(tmp_path: Path, form: str) -> None:
+def test_files_of_tools_are_read_by_one_key_in_scenarios_and_python(
+    tmp_path: Path, form: str
+) -> None:
     file = tmp_path / "hand_eye.yaml"
     file.write_text(form)
     for eye in (EYE.mounted(camera_in_tip=file), camera_of(camera_in_tip={"file": str(file)})):
         assert eye.fixed is None
         assert max(distance(eye.mount.inverse, CAMERA_IN_TIP)) < 1e-12
-    assert max(distance(EYE.mounted(camera_in_tip=opencv_file(tmp_path)).mount.inverse, CAMERA_IN_TIP)) < 1e-12
+    assert (
+        max(distance(EYE.mounted(camera_in_tip=opencv_file(tmp_path)).mount.inverse, CAMERA_IN_TIP))
+        < 1e-12
+    )
 
 
 @pytest.mark.parametrize("name", IN_HAND)
 def test_a_file_that_says_where_the_camera_is_must_fit_its_key(tmp_path: Path, name: str) -> None:
-    file, in_hand = tmp_path / "hand_eye.yaml", IN_HAND[name]
+    file = tmp_path / "hand_eye.yaml"
+    in_hand = IN_HAND[name]
     beside = (
         in_hand.replace("eye_on_hand: true", "eye_on_hand: false")
         .replace("eye_in_hand", "eye_on_base")
@@ -251,16 +313,25 @@ def test_a_file_that_says_where_the_camera_is_must_fit_its_key(tmp_path: Path, n
     eye = EYE.mounted(camera_in_base=file)
     assert eye.fixed is not None
     assert max(distance(eye.fixed, CAMERA_IN_TIP)) < 1e-12
-    with pytest.raises(ConfigurationError, match=r"beside the arm .*: give it as camera_in_base, not as camera_in_tip"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"beside the arm .*: give it as camera_in_base, not as camera_in_tip",
+    ):
         EYE.mounted(camera_in_tip=file)
     file.write_text(in_hand)
-    with pytest.raises(ConfigurationError, match=r"in the hand .*: give it as camera_in_tip, not as base_in_camera"):
+    with pytest.raises(
+        ConfigurationError, match=r"in the hand .*: give it as camera_in_tip, not as base_in_camera"
+    ):
         EYE.mounted(base_in_camera=file)
 
 
-def test_a_scenario_keeps_the_file_of_its_hand_eye_calibration_among_its_files(tmp_path: Path) -> None:
+def test_a_scenario_keeps_the_file_of_its_hand_eye_calibration_among_its_files(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "hand_eye.yaml").write_text(IN_HAND["easy_handeye2"])
-    (tmp_path / "own.toml").write_text('extends = "ur5-fov"\n[camera.camera_in_tip]\nfile = "hand_eye.yaml"\n')
+    (tmp_path / "own.toml").write_text(
+        'extends = "ur5-fov"\n[camera.camera_in_tip]\nfile = "hand_eye.yaml"\n'
+    )
     scenario = Scenario.load(tmp_path / "own.toml")
     assert [file.name for file in scenario.files] == ["hand_eye.yaml"]
     assert max(distance(scenario.setup().scene.camera.mount.inverse, CAMERA_IN_TIP)) < 1e-12
@@ -271,13 +342,25 @@ def test_a_scenario_keeps_the_file_of_its_hand_eye_calibration_among_its_files(t
     [
         ("a: 1\n", r"no pose in a form that is known: .*easy_handeye2.*MoveIt.*ViSP.*OpenCV"),
         ("just words\n", "no pose in a form that is known"),
-        ("rows: 5\ncols: 1\ndata: [1, 2, 3, 4, 5]\n", r"6 numbers \(a translation, then θu\) or 4 × 4, not 5"),
+        (
+            "rows: 5\ncols: 1\ndata: [1, 2, 3, 4, 5]\n",
+            r"6 numbers \(a translation, then θu\) or 4 × 4, not 5",
+        ),
         ("rvec: [0, 0, 90]\ntvec: [0, 0, 1]\n", "are these degrees"),
         ("rvec: [0, 0]\ntvec: [0, 0, 1]\n", r"tvec must have 3 numbers and rvec 3 .* not 3 and 2"),
-        (IN_HAND["easy_handeye"].replace(f"qw: {QW}", "qw: 0.9"), "quaternion that is a rotation has length 1"),
+        (
+            IN_HAND["easy_handeye"].replace(f"qw: {QW}", "qw: 0.9"),
+            "quaternion that is a rotation has length 1",
+        ),
         (IN_HAND["easy_handeye"].replace(f"x: {TX}", "x: left"), "xyz must be finite"),
-        (IN_HAND["easy_handeye2"].replace("eye_in_hand", "sideways"), "calibration_type must be eye_in_hand or"),
-        (LAUNCH.replace(f"{QX} {QY} {QZ} {QW}", "0.1 0.2 0.3"), r"has 6 numbers; 7 are read: .* are ambiguous"),
+        (
+            IN_HAND["easy_handeye2"].replace("eye_in_hand", "sideways"),
+            "calibration_type must be eye_in_hand or",
+        ),
+        (
+            LAUNCH.replace(f"{QX} {QY} {QZ} {QW}", "0.1 0.2 0.3"),
+            r"has 6 numbers; 7 are read: .* are ambiguous",
+        ),
         ("a: [1", r"cannot read the hand–eye calibration .*it is no YAML"),
     ],
 )

@@ -1,4 +1,6 @@
-"""The answer, the tables over all scenarios and what is marked best, of made-up results worked out by hand."""
+"""The answer, the tables over all scenarios and what is marked best, of made-up results worked out
+by hand.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from vsconstraints.reports.summary import (
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.start import UNSOLVABLE
 
-USED, CALM = "Most of the allowed space used [%]", "Least chattering (acceleration variation) [rad/s³]"
+USED = "Most of the allowed space used [%]"
+CALM = "Least chattering (acceleration variation) [rad/s³]"
 
 
 def results_of(
@@ -93,15 +96,26 @@ OUT = {"violated": "x", "violation_depth": 0.5}
 
 
 def test_the_answer_ranks_by_runs_that_converged_inside() -> None:
-    """Of three runs each: one law has 3, two have 2, one has none; of one there are two runs only."""
+    """Of three runs each: one law has 3, two have 2, one has none; of one there are two runs
+    only.
+    """
     lines = [
         *(result("tracking", name, **OUT) for name in ("one", "two")),
         result("tracking", "three"),
-        *(result("some", name, **changes) for name, changes in (("one", {}), ("two", {}), ("three", OUT))),
+        *(
+            result("some", name, **changes)
+            for name, changes in (("one", {}), ("two", {}), ("three", OUT))
+        ),
         *(result("all", name) for name in ("one", "two", "three")),
         *(result("none", name, status="trapped") for name in ("one", "two", "three")),
-        *(result("like", name, **changes) for name, changes in (("one", OUT), ("two", {}), ("three", {}))),
-        *(result("few", name, compiled=False, step_time_median_us=us) for name, us in (("one", 500.0), ("two", 400.0))),
+        *(
+            result("like", name, **changes)
+            for name, changes in (("one", OUT), ("two", {}), ("three", {}))
+        ),
+        *(
+            result("few", name, compiled=False, step_time_median_us=us)
+            for name, us in (("one", 500.0), ("two", 400.0))
+        ),
     ]
     results = results_of(lines)
     assert "violates a constraint in 2 of 3 runs." in text_of(results)
@@ -116,12 +130,22 @@ SLIGHT = {"violated": "x", "violation_depth": 0.005}
 
 
 def test_the_two_standards_stand_side_by_side() -> None:
-    """One law is outside by 0.5 % of L twice, one by 1.5 % once, and one converges once: 1, 2, 1 and 3, 2, 1."""
+    """One law is outside by 0.5 % of L twice, one by 1.5 % once, and one converges once: 1, 2, 1
+    and 3, 2, 1.
+    """
     lines = [result("tracking", name, **OUT) for name in ("one", "two", "three")]
-    lines += [result("over", name, **changes) for name, changes in (("one", {}), ("two", SLIGHT), ("three", SLIGHT))]
+    lines += [
+        result("over", name, **changes)
+        for name, changes in (("one", {}), ("two", SLIGHT), ("three", SLIGHT))
+    ]
     deeper = {"violated": "x; y", "violation_depth": 0.015, "violated_tolerant": "y"}
-    lines += [result("kept", name, **changes) for name, changes in (("one", {}), ("two", {}), ("three", deeper))]
-    lines += [result("slow", name, status="unfinished") for name in ("one", "two")] + [result("slow", "three")]
+    lines += [
+        result("kept", name, **changes)
+        for name, changes in (("one", {}), ("two", {}), ("three", deeper))
+    ]
+    lines += [result("slow", name, status="unfinished") for name in ("one", "two")] + [
+        result("slow", "three")
+    ]
     results = results_of(lines)
     assert (results.clean, results.clean_tolerant) == (
         {"over": 1, "kept": 2, "slow": 1},
@@ -132,21 +156,32 @@ def test_the_two_standards_stand_side_by_side() -> None:
         "kept": ("**2 of 3**", "2"), "over": ("1 of 3", "**3**"), "slow": ("1 of 3", "1")
     }  # fmt: skip
     curve = table_below(results, "by more than [% of L]:").splitlines()[2:]
-    assert [re.findall(r"\d+", line) for line in curve] == [list("113333"), list("222333"), list("111111")]
+    assert [re.findall(r"\d+", line) for line in curve] == [
+        list("113333"),
+        list("222333"),
+        list("111111"),
+    ]
 
 
 def test_trials_are_counted_with_exact_intervals() -> None:
     """Clopper and Pearson (1934): 10 of 10 leave 0.025^(1/10) = 69.15 %; 0 of 10 allow 1 − that."""
     lines = [result("tracking", "one", k, **OUT) for k in range(10)]
-    lines += [result("a", "one", k) for k in range(10)] + [result("b", "one", k, status="failed") for k in range(10)]
+    lines += [result("a", "one", k) for k in range(10)] + [
+        result("b", "one", k, status="failed") for k in range(10)
+    ]
     results = results_of(lines, trials=10)
     inside = {name: line["converged inside"] for name, line in cells_of(law_table(results)).items()}
-    assert inside == {"a": "**10 of 10: at least 69 % (95 %)**", "b": "0 of 10: at most 31 % (95 %)"}
+    assert inside == {
+        "a": "**10 of 10: at least 69 % (95 %)**",
+        "b": "0 of 10: at most 31 % (95 %)",
+    }
     assert "Intervals are over trials of these scenarios" in text_of(results)
 
 
 def test_nobody_wins_where_nothing_is_challenged() -> None:
-    """A law that uses more and varies less than another one, in a scenario in which tracking alone keeps every row."""
+    """A law that uses more and varies less than another one, in a scenario in which tracking alone
+    keeps every row.
+    """
     lines = [
         result("tracking"),
         result("a", utilization=0.99, acceleration_variation=0.5),
@@ -172,7 +207,9 @@ def test_nobody_wins_where_all_are_alike_or_alone() -> None:
 
 
 def test_the_opening_is_of_this_comparison() -> None:
-    """Its robots, by name, by table or by the file they are loaded from; its laws; and nobody else's."""
+    """Its robots, by name, by table or by the file they are loaded from; its laws; and nobody
+    else's.
+    """
     lines = [result("tracking", **OUT), result("mine")]
     results = results_of(lines)
     said = {"ur5": "ur5", "a|b": r"a\|b"}
@@ -190,15 +227,26 @@ def test_the_opening_is_of_this_comparison() -> None:
 
 
 def test_the_first_table_is_one_and_begins_with_the_best() -> None:
-    lines = [result("tracking", **OUT), result("a", status="trapped"), result("b"), result("c", compiled=False)]
+    lines = [
+        result("tracking", **OUT),
+        result("a", status="trapped"),
+        result("b"),
+        result("c", compiled=False),
+    ]
     found = cells_of(law_table(results_of(lines)))
     assert list(found) == ["b", "c", "a"]
     assert "\n\n" not in law_table(results_of(lines))
-    assert [cells["implementation"] for cells in found.values()] == ["compiled", "NumPy", "compiled"]
+    assert [cells["implementation"] for cells in found.values()] == [
+        "compiled",
+        "NumPy",
+        "compiled",
+    ]
 
 
 def test_one_law_alone_is_compared_with_nothing() -> None:
-    assert "Only tracking was run: there is nothing to compare." in text_of(results_of([result("tracking")]))
+    assert "Only tracking was run: there is nothing to compare." in text_of(
+        results_of([result("tracking")])
+    )
     assert "Most often" not in text_of(results_of([result("tracking"), result("a")]))
 
 
@@ -223,16 +271,26 @@ def test_the_worst_violation_is_of_the_deepest_run_and_its_row() -> None:
     ]
     cells = ["3", "37.5", "`y`", "two", "one and two"]
     assert list(cells_of(violation_table(results_of(lines, rows, trials=2)))["a"].values()) == cells
-    assert list(cells_of(violation_table(results_of(lines, trials=2)))["a"].values()) == [*cells[:2], "–", *cells[3:]]
+    assert list(cells_of(violation_table(results_of(lines, trials=2)))["a"].values()) == [
+        *cells[:2],
+        "–",
+        *cells[3:],
+    ]
     assert violation_table(results_of([result("a")])) == ""
 
 
 def test_winners_are_the_best_of_the_clean() -> None:
-    """By the median of the trials, as shown; of chattering there is no number in the second scenario."""
+    """By the median of the trials, as shown; of chattering there is no number in the second
+    scenario.
+    """
 
-    def runs(name: str, scenario: str, used: tuple[float, ...], varies: float, **changes: Any) -> list[dict[str, Any]]:
+    def runs(
+        name: str, scenario: str, used: tuple[float, ...], varies: float, **changes: Any
+    ) -> list[dict[str, Any]]:
         values = {"acceleration_variation": varies, **changes}
-        return [result(name, scenario, i, utilization=value, **values) for i, value in enumerate(used)]
+        return [
+            result(name, scenario, i, utilization=value, **values) for i, value in enumerate(used)
+        ]
 
     lines = [
         *runs("used", "one", (0.95, 0.5, 0.9), 3.0),
@@ -269,7 +327,9 @@ def test_scenarios_that_nobody_solves_are_named_and_those_nobody_ran_are_not() -
     assert unsolved(results_of(lines)) == {"of one law": "", "of both": ""}
     closed = f"at rest; marker 1 is closed off: {UNSOLVABLE}"
     walled = [result(name, "walled", status="trapped", reason=closed) for name in ("a", "b")]
-    assert unsolved(results_of(walled)) == {"walled": "constraints close off a marker from its goal"}
+    assert unsolved(results_of(walled)) == {
+        "walled": "constraints close off a marker from its goal"
+    }
     # the only one to solve it is better than nobody
     assert winner_table(results_of(lines[:2])) == ""
 
@@ -292,7 +352,9 @@ def cells_of(text: str) -> dict[str, dict[str, str]]:
     """The cells of tables, by controller and column."""
     found: dict[str, dict[str, str]] = {}
     for block in re.findall(r"(?:^\|.*\n?)+", text, flags=re.MULTILINE):
-        header, _, *body = [[cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()]
+        header, _, *body = [
+            [cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()
+        ]
         for cells in body:
             found.setdefault(cells[0], {}).update(zip(header[1:], cells[1:], strict=True))
     return found
@@ -302,23 +364,61 @@ ENDINGS = ("converged", "slow", "trapped", "unfinished", "aborted", "failed", "d
 
 
 def test_every_cell_of_the_summary() -> None:
-    """Law *good* and *wide* converge in two runs, *part* in one of them; *wide* violates a row in one."""
+    """Law *good* and *wide* converge in two runs, *part* in one of them; *wide* violates a row in
+    one.
+    """
     numbers: dict[str, Any] = {"step_time_median_us": 10.0, "switching_rate_hz": 3.0}
     lines = [
-        result("tracking", "one", **numbers, violated="x", violation_depth=0.5, utilization=math.nan),
+        result(
+            "tracking", "one", **numbers, violated="x", violation_depth=0.5, utilization=math.nan
+        ),
         result("tracking", "two", status="aborted", utilization=math.nan, phi_band=math.nan),
-        result("good", "one", **numbers, phi_band=3.0, phi_band_bound=2.0, acceleration_variation=4.0),
+        result(
+            "good", "one", **numbers, phi_band=3.0, phi_band_bound=2.0, acceleration_variation=4.0
+        ),
         result("good", "two", utilization=0.7, phi_band=8.0, phi_band_bound=16.0),
-        result("good", "three", status="trapped", step_time_median_us=7.0, utilization=0.1, switching_rate_hz=50.0),
-        result("wide", "one", **numbers, phi_band=0.5, phi_band_bound=2.0, acceleration_variation=0.5),
-        result("wide", "two", utilization=0.95, violated="x; y", violation_depth=0.005, within_band="x; y"),
-        result("wide", "three", status="failed", violated="x", violation_depth=1.25, utilization=math.nan),
-        result("part", "one", **numbers, utilization=0.99, sliding_lost_s=0.5, acceleration_variation=math.nan),
+        result(
+            "good",
+            "three",
+            status="trapped",
+            step_time_median_us=7.0,
+            utilization=0.1,
+            switching_rate_hz=50.0,
+        ),
+        result(
+            "wide", "one", **numbers, phi_band=0.5, phi_band_bound=2.0, acceleration_variation=0.5
+        ),
+        result(
+            "wide",
+            "two",
+            utilization=0.95,
+            violated="x; y",
+            violation_depth=0.005,
+            within_band="x; y",
+        ),
+        result(
+            "wide",
+            "three",
+            status="failed",
+            violated="x",
+            violation_depth=1.25,
+            utilization=math.nan,
+        ),
+        result(
+            "part",
+            "one",
+            **numbers,
+            utilization=0.99,
+            sliding_lost_s=0.5,
+            acceleration_variation=math.nan,
+        ),
         result("part", "two", status="unfinished", step_time_median_us=math.nan),
         result("part", "three", status="unfinished", phi_band_bound=0.0),
     ]
     found = summary_of(results_of(lines))
-    assert {name: [line[header] for header in ("runs", *ENDINGS)] for name, line in found.items()} == {
+    assert {
+        name: [line[header] for header in ("runs", *ENDINGS)] for name, line in found.items()
+    } == {
         "tracking": ["2", "1", "0", "0", "0", "1", "0", "0"],
         "good": ["3", "2", "0", "1", "0", "0", "0", "0"],
         "wide": ["3", "2", "0", "0", "0", "0", "1", "1"],
@@ -326,14 +426,16 @@ def test_every_cell_of_the_summary() -> None:
     }
     headers = [
         "converged inside", "at 1 % of L", "median utilization [%]", "worst depth [% of L]",
-        "acceleration variation [rad/s³]", "median call [µs]", "implementation", "runs with a violated row",
+        "acceleration variation "
+        "[rad/s³]", "median call [µs]", "implementation", "runs with a violated row",
         "beyond 1 % of L", "within the sampling band", "worst φ band / bound", "switching rate [Hz]",
     ]  # fmt: skip
     assert [header for header in found["good"] if header not in ("runs", *ENDINGS)] == headers
     del found["tracking"]
     assert {name: [line[header] for header in headers] for name, line in found.items()} == {
-        # (0.9 + 0.7)/2; (4 + 1)/2; the median of 10, 1 and 7; 3/2 is more than 8/16 and 1/1; (3 + 1)/2. No number is
-        # bold that is beaten by another one, compared or not: by 92.5, by 0.75, by 1.00; the switching rates tie
+        # (0.9 + 0.7)/2; (4 + 1)/2; the median of 10, 1 and 7; 3/2 is more than 8/16 and 1/1; (3 +
+        # 1)/2. No number is bold that is beaten by another one, compared or not: by 92.5, by 0.75,
+        # by 1.00; the switching rates tie
         "good": ["**2 of 3**", "**2**", "80.00", "**0**", "2.50", "7.00", "compiled", "**0**", "**0**", "0", "1.50",
                  "**2.00**"],
         # violations are compared, nothing else
@@ -344,9 +446,13 @@ def test_every_cell_of_the_summary() -> None:
 
 
 def test_one_run_that_goes_wild_does_not_spoil_a_law() -> None:
-    """Of 0.5, 0.75 and 0.7; of 1, 2 and 1e9; of 2, 3 and 1e9 + 1; a run that does not converge has no part in them."""
+    """Of 0.5, 0.75 and 0.7; of 1, 2 and 1e9; of 2, 3 and 1e9 + 1; a run that does not converge has
+    no part in them.
+    """
     lines = [
-        result("a", name, utilization=used, switching_rate_hz=rate, acceleration_variation=rate + 1.0)
+        result(
+            "a", name, utilization=used, switching_rate_hz=rate, acceleration_variation=rate + 1.0
+        )
         for name, used, rate in (("one", 0.5, 1.0), ("two", 0.75, 2.0), ("three", 0.7, 1e9))
     ]
     lines.append(result("a", "four", status="failed", utilization=0.1, acceleration_variation=1e12))
@@ -357,12 +463,25 @@ def test_one_run_that_goes_wild_does_not_spoil_a_law() -> None:
 
 def test_a_scenarios_tables_show_numbers_in_the_units_of_their_headers() -> None:
     """Of a law that ends 2 mm and 3 mrad away and was outside by an eighth of L, for 0.5 s."""
-    own = {"final_translation_error_m": 0.002, "final_rotation_error_rad": 0.003, "final_feature_error_px": 1.5}
-    outside = {"violated": "x", "violation_depth": 0.125, "violation_time_s": 0.5, "settling_time_s": 4.0}
-    results = results_of([result("tracking"), result("a", **own, **outside, phi_band=3.0, phi_band_bound=2.0)])
-    found = cells_of("\n\n".join(metric_table(results, "one", group) for group in ("outcome", "task", "chattering")))[
-        "a"
-    ]
+    own = {
+        "final_translation_error_m": 0.002,
+        "final_rotation_error_rad": 0.003,
+        "final_feature_error_px": 1.5,
+    }
+    outside = {
+        "violated": "x",
+        "violation_depth": 0.125,
+        "violation_time_s": 0.5,
+        "settling_time_s": 4.0,
+    }
+    results = results_of(
+        [result("tracking"), result("a", **own, **outside, phi_band=3.0, phi_band_bound=2.0)]
+    )
+    found = cells_of(
+        "\n\n".join(
+            metric_table(results, "one", group) for group in ("outcome", "task", "chattering")
+        )
+    )["a"]
     shown = {header: text.strip("()") for header, text in found.items()}
     expected = {
         "position error [mm]": "2.00", "orientation error [mrad]": "3.00", "image error [px]": "1.50",
@@ -375,7 +494,9 @@ def test_a_scenarios_tables_show_numbers_in_the_units_of_their_headers() -> None
 def test_a_law_that_alone_was_run_is_the_best_of_nothing() -> None:
     for lines in ([result("tracking"), result("a")], [result("a")], [result("tracking")]):
         found = summary_of(results_of(lines, controllers=("a", "b")))
-        assert not [text for line in found.values() for text in line.values() if text.startswith("**")]
+        assert not [
+            text for line in found.values() for text in line.values() if text.startswith("**")
+        ]
     both = summary_of(results_of([result("a"), result("b", utilization=0.5)]))
     assert [both[name]["median utilization [%]"] for name in "ab"] == ["**90.00**", "50.00"]
     assert [both[name]["converged inside"] for name in "ab"] == ["1 of 1", "1 of 1"]
@@ -384,7 +505,9 @@ def test_a_law_that_alone_was_run_is_the_best_of_nothing() -> None:
 def test_where_nobody_converges_nobody_is_compared() -> None:
     found = summary_of(results_of([result(name, status="trapped") for name in "ab"]))
     for name in "ab":
-        assert found[name]["runs with a violated row"] == found[name]["worst depth [% of L]"] == "(0)"
+        assert (
+            found[name]["runs with a violated row"] == found[name]["worst depth [% of L]"] == "(0)"
+        )
         assert found[name]["converged inside"] == "0 of 1"
 
 
@@ -398,17 +521,25 @@ def test_a_cell_is_judged_by_the_median_as_shown() -> None:
     assert math.isnan(nothing.value)
     cells = [Cell.of([value]) for value in (2.0, 2.001, 1.0, 3.0, math.nan)]
     may = [True, True, False, True, True]
-    assert marked([*cells[:2], *cells[3:]], may[:2] + may[3:], "less") == ["**2.00**", "**2.00**", "3.00", "–"]
+    assert marked([*cells[:2], *cells[3:]], may[:2] + may[3:], "less") == [
+        "**2.00**",
+        "**2.00**",
+        "3.00",
+        "–",
+    ]
     # what is not compared is beaten by nothing that is bold, either
     assert marked(cells, may, "less") == ["2.00", "2.00", "(1.00)", "3.00", "–"]
     assert marked(cells, may, "more") == ["2.00", "2.00", "(1.00)", "**3.00**", "–"]
     # what stands before the judged number is not bold
-    assert marked([Cell("2", 2.0, "2", "1 / "), Cell("3", 3.0, "3", "0 / ")], [True, True], "less") == [
+    assert marked(
+        [Cell("2", 2.0, "2", "1 / "), Cell("3", 3.0, "3", "0 / ")], [True, True], "less"
+    ) == [
         "1 / **2**",
         "0 / 3",
     ]
     assert marked(cells, may, None) == ["2.00", "2.00", "1.00", "3.00", "–"]
-    assert marked(cells[:1], [False], "less") == ["2.00"]  # nothing is there that it could be compared with
+    # nothing is there that it could be compared with
+    assert marked(cells[:1], [False], "less") == ["2.00"]
     assert marked(cells, [False] * 5, "less") == ["(2.00)", "(2.00)", "(1.00)", "(3.00)", "–"]
 
 
@@ -421,7 +552,9 @@ def test_who_may_be_compared() -> None:
 
 
 def metric(column: str) -> Metric:
-    """The last one that is made from a column: the ratio of the φ band to its bound, not the band itself."""
+    """The last one that is made from a column: the ratio of the φ band to its bound, not the band
+    itself.
+    """
     return [one for one in METRICS if one.column == column][-1]
 
 
@@ -433,7 +566,9 @@ def test_violations_are_compared_of_everybody(column: str) -> None:
 
 def test_everything_else_is_compared_inside_and_the_band_while_sliding() -> None:
     """A law with a faultless run and one more, which is outside or loses a sliding mode."""
-    good, outside, lost = result("a"), result("a", violation_depth=0.5), result("a", sliding_lost_s=0.5)
+    good = result("a")
+    outside = result("a", violation_depth=0.5)
+    lost = result("a", sliding_lost_s=0.5)
     for runs, inside, sliding in (([good], True, True), ([good, outside], False, True), ([good, lost], True, False),
                                   ([], False, False)):  # fmt: skip
         assert judged_by(metric("utilization"), runs) is inside

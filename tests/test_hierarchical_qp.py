@@ -1,4 +1,6 @@
-"""The hierarchical QP against an independent oracle, its optimality conditions, and examples solved by hand."""
+"""The hierarchical QP against an independent oracle, its optimality conditions, and examples solved
+by hand.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,8 @@ def command_of(problem, **options):
 
 def simple(A, c, J=None, b=None, **options):
     """Command for a problem written out in a test; the task is q̈ = 0 unless given."""
-    A, c = np.array(A, dtype=float), np.array(c, dtype=float)
+    A = np.array(A, dtype=float)
+    c = np.array(c, dtype=float)
     n = A.shape[1]
     J = np.eye(n) if J is None else np.array(J, dtype=float)
     b = np.zeros(len(J)) if b is None else np.array(b, dtype=float)
@@ -72,11 +75,16 @@ def simple(A, c, J=None, b=None, **options):
 def damped_cost(problem, x):
     """½‖J x − b‖² / ‖J‖² + ½ damping ‖x − J†b‖², what levels 2 and 3 minimise together."""
     away = x - np.linalg.pinv(problem.J, rcond=1e-6) @ problem.b
-    return 0.5 * np.sum((problem.J @ away) ** 2) / np.linalg.norm(problem.J) ** 2 + 0.5 * DAMPING * away @ away
+    return (
+        0.5 * np.sum((problem.J @ away) ** 2) / np.linalg.norm(problem.J) ** 2
+        + 0.5 * DAMPING * away @ away
+    )
 
 
 def near_singular(problem, optimum):
-    """The strict optimum is so far away that the damping of level 3 is meant to win over the task."""
+    """The strict optimum is so far away that the damping of level 3 is meant to win over the
+    task.
+    """
     return np.linalg.norm(optimum) > 100.0
 
 
@@ -86,8 +94,10 @@ def near_singular(problem, optimum):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_solver_agrees_with_the_oracle(kind):
     """Compare the objective of each level, 20 problems of each kind."""
-    faults, excluded = [], 0
-    answered, replaced = dict.fromkeys(SOLVERS, 0), dict.fromkeys(SOLVERS, 0)
+    faults = []
+    excluded = 0
+    answered = dict.fromkeys(SOLVERS, 0)
+    replaced = dict.fromkeys(SOLVERS, 0)
     for seed in SEEDS:
         problem = random_problem(kind, seed)
         optimum = lexicographic_optimum(problem)
@@ -101,8 +111,9 @@ def test_every_solver_agrees_with_the_oracle(kind):
             answered[name] += bool(command.solver)
             replaced[name] += bool(command.fallback)
             difference = np.abs(problem.objectives(command.qdd) - reference) / (1.0 + reference)
-            # Level 1: a solver's error is relative to the length of the way it has to go, which is up to 100 times the
-            # demands here. Levels 2 and 3: the oracle's own accuracy and the damping, 1e-8, measured at 2e-5.
+            # Level 1: a solver's error is relative to the length of the way it has to go, which is
+            # up to 100 times the demands here. Levels 2 and 3: the oracle's own accuracy and the
+            # damping, 1e-8, measured at 2e-5.
             tolerance = [100.0 * TOLERANCES[name], 1e-4, 1e-4]
             if near_singular(problem, optimum):
                 # No worse than the strict optimum in the cost that is documented.
@@ -130,9 +141,11 @@ def test_the_command_meets_the_optimality_conditions_of_its_level(kind):
     for seed in SEEDS:
         problem = random_problem(kind, seed)
         command = command_of(problem)
-        A, c = problem.A, problem.c
+        A = problem.A
+        c = problem.c
         ends, end_sides = problem.ends()
-        A, c = np.vstack([A, ends]), np.concatenate([c, end_sides])
+        A = np.vstack([A, ends])
+        c = np.concatenate([c, end_sides])
         excess = A @ command.qdd - c
         size = np.maximum(np.linalg.norm(A, axis=1), 1e-300) * max(1.0, np.linalg.norm(command.qdd))
         violated = np.zeros(len(c), dtype=bool)
@@ -191,7 +204,11 @@ def test_slack_status_and_acted_rows_tell_the_same_story(kind):
 def test_a_row_in_the_way_of_the_task(name):
     command = simple([[1, 0], [0, 1]], [0.5, 3.0], b=[1.0, 2.0], solver=name)
     np.testing.assert_allclose(command.qdd, [0.5, 2.0], atol=1e-6)
-    assert (command.status, command.active, command.solver) == ("ok", ("row[0]",), NAMES.get(name, name))
+    assert (command.status, command.active, command.solver) == (
+        "ok",
+        ("row[0]",),
+        NAMES.get(name, name),
+    )
     assert command.iterations >= (name in NATIVE)
     np.testing.assert_array_equal(command.slack, [0.0, 0.0])
 
@@ -211,8 +228,10 @@ def test_two_rows_that_contradict_each_other(name, weight, x):
 
 
 def test_what_contradiction_leaves_free_serves_the_task_within_the_other_rows():
-    # The first joint is fixed at 0 by two opposite rows; the second tracks, the third meets its row.
-    A, c = [[1, 0, 0], [-1, 0, 0], [0, 0, 1]], [-1.0, -1.0, 0.25]
+    # The first joint is fixed at 0 by two opposite rows; the second tracks, the third meets its
+    # row.
+    A = [[1, 0, 0], [-1, 0, 0], [0, 0, 1]]
+    c = [-1.0, -1.0, 0.25]
     command = simple(A, c, b=[4.0, 5.0, 6.0])
     np.testing.assert_allclose(command.qdd, [0.0, 5.0, 0.25], atol=1e-8)
     assert command.active == ("row[0]", "row[1]", "row[2]")
@@ -225,7 +244,8 @@ def test_the_scale_of_a_row_is_part_of_the_metric():
 
 
 def test_the_task_yields_no_more_than_the_rows_ask_and_redundancy_is_used_first():
-    # J sees the first joint only; the row can be met by the second, so that the task is not disturbed.
+    # J sees the first joint only; the row can be met by the second, so that the task is not
+    # disturbed.
     command = simple([[1, 1]], [-2.0], J=[[1, 0]], b=[3.0])
     np.testing.assert_allclose(command.qdd, [3.0, -5.0], atol=1e-6)
 
@@ -237,7 +257,8 @@ def test_level_three_takes_the_least_acceleration():
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_a_row_without_gradient_is_a_slack_and_disturbs_nothing(name):
-    A, c = [[0, 0], [1, 0], [1e-15, 0]], [-0.3, 0.5, -0.1]
+    A = [[0, 0], [1, 0], [1e-15, 0]]
+    c = [-0.3, 0.5, -0.1]
     command = simple(A, c, b=[1.0, 2.0], solver=name)
     np.testing.assert_allclose(command.qdd, [0.5, 2.0], atol=1e-6)
     np.testing.assert_allclose(command.slack, [0.3, 0.0, 0.1])
@@ -264,7 +285,8 @@ def test_a_row_that_holds_back_little_acts_like_one_that_holds_back_much():
 
 
 def test_a_row_that_the_violated_ones_settle_is_left_to_them():
-    # The first joint stays at 0: the third row is met whatever the second joint does, the last one is not.
+    # The first joint stays at 0: the third row is met whatever the second joint does, the last one
+    # is not.
     command = simple([[1, 0], [-1, 0], [1, 0], [0, 1]], [-1.0, -1.0, 5.0, 0.25], b=[3.0, 3.0])
     np.testing.assert_allclose(command.qdd, [0.0, 0.25], atol=1e-8)
     assert command.active == ("row[0]", "row[1]", "row[3]")
@@ -293,7 +315,9 @@ def test_rows_that_leave_one_point_only():
 @pytest.mark.parametrize("solver", ["auto", "daqp"])
 def test_rows_that_contradict_each_other_by_rounding_leave_the_task_its_optimum(solver):
     # x₁ + x₂ = −1 but for 1e-11: the least of (x₁)² + (3x₂ − 1)² there is 1.6
-    command = simple([[1, 1], [-1, -1]], [-1.0, 1.0 - 1e-11], np.diag([1.0, 3.0]), [0.0, 1.0], solver=solver)
+    command = simple(
+        [[1, 1], [-1, -1]], [-1.0, 1.0 - 1e-11], np.diag([1.0, 3.0]), [0.0, 1.0], solver=solver
+    )
     np.testing.assert_allclose(command.qdd, [-1.2, 0.2], atol=1e-6)
     assert command.status == "ok"
 
@@ -308,14 +332,19 @@ def test_opposite_rows_with_a_small_gap_between_them_act_as_equalities(gap):
         system = np.block([[J.T @ J, A.T], [A, np.zeros((2, 2))]])
         x = np.linalg.solve(system, np.concatenate([J.T @ b, c - 0.5 * gap]))[:6]
         least = np.linalg.norm(J @ x - b)
-        assert np.linalg.norm(J @ command.qdd - b) == pytest.approx(least, rel=1e-6, abs=1e-7), (seed, gap)
+        assert np.linalg.norm(J @ command.qdd - b) == pytest.approx(least, rel=1e-6, abs=1e-7), (
+            seed,
+            gap,
+        )
 
 
 @pytest.mark.parametrize("solver", ["auto", "daqp"])
 @pytest.mark.parametrize("part", [0.3, 1e-2, 1e-3, 1e-4, 1e-5, 2e-6])
 def test_level_two_yields_nothing_where_the_rows_leave_the_task_all_it_asks_for(part, solver):
-    # the row holds the first joint back, unless the last one, which the task does not see, makes up for it
-    J, b = np.eye(6, 7), np.ones(6)
+    # the row holds the first joint back, unless the last one, which the task does not see, makes up
+    # for it
+    J = np.eye(6, 7)
+    b = np.ones(6)
     command = simple([[1, 0, 0, 0, 0, 0, part]], [0.0], J, b, solver=solver)
     assert (command.status, command.active) == ("ok", ("row[0]",))
     assert np.linalg.norm(J @ command.qdd - b) <= (1e-6 if part == 0.3 else 1e-9)
@@ -331,10 +360,15 @@ def test_a_part_below_the_rank_tolerance_is_none(solver):
 
 @pytest.mark.parametrize("solver", ["auto", "daqp"])
 def test_level_two_is_strict_for_redundant_arms_with_several_rows(solver):
-    """Seven joints, rows that see little of what the task leaves free, in numbers that the oracle can tell apart."""
+    """Seven joints, rows that see little of what the task leaves free, in numbers that the oracle
+    can tell apart.
+    """
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        J, b, A, c = rng.normal(size=(6, 7)), rng.normal(size=6), rng.normal(size=(3, 7)), rng.normal(size=3)
+        J = rng.normal(size=(6, 7))
+        b = rng.normal(size=6)
+        A = rng.normal(size=(3, 7))
+        c = rng.normal(size=3)
         free = np.linalg.svd(J)[2][6]
         A += np.outer((rng.choice([0.03, 0.1, 1.0], 3) - 1.0) * (A @ free), free)
         problem = Problem(A, c, np.ones(3), J, b)
@@ -347,10 +381,14 @@ def test_level_two_is_strict_for_redundant_arms_with_several_rows(solver):
 @pytest.mark.parametrize("n", [7, 12, 30])
 @pytest.mark.parametrize("beside", [0.0, 1e-2])
 def test_a_row_about_the_hand_of_a_redundant_arm_costs_the_task_what_it_must(beside, n, solver):
-    """By hand: least ‖J x − b‖ on a·x = c, within the span of J; a row that moves beside it costs the task nothing."""
-    random, tolerance = np.random.default_rng(n), 1e-9 if solver == "auto" else 1e-6
+    """By hand: least ‖J x − b‖ on a·x = c, within the span of J; a row that moves beside it costs
+    the task nothing.
+    """
+    random = np.random.default_rng(n)
+    tolerance = 1e-9 if solver == "auto" else 1e-6
     for _ in range(20):
-        J, b = random.normal(size=(6, n)), random.normal(size=6)
+        J = random.normal(size=(6, n))
+        b = random.normal(size=6)
         a = random.normal(size=6) @ J
         a /= np.linalg.norm(a)
         null = np.eye(n)[0] - np.linalg.pinv(J) @ J[:, 0]
@@ -372,29 +410,40 @@ def test_a_row_about_the_hand_of_a_redundant_arm_costs_the_task_what_it_must(bes
 
 @pytest.mark.parametrize("solver", ["auto", "daqp"])
 def test_a_row_that_only_the_way_of_the_hand_exceeds_is_met_by_the_rest_of_the_arm(solver):
-    """By hand: the task yields to the first row alone, and the null space then takes the second to its bound."""
+    """By hand: the task yields to the first row alone, and the null space then takes the second to
+    its bound.
+    """
     for seed in range(20):
         random = np.random.default_rng(seed)
-        J, b, d = random.normal(size=(6, 7)), random.normal(size=6), random.normal(size=7)
-        a, tracking, W = random.normal(size=6) @ J, np.linalg.pinv(J) @ b, np.linalg.pinv(J.T @ J)
+        J = random.normal(size=(6, 7))
+        b = random.normal(size=6)
+        d = random.normal(size=7)
+        a = random.normal(size=6) @ J
+        tracking = np.linalg.pinv(J) @ b
+        W = np.linalg.pinv(J.T @ J)
         x = tracking - W @ a * 0.5 / (a @ W @ a)
         d *= np.sign(d @ (x - tracking))
         bounds = [a @ tracking - 0.5, 0.5 * d @ (x + tracking)]
         Z = np.eye(7) - np.linalg.pinv(J) @ J
         x = x - Z @ d * (d @ x - bounds[1]) / (d @ Z @ d)
         command = simple([a, d], bounds, J, b, solver=solver)
-        np.testing.assert_allclose(command.qdd, x, atol=(1e-9 if solver == "auto" else 1e-6) * np.linalg.norm(x))
+        np.testing.assert_allclose(
+            command.qdd, x, atol=(1e-9 if solver == "auto" else 1e-6) * np.linalg.norm(x)
+        )
         assert command.acted.all()
 
 
 @pytest.mark.parametrize("gain", [1e-2, 1e-3, 3e-5, 1e-5])
 def test_nearly_singular_redundant_arms_answer_alike_by_both_descents(gain):
-    """Below √damping level 2 does not ask for all that it could get: up to five times as far away otherwise."""
+    """Below √damping level 2 does not ask for all that it could get: up to five times as far away
+    otherwise.
+    """
     for seed in range(15):
         random = np.random.default_rng(seed)
         U, V = (np.linalg.qr(random.normal(size=(n, n)))[0] for n in (6, 7))
         J = (U * [1.0, 0.8, 0.6, 0.5, 0.4, gain]) @ V[:6]
-        b, a = J @ random.normal(size=7), random.normal(size=6) @ V[:6]
+        b = J @ random.normal(size=7)
+        a = random.normal(size=6) @ V[:6]
         a -= 0.99 * (a @ V[5]) * V[5]
         c = a @ np.linalg.pinv(J, rcond=1e-9) @ b - 0.5
         one, other = (simple([a], [c], J, b, solver=solver).qdd for solver in ("auto", "daqp"))
@@ -408,11 +457,15 @@ def test_nearly_singular_redundant_arms_answer_alike_by_both_descents(gain):
 def test_nearly_opposite_rows_cost_neither_an_answer_nor_much_time(bound, apart, n, pairs):
     for seed in range(40):
         rng = np.random.default_rng(seed)
-        J, b, A, c = rng.normal(size=(6, n)), rng.normal(size=6), rng.normal(size=(pairs, n)), rng.normal(size=pairs)
+        J = rng.normal(size=(6, n))
+        b = rng.normal(size=6)
+        A = rng.normal(size=(pairs, n))
+        c = rng.normal(size=pairs)
         A = np.vstack([A, apart * rng.normal(size=A.shape) - A])
         problem = Problem(A, np.concatenate([c, -c]), np.ones(2 * pairs), J, b, bound)
         command = command_of(problem)
-        # two rows for each pair, and what the box adds: no other solver is asked, and this one does not wander
+        # two rows for each pair, and what the box adds: no other solver is asked, and this one does
+        # not wander
         assert command.status in ("ok", "relaxed"), (seed, command.reason)
         assert (command.fallback, command.solver in ("", "compiled")) == ("", True)
         assert command.iterations <= 60
@@ -427,7 +480,9 @@ def test_nearly_opposite_rows_cost_neither_an_answer_nor_much_time(bound, apart,
 
 def test_barrier_rows_demand_decay_of_phi():
     rng = np.random.default_rng(0)
-    rows = Rows(rng.normal(size=3), rng.normal(size=(3, 4)), rng.normal(size=3), np.ones(3), ("a", "b", "c"))
+    rows = Rows(
+        rng.normal(size=3), rng.normal(size=(3, 4)), rng.normal(size=3), np.ones(3), ("a", "b", "c")
+    )
     task = Task(np.eye(4), 10.0 * rng.normal(size=4))
     command = HierarchicalQP(alpha=3.0).command(rows, task)
     assert command.status == "ok"
@@ -445,7 +500,9 @@ def test_active_rows_demand_the_switching_gain_where_phi_is_not_negative():
         switching_gain=np.array([2.0, 3.0, 4.0]),
         labels=("a", "b", "c"),
     )
-    command = HierarchicalQP(rows="active").command(rows, Task(np.eye(3), np.array([1.0, 1.0, -9.0])))
+    command = HierarchicalQP(rows="active").command(
+        rows, Task(np.eye(3), np.array([1.0, 1.0, -9.0]))
+    )
     np.testing.assert_allclose(command.qdd, [-2.0, 1.0, -9.0], atol=1e-8)
     assert command.active == ("a",)  # c moves away faster than it must
     np.testing.assert_array_equal(command.slack, np.zeros(3))
@@ -519,19 +576,24 @@ def test_without_resistance_the_command_is_that_of_tracking_bit_by_bit(form, k, 
 def test_the_command_leaves_tracking_continuously():
     rng = np.random.default_rng(1)
     for _ in range(20):
-        J, b, row = rng.normal(size=(4, 6)), rng.normal(size=4), rng.normal(size=(1, 6))
+        J = rng.normal(size=(4, 6))
+        b = rng.normal(size=4)
+        row = rng.normal(size=(1, 6))
         free = simple(row, [1e3], J, b).qdd
         for step in (1e-10, 1e-7, 1e-4):
             held = simple(row, [(row @ free).item() - step], J, b)
             assert held.active == ("row[0]",)
-            # The redundant directions move by at most the step divided by what the row sees of them.
+            # The redundant directions move by at most the step divided by what the row sees of
+            # them.
             seen = np.linalg.norm(row @ np.linalg.svd(J)[2][4:].T)
             assert np.linalg.norm(held.qdd - free) <= 1.01 * step / seen + 1e-12
 
 
 def test_a_singular_task_is_tracked_the_same_way_where_rows_act():
-    # The second direction is below the rank tolerance: null space for tracking, and no task for the QP.
-    J, b = np.diag([1.0, 1e-8]), [1.0, 1.0]
+    # The second direction is below the rank tolerance: null space for tracking, and no task for the
+    # QP.
+    J = np.diag([1.0, 1e-8])
+    b = [1.0, 1.0]
     command = simple([[1, 0]], [0.5], J, b)
     np.testing.assert_allclose(command.qdd, [0.5, 0.0], atol=1e-9)
 
@@ -540,7 +602,9 @@ def test_a_singular_task_is_tracked_the_same_way_where_rows_act():
 def test_no_task_at_all(k):
     command = simple([[1, 1]], [-2.0], J=np.zeros((k, 2)), b=np.zeros(k))
     np.testing.assert_allclose(command.qdd, [-1.0, -1.0], atol=1e-8)
-    np.testing.assert_array_equal(simple([[1, 1]], [2.0], J=np.zeros((k, 2)), b=np.zeros(k)).qdd, [0.0, 0.0])
+    np.testing.assert_array_equal(
+        simple([[1, 1]], [2.0], J=np.zeros((k, 2)), b=np.zeros(k)).qdd, [0.0, 0.0]
+    )
 
 
 # --- tracking itself ---
@@ -549,11 +613,14 @@ def test_no_task_at_all(k):
 @pytest.mark.parametrize(("k", "n"), [(8, 6), (6, 6), (2, 7), (1, 1)])
 def test_tracking_is_the_pseudoinverse(k, n):
     rng = np.random.default_rng(n)
-    J, b = rng.normal(size=(k, n)), rng.normal(size=k)
+    J = rng.normal(size=(k, n))
+    b = rng.normal(size=k)
     solution = least_norm(J, b, 1e-6)
     np.testing.assert_allclose(solution.qdd, np.linalg.pinv(J) @ b, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(solution.directions @ solution.directions.T, np.eye(n), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(J @ solution.directions, axis=0), solution.gains, atol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(J @ solution.directions, axis=0), solution.gains, atol=1e-12
+    )
 
 
 def test_tracking_stays_bounded_through_a_singularity():
@@ -574,13 +641,16 @@ def test_tracking_stays_bounded_through_a_singularity():
     box=st.sampled_from([None, 2.0]),
     form=st.sampled_from(["barrier", "active"]),
 )
-def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checked(shape, data, box, form):
+def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checked(
+    shape, data, box, form
+):
     m, k, n = shape
     number = st.one_of(st.floats(-1e3, 1e3), st.sampled_from([0.0, 1.0, -1.0, 1e-9]))
     phi, Lf = (data.draw(arrays.arrays(float, m, elements=number)) for _ in range(2))
     Lg = data.draw(arrays.arrays(float, (m, n), elements=number))
     task = Task(
-        data.draw(arrays.arrays(float, (k, n), elements=number)), data.draw(arrays.arrays(float, k, elements=number))
+        data.draw(arrays.arrays(float, (k, n), elements=number)),
+        data.draw(arrays.arrays(float, k, elements=number)),
     )
     rows = Rows(phi, Lg, Lf, np.ones(m), tuple(f"row[{i}]" for i in range(m)))
     command = HierarchicalQP(rows=form, max_acceleration=box).command(rows, task)
@@ -597,11 +667,19 @@ def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checke
         assert np.abs(command.qdd).max() <= box
 
 
-@given(exponents=st.tuples(*[st.sampled_from([-300, -160, 0, 160, 300])] * 4), seed=st.integers(0, 100))
+@given(
+    exponents=st.tuples(*[st.sampled_from([-300, -160, 0, 160, 300])] * 4), seed=st.integers(0, 100)
+)
 def test_numbers_beyond_the_range_fail_with_a_reason_or_are_refused(exponents, seed):
     rng = np.random.default_rng(seed)
     a, c, j, b = (10.0**exponent for exponent in exponents)
-    rows = Rows(c * rng.normal(size=3), a * rng.normal(size=(3, 2)), np.zeros(3), np.ones(3), ("a", "b", "c"))
+    rows = Rows(
+        c * rng.normal(size=3),
+        a * rng.normal(size=(3, 2)),
+        np.zeros(3),
+        np.ones(3),
+        ("a", "b", "c"),
+    )
     task = Task(j * rng.normal(size=(2, 2)), b * rng.normal(size=2))
     if (rows.phi > FARTHEST).any():
         with pytest.raises(InvalidInput, match="no law can compute with φ beyond"):
@@ -618,12 +696,17 @@ def test_numbers_beyond_the_range_fail_with_a_reason_or_are_refused(exponents, s
 def test_the_order_of_rows_does_not_matter(kind, seed):
     problem = random_problem(kind, seed)
     order = np.random.default_rng(seed).permutation(len(problem.c))
-    shuffled = replace(problem, A=problem.A[order], c=problem.c[order], weights=problem.weights[order])
-    first, second = command_of(problem), command_of(shuffled)
+    shuffled = replace(
+        problem, A=problem.A[order], c=problem.c[order], weights=problem.weights[order]
+    )
+    first = command_of(problem)
+    second = command_of(shuffled)
     assert first.status == second.status
     # The solver meets rows within 1e-8 of the way to go; a nearly singular vertex multiplies that.
     np.testing.assert_allclose(second.qdd, first.qdd, atol=1e-6 * (1.0 + np.linalg.norm(first.qdd)))
-    np.testing.assert_allclose(second.slack, first.slack[order], atol=1e-7 * (1.0 + first.slack.max(initial=0.0)))
+    np.testing.assert_allclose(
+        second.slack, first.slack[order], atol=1e-7 * (1.0 + first.slack.max(initial=0.0))
+    )
 
 
 @given(
@@ -637,7 +720,9 @@ def test_the_scale_of_rows_that_are_met_does_not_matter(kind, seed, exponent):
     factors = np.where(command.slack > 0.0, 1.0, 10.0**exponent)
     scaled = command_of(replace(problem, A=problem.A * factors[:, None], c=problem.c * factors))
     assert scaled.status == command.status
-    np.testing.assert_allclose(scaled.qdd, command.qdd, atol=1e-6 * (1.0 + np.linalg.norm(command.qdd)))
+    np.testing.assert_allclose(
+        scaled.qdd, command.qdd, atol=1e-6 * (1.0 + np.linalg.norm(command.qdd))
+    )
 
 
 @given(seed=st.integers(0, 1000), factor=st.sampled_from([1e-9, 1e-3, 1e3, 1e9]))
@@ -645,12 +730,19 @@ def test_the_unit_of_the_task_does_not_matter(seed, factor):
     problem = random_problem("feasible", seed)
     command = command_of(problem)
     scaled = command_of(replace(problem, J=factor * problem.J, b=factor * problem.b))
-    np.testing.assert_allclose(scaled.qdd, command.qdd, atol=1e-6 * (1.0 + np.linalg.norm(command.qdd)))
+    np.testing.assert_allclose(
+        scaled.qdd, command.qdd, atol=1e-6 * (1.0 + np.linalg.norm(command.qdd))
+    )
 
 
-@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "proxqp"])  # repeats itself to rounding only
+# repeats itself to rounding only
+@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "proxqp"])
 def test_the_same_calls_give_the_same_commands_bit_by_bit(name):
-    problems = [random_problem(kind, seed) for kind in ("feasible", "conflicting", "box") for seed in range(5)]
+    problems = [
+        random_problem(kind, seed)
+        for kind in ("feasible", "conflicting", "box")
+        for seed in range(5)
+    ]
     inputs = [rows_and_task(problem) for problem in problems]
     law = HierarchicalQP(alpha=ALPHA, solver=name)
     first = [law.command(*each) for each in inputs]
@@ -658,7 +750,11 @@ def test_the_same_calls_give_the_same_commands_bit_by_bit(name):
     for each, before in zip(inputs, first, strict=True):
         again = law.command(*each)
         np.testing.assert_array_equal(again.qdd, before.qdd)
-        assert (again.iterations, again.fallback, again.reason) == (before.iterations, before.fallback, before.reason)
+        assert (again.iterations, again.fallback, again.reason) == (
+            before.iterations,
+            before.fallback,
+            before.reason,
+        )
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -667,7 +763,9 @@ def test_a_warm_start_does_not_change_the_command(name):
     problem = random_problem("feasible", 3)
     warm = controller(problem, solver=name)
     for _ in range(20):  # a slow drift, as from one sample to the next
-        problem = replace(problem, A=problem.A + 1e-3 * rng.normal(size=problem.A.shape), b=problem.b + 1e-3)
+        problem = replace(
+            problem, A=problem.A + 1e-3 * rng.normal(size=problem.A.shape), b=problem.b + 1e-3
+        )
         cold = command_of(problem, solver=name)
         kept = warm.command(*rows_and_task(problem))
         assert cold.solver
@@ -689,8 +787,11 @@ def counting(answer):
 
 
 def test_where_all_others_give_up_quadprog_answers():
-    """Rows three times as large as others, opposite ones and one that is zero, found by random search."""
-    problem, rng = random_problem("zero rows", 1638), np.random.default_rng(1638)
+    """Rows three times as large as others, opposite ones and one that is zero, found by random
+    search.
+    """
+    problem = random_problem("zero rows", 1638)
+    rng = np.random.default_rng(1638)
     rng.random()
     A = np.vstack((problem.A, 3.0 * problem.A[:1], -problem.A[1:2], np.zeros((1, 6))))
     last = -0.2 if rng.random() < 0.5 else 0.2
@@ -700,7 +801,9 @@ def test_where_all_others_give_up_quadprog_answers():
     assert (command.status, command.solver) == ("relaxed", "quadprog")
     assert command.fallback
     for found, expected in zip(
-        problem.objectives(command.qdd), problem.objectives(lexicographic_optimum(problem)), strict=True
+        problem.objectives(command.qdd),
+        problem.objectives(lexicographic_optimum(problem)),
+        strict=True,
     ):
         assert found == pytest.approx(expected, rel=1e-6)
 
@@ -709,11 +812,15 @@ def test_where_all_others_give_up_quadprog_answers():
 @pytest.mark.parametrize("size", [1.0, 1e-4, 1e-6, 1e-8])
 def test_no_row_is_given_for_met_that_rounding_leaves_unmet(size, solver):
     """A task that asks for accelerations up to 1e8 times those that the box allows."""
-    law, failed = HierarchicalQP(rows="active", max_acceleration=3.0, solver=solver), 0
+    law = HierarchicalQP(rows="active", max_acceleration=3.0, solver=solver)
+    failed = 0
     for seed in range(60):
         rng = np.random.default_rng(seed)
-        n, m, k = int(rng.integers(2, 13)), int(rng.integers(1, 6)), int(rng.integers(1, 3))
-        Lg, gain = rng.normal(size=(m, n)), rng.uniform(0.1, 5.0, m)
+        n = int(rng.integers(2, 13))
+        m = int(rng.integers(1, 6))
+        k = int(rng.integers(1, 3))
+        Lg = rng.normal(size=(m, n))
+        gain = rng.uniform(0.1, 5.0, m)
         rows = Rows(np.ones(m), Lg, np.zeros(m), gain, tuple(f"row {i}" for i in range(m)))
         command = law.command(rows, Task(size * rng.normal(size=(k, n)), rng.normal(size=k)))
         failed += command.status == "failed"
@@ -732,7 +839,10 @@ def test_small_demands_are_met_as_large_ones_are(size, solver):
     for seed in range(20):
         problem = random_problem("feasible", seed)
         small = replace(problem, c=size * problem.c, b=size * problem.b)
-        assert command_of(small, solver=solver).status in ("ok", command_of(problem, solver=solver).status)
+        assert command_of(small, solver=solver).status in (
+            "ok",
+            command_of(problem, solver=solver).status,
+        )
 
 
 LIES = {
@@ -783,7 +893,8 @@ def test_if_all_lie_the_levels_are_found_without_them_and_the_command_says_so(li
     np.testing.assert_allclose(command.qdd, [0.5, 2.0], atol=1e-8)
     assert (command.status, command.active, command.solver) == ("ok", ("row[0]",), "")
     assert "no solver gave an answer that passes the check" in command.fallback
-    # of two joints that the task leaves free the least acceleration is level 3, and that is for solvers
+    # of two joints that the task leaves free the least acceleration is level 3, and that is for
+    # solvers
     command = simple([[1, 1, 1]], [-2.0], J=[[1, 0, 0]], b=[3.0], solver="daqp")
     assert command.status == "suboptimal"
     assert command.reason.startswith("level 3: no solver gave an answer that passes the check")
@@ -833,10 +944,22 @@ def test_reset_forgets_failures(monkeypatch):
         ({"damping": -1e-8}, ("damping must be a positive",)),
         ({"max_acceleration": float("inf")}, ("max_acceleration must be a positive",)),
         ({"weights": {"fov": 0.0}}, ("weights['fov'] must be a positive",)),
-        ({"weights": {"fov": 1e150}}, ("weights['fov'] must be between 1e-10 and 1e+10, not 1e+150", "rounding")),
-        ({"weights": {"fov": 1e-150}}, ("weights['fov'] must be between 1e-10 and 1e+10, not 1e-150",)),
-        ({"weights": {1: 2.0}}, ("weights must map beginnings of labels to numbers, not {1: 2.0}",)),
-        ({"weights": {"fov": np.float64(0.0)}}, ("weights['fov'] must be a positive, finite number, not 0.0",)),
+        (
+            {"weights": {"fov": 1e150}},
+            ("weights['fov'] must be between 1e-10 and 1e+10, not 1e+150", "rounding"),
+        ),
+        (
+            {"weights": {"fov": 1e-150}},
+            ("weights['fov'] must be between 1e-10 and 1e+10, not 1e-150",),
+        ),
+        (
+            {"weights": {1: 2.0}},
+            ("weights must map beginnings of labels to numbers, not {1: 2.0}",),
+        ),
+        (
+            {"weights": {"fov": np.float64(0.0)}},
+            ("weights['fov'] must be a positive, finite number, not 0.0",),
+        ),
         ({"weights": [np.float64(2.0)]}, ("to numbers, not [2.0]",)),
         ({"alpha": np.float64("inf")}, ("alpha must be a positive, finite number, not inf",)),
         ({"alpha": 10**400}, ("alpha must be a positive",)),
@@ -881,10 +1004,14 @@ def test_a_weight_that_concerns_no_row_is_told_of(solver, kind):
     law = HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0, "rwo[1]": 5.0})
     assert law.command(rows, task).remark == "weights that begin no row's label: 'rwo[1]'"
     assert law.command(rows, task).fallback == ""
-    assert HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0}).command(rows, task).remark == ""
+    assert (
+        HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0}).command(rows, task).remark
+        == ""
+    )
     # no constraint at all is no typing error
     assert law.command(Rows.none(task.J.shape[1]), task).remark == ""
-    acted, qdd = np.empty(len(rows.labels), dtype=bool), np.empty(task.J.shape[1])
+    acted = np.empty(len(rows.labels), dtype=bool)
+    qdd = np.empty(task.J.shape[1])
     bound = law.bind(rows, task, acted, qdd)
     assert (bound is None) == (NAMES.get(solver, solver) == "daqp")
     if bound is not None:
@@ -900,14 +1027,17 @@ def test_weights_go_by_the_longest_beginning_of_the_label():
 
 
 def test_labels_that_are_no_names_are_refused_where_the_answer_names_rows():
-    """A row that no acceleration influences, so that the compiled form has something to say of it."""
+    """A row that no acceleration influences, so that the compiled form has something to say of
+    it.
+    """
     rows = Rows(np.ones(2), np.array([[1.0], [0.0]]), np.zeros(2), np.ones(2), (0, 1))
     with pytest.raises(InvalidInput, match="labels"):
         HierarchicalQP(rows="active").command(rows, Task(np.eye(1), np.zeros(1)))
 
 
 def test_each_code_of_the_compiled_answer_has_its_status() -> None:
-    slack, acted = np.array([0.5, 0.0]), np.zeros(2, dtype=np.bool_)
+    slack = np.array([0.5, 0.0])
+    acted = np.zeros(2, dtype=np.bool_)
     codes = (
         (SOLVED, "ok", False),
         (RELAXED_ROWS, "relaxed", False),

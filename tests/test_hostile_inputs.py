@@ -1,4 +1,6 @@
-"""Inputs that are none: each is refused with an error of this package that says what, where, and what is right."""
+"""Inputs that are none: each is refused with an error of this package that says what, where, and
+what is right.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,9 @@ def hurry() -> Iterator[None]:
 @pytest.mark.usefixtures("hurry")
 @pytest.mark.parametrize("kind", NO_FILES)
 @pytest.mark.parametrize("reader", READERS)
-def test_what_is_no_file_is_refused_and_never_waited_for(kind: str, reader: str, tmp_path: Path) -> None:
+def test_what_is_no_file_is_refused_and_never_waited_for(
+    kind: str, reader: str, tmp_path: Path
+) -> None:
     path = NO_FILES[kind](tmp_path)
     with pytest.raises(ConfigurationError) as told:
         READERS[reader](path)
@@ -130,8 +134,12 @@ WEIGHTS = {
     "an array of 8 TB": _archive(("W0.npy", _array(HUGE))),
     "a header that is no Python": _archive(("W0.npy", _array("{'descr': '<f8"))),
     "a header with an open bracket": _archive(("W0.npy", _array("(((("))),
-    "another type": _archive(("W0.npy", _array("{'descr': 'x9', 'fortran_order': False, 'shape': (1,), }"))),
-    "a negative shape": _archive(("W0.npy", _array("{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }"))),
+    "another type": _archive(
+        ("W0.npy", _array("{'descr': 'x9', 'fortran_order': False, 'shape': (1,), }"))
+    ),
+    "a negative shape": _archive(
+        ("W0.npy", _array("{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }"))
+    ),
     "a version that is not known": _archive(("W0.npy", b"\x93NUMPY\x09\x00")),
     "no array": _archive(("W0.npy", b"text")),
 }
@@ -141,11 +149,15 @@ WEIGHTS = {
 def test_weights_that_are_none_are_refused(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "weights.npz"
     path.write_bytes(WEIGHTS[kind])
-    with pytest.raises(ConfigurationError, match=r"weights\.npz: no weights can be read: .+numpy\.savez writes"):
+    with pytest.raises(
+        ConfigurationError, match=r"weights\.npz: no weights can be read: .+numpy\.savez writes"
+    ):
         read_weights(path)
 
 
-def test_weights_that_expand_to_more_than_they_may_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_that_expand_to_more_than_they_may_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(policy, "MAX_BYTES", 10_000_000)
     np.savez_compressed(tmp_path / "weights.npz", W0=np.zeros((1500, 1000)), b0=np.zeros(1500))
     assert (tmp_path / "weights.npz").stat().st_size < 100_000
@@ -176,7 +188,9 @@ def test_a_law_that_cannot_begin_fails_and_its_exception_is_told() -> None:
 def test_a_sampling_time_that_is_none_is_refused(Ts: float) -> None:
     scenario = Scenario.load("example-2d-fov").with_override("sampling_time", Ts)
     for duration in (15.0, 10.0 * Ts):
-        with pytest.raises(VsconstraintsError, match=r"sampling_time must be 1e-09 s or more, not .* in seconds"):
+        with pytest.raises(
+            VsconstraintsError, match=r"sampling_time must be 1e-09 s or more, not .* in seconds"
+        ):
             scenario.with_override("duration", duration).setup()
 
 
@@ -192,7 +206,9 @@ def test_thousands_of_rows_that_are_violated_at_the_start_are_counted() -> None:
     start = setup.world().evaluate(0.0, setup.q0, setup.qd0)
     zero = np.zeros(2000)
     labels = [f"row {i}" for i in range(2000)]
-    rows = SimpleNamespace(labels=labels, phi=zero, Lf=zero, Lg=np.zeros((2000, setup.scene.robot.n)))
+    rows = SimpleNamespace(
+        labels=labels, phi=zero, Lf=zero, Lg=np.zeros((2000, setup.scene.robot.n))
+    )
     violated = SimpleNamespace(pixels=start.pixels, rows=rows, sigma=np.ones(2000))
     world: Any = SimpleNamespace(evaluate=lambda *state: violated)
     remarks = [text for text in setup.check_start(world) if "violated at the start" in text]
@@ -202,10 +218,13 @@ def test_thousands_of_rows_that_are_violated_at_the_start_are_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "coarse"), [((640.0, 480.0), False), ((3840.0, 2160.0), False), ((6400.0, 4800.0), True)]
+    ("size", "coarse"),
+    [((640.0, 480.0), False), ((3840.0, 2160.0), False), ((6400.0, 4800.0), True)],
 )
 def test_the_grid_of_a_large_image_is_bounded(size: tuple[float, float], coarse: bool) -> None:
-    """The curve is found all the same, to less than a hundredth of a pixel, and of ordinary cameras as before."""
+    """The curve is found all the same, to less than a hundredth of a pixel, and of ordinary cameras
+    as before.
+    """
     points = []
 
     def sigma(uv: Any) -> Any:
@@ -261,7 +280,15 @@ def test_columns_of_a_study_that_hold_something_else(what: str, table: Any, tmp_
             refused[name] = str(error)
     assert all("study.parquet" in text for text in refused.values())
     if what == "empty":
-        assert {"family", "scene", "condition", "controller", "joints", "constraints", "status"} <= {*refused}
+        assert {
+            "family",
+            "scene",
+            "condition",
+            "controller",
+            "joints",
+            "constraints",
+            "status",
+        } <= {*refused}
 
 
 @pytest.mark.parametrize(
@@ -269,11 +296,15 @@ def test_columns_of_a_study_that_hold_something_else(what: str, table: Any, tmp_
     [("requires", {"sliding-mode": 3}), ("requires", {}), ("frozen", {"ur5": 3}), ("files", {"a": 1}), ("files", 1),
      ("controllers", {"sliding-mode": 3})],
 )  # fmt: skip
-def test_facts_of_a_study_that_are_something_else(key: str, value: object, table: Any, tmp_path: Path) -> None:
+def test_facts_of_a_study_that_are_something_else(
+    key: str, value: object, table: Any, tmp_path: Path
+) -> None:
     path = tmp_path / "study.parquet"
     facts = json.loads(table.schema.metadata[b"vsconstraints"])
     changed = json.dumps({**facts, key: value}).encode()
-    pq.write_table(table.replace_schema_metadata({**table.schema.metadata, b"vsconstraints": changed}), path)
+    pq.write_table(
+        table.replace_schema_metadata({**table.schema.metadata, b"vsconstraints": changed}), path
+    )
     with pytest.raises(ConfigurationError):
         Study.load(path)
 
@@ -288,7 +319,9 @@ def servo() -> ServoEnv:
 
 @pytest.mark.parametrize("scene", [1.5, 3, -1, "x", True, None, float("nan"), 10**30, [1]])
 def test_scenes_that_an_environment_does_not_have(scene: object, servo: ServoEnv) -> None:
-    with pytest.raises(ConfigurationError, match="planar-arm: scene must be an integer from 0 to 2"):
+    with pytest.raises(
+        ConfigurationError, match="planar-arm: scene must be an integer from 0 to 2"
+    ):
         servo.reset(options={"scene": scene})
     assert servo.reset(options={"scene": np.int64(2)})[1]["scene"] == 2
 
@@ -333,7 +366,11 @@ IMAGES: dict[str, Any] = {
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_arrays_that_are_no_images(kind: str, detector: str) -> None:
     found = DETECTORS[detector]()
-    with pytest.raises(InvalidInput, match=r"an image must be an array \(H, W\) of grey levels, uint8, not"):
+    with pytest.raises(
+        InvalidInput, match=r"an image must be an array \(H, W\) of grey levels, uint8, not"
+    ):
         found.find(IMAGES[kind])
-    with pytest.raises(InvalidInput, match=r"an image must be an array \(H, W\) of grey levels, uint8, not"):
+    with pytest.raises(
+        InvalidInput, match=r"an image must be an array \(H, W\) of grey levels, uint8, not"
+    ):
         locate_board(IMAGES[kind], found, None, None)  # type: ignore[arg-type]

@@ -1,4 +1,6 @@
-"""Rendered boards of tags: against OpenCV's projection, found by both detectors, and what detections say."""
+"""Rendered boards of tags: against OpenCV's projection, found by both detectors, and what
+detections say.
+"""
 
 from __future__ import annotations
 
@@ -22,46 +24,66 @@ from vsconstraints.vision.images.settings import ImageSettings
 from vsconstraints.vision.images.tag_pose import TagPose, board_pose, locate_board
 
 SIDE = 0.14
-MARKERS = 0.5 * SIDE * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+MARKERS = (
+    0.5 * SIDE * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+)
 PINHOLE = Camera((600.0, 600.0), (640.0, 480.0))
 CLEAN = ImageSettings(noise=0.0)
 ABOVE = np.array([0.0, 0.0, 0.5])
 BOARD = Board.of_markers(MARKERS, ABOVE, None, None)
 
 
-def looking_down(x: float = 0.0, y: float = 0.0, z: float = 0.4, roll: float = 0.0, tilt: float = 0.0) -> Pose:
-    """A camera above the middle of the board, or beside that, turned about its axis and then tilted."""
+def looking_down(
+    x: float = 0.0, y: float = 0.0, z: float = 0.4, roll: float = 0.0, tilt: float = 0.0
+) -> Pose:
+    """A camera above the middle of the board, or beside that, turned about its axis and then
+    tilted.
+    """
     return Pose.from_xyz_rpy((x, y, z), (np.pi + tilt, 0.5 * tilt, roll))
 
 
 def placed(rng: np.random.Generator) -> Pose:
     """One that sees all tags, 0.3 to 0.6 m away."""
-    roll, pitch, yaw = np.pi + rng.uniform(-0.35, 0.35), rng.uniform(-0.35, 0.35), rng.uniform(-3.0, 3.0)
+    roll = np.pi + rng.uniform(-0.35, 0.35)
+    pitch = rng.uniform(-0.35, 0.35)
+    yaw = rng.uniform(-3.0, 3.0)
     turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (roll, pitch, yaw))
-    return Pose(turned.R, -rng.uniform(0.3, 0.6) * turned.R[:, 2] + np.append(rng.uniform(-0.02, 0.02, 2), 0.0))
+    return Pose(
+        turned.R,
+        -rng.uniform(0.3, 0.6) * turned.R[:, 2] + np.append(rng.uniform(-0.02, 0.02, 2), 0.0),
+    )
 
 
-def taken(camera: Camera, pose: Pose, settings: ImageSettings = CLEAN, board: Board = BOARD, seed: int = 0) -> Pixels:
+def taken(
+    camera: Camera, pose: Pose, settings: ImageSettings = CLEAN, board: Board = BOARD, seed: int = 0
+) -> Pixels:
     return Renderer(board, camera, settings).render(lambda after: pose, np.random.default_rng(seed))
 
 
 def projected(camera: Camera, pose: Pose, points: Array = MARKERS) -> Array:
     """(m, 2) where OpenCV has points, from the top left corner by pixels' centres."""
     seen = pose.inverse
-    (fu, fv), (cu, cv) = camera.focal, camera.to_corner(camera.offset, "centres")
+    fu, fv = camera.focal
+    cu, cv = camera.to_corner(camera.offset, "centres")
     lens = None if camera.distortion is None else np.array(camera.distortion.coefficients)
     K = np.array([[fu, 0.0, cu], [0.0, fv, cv], [0.0, 0.0, 1.0]])
     return cv2.projectPoints(points, cv2.Rodrigues(seen.R)[0], seen.t, K, lens)[0][:, 0]
 
 
-def look(camera: Camera, image: Pixels, detector: str = "apriltag", board: Board = BOARD) -> TagPose:
+def look(
+    camera: Camera, image: Pixels, detector: str = "apriltag", board: Board = BOARD
+) -> TagPose:
     return locate_board(image, DETECTORS[detector](), board, camera)
 
 
 @cache
 def offsets(detector: str, noise: float) -> tuple[Array, Array]:
-    """(N, 2) found less true pixels on the sensor, and (N, 2) errors of the board's pose [m, rad], for 20 poses."""
-    rng, off, errors = np.random.default_rng(5), [], []
+    """(N, 2) found less true pixels on the sensor, and (N, 2) errors of the board's pose [m, rad],
+    for 20 poses.
+    """
+    rng = np.random.default_rng(5)
+    off = []
+    errors = []
     for k in range(20):
         pose = placed(rng)
         seen = look(PINHOLE, taken(PINHOLE, pose, ImageSettings(noise=noise), seed=k), detector)
@@ -108,26 +130,36 @@ def test_a_small_image_has_room_in_the_detector(size: tuple[int, int]) -> None:
 
 
 def test_a_detector_is_left_to_the_end_of_the_process() -> None:
-    """Destroyed by its package, it reads families that are freed already: processes crashed after their last line."""
+    """Destroyed by its package, it reads families that are freed already: processes crashed after
+    their last line.
+    """
     program = """
 import pupil_apriltags
 pupil_apriltags.Detector.__del__ = lambda self: print("destroyed" if self.tag_detector_ptr else "left")
 from vsconstraints.vision.images.detectors import apriltag
 apriltag()
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout == "left\n"
 
 
 def test_a_tag_that_fills_whole_pixels_is_drawn_on_them() -> None:
-    """F Z⁻¹ = 1000 px/m: cells of 7 mm are 7 px, and the first corner is at (250, 170) of 640 × 480."""
+    """F Z⁻¹ = 1000 px/m: cells of 7 mm are 7 px, and the first corner is at (250, 170) of 640 ×
+    480.
+    """
     camera = Camera((500.0, 500.0), (640.0, 480.0))
     image = taken(camera, looking_down(z=0.5), ImageSettings(noise=0.0, blur_px=1e-9))
     # seen from above with the x axis to the right, y is up: marker 4 is at the top left
     first = image[170:226, 250:306].reshape(8, 7, 8, 7)
-    bits = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 3, 8)
+    bits = cv2.aruco.generateImageMarker(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 3, 8
+    )
     # its first corner is at its marker: upright
-    np.testing.assert_allclose(first[:, 1:6, :, 1:6].mean(axis=(1, 3)), np.where(bits > 127, 220.0, 30.0))
+    np.testing.assert_allclose(
+        first[:, 1:6, :, 1:6].mean(axis=(1, 3)), np.where(bits > 127, 220.0, 30.0)
+    )
     # cells end where pixels do
     assert set(np.unique(first[0, :, 0])) == {30}
     assert (image[169, 250:306] == 220).all()
@@ -155,7 +187,9 @@ def test_a_lens_bends_the_image_as_opencvs_does(lens: Distortion) -> None:
 
 
 def test_rows_of_a_rolling_shutter_are_taken_one_after_the_other() -> None:
-    """0.2 m/s to the right at 0.4 m: 300 px/s, the image to the left; the middle row is as if at once."""
+    """0.2 m/s to the right at 0.4 m: 300 px/s, the image to the left; the middle row is as if at
+    once.
+    """
     settings = ImageSettings(noise=0.0, rolling_s=0.03)
 
     def where(after: float) -> Pose:
@@ -169,7 +203,9 @@ def test_rows_of_a_rolling_shutter_are_taken_one_after_the_other() -> None:
 
 
 def test_an_open_shutter_smears_about_the_middle() -> None:
-    """As above: 6 px wide, and corners stay where they are; across the motion edges are as sharp as before."""
+    """As above: 6 px wide, and corners stay where they are; across the motion edges are as sharp as
+    before.
+    """
     settings = ImageSettings(noise=0.0, exposure_s=0.02)
     image = Renderer(BOARD, PINHOLE, settings).render(
         lambda after: looking_down(x=0.2 * after), np.random.default_rng(0)
@@ -177,8 +213,10 @@ def test_an_open_shutter_smears_about_the_middle() -> None:
     still = taken(PINHOLE, looking_down())
     true = PINHOLE.from_corner(projected(PINHOLE, looking_down()), "centres")
     np.testing.assert_allclose(look(PINHOLE, image).pixels, true, atol=0.4)
-    # through the left edge of the black square of the first tag, whose border is three pixels and more wide
-    row, left = 150, 215
+    # through the left edge of the black square of the first tag, whose border is three pixels and
+    # more wide
+    row = 150
+    left = 215
 
     def width(line: Array) -> int:
         return int(((line > 40) & (line < 210)).sum())
@@ -211,7 +249,8 @@ def test_the_back_of_a_board_is_not_seen() -> None:
 
 
 def test_the_pose_of_exact_points_is_exact() -> None:
-    rng, flat = np.random.default_rng(3), BOARD.corners.reshape(-1, 2)
+    rng = np.random.default_rng(3)
+    flat = BOARD.corners.reshape(-1, 2)
     for _ in range(20):
         camera = BOARD.camera_in_board(placed(rng))
         P = (np.pad(flat, ((0, 0), (0, 1))) - camera.t) @ camera.R
@@ -222,9 +261,13 @@ def test_the_pose_of_exact_points_is_exact() -> None:
 
 
 def test_of_two_poses_the_expected_one_is_taken() -> None:
-    """A tag seen nearly along its normal, halfway between the images of two tilts that look alike."""
+    """A tag seen nearly along its normal, halfway between the images of two tilts that look
+    alike.
+    """
     flat = 0.5 * (BOARD.corners[0] - BOARD.corners[0].mean(axis=0))
-    solid, seen, tilted = np.pad(flat, ((0, 0), (0, 1))), [], []
+    solid = np.pad(flat, ((0, 0), (0, 1)))
+    seen = []
+    tilted = []
     for tilt in (0.3, -0.3):
         # the tag is on the optical axis, and the axes agree but for the tilt
         tilted.append(Pose.from_xyz_rpy((0.0, 0.0, 0.8), (tilt, 0.0, 0.0)).inverse)
@@ -258,8 +301,13 @@ def test_tags_that_are_not_seen_are_where_the_others_have_them() -> None:
 
 
 def test_a_tag_beyond_the_lens_leaves_the_others() -> None:
-    bent = Camera((600.0, 600.0), (640.0, 480.0), distortion=Distortion("brown-conrady", (-0.9, 0.0, 0.0, 0.0)))
-    pose, flat = looking_down(), BOARD.corners.reshape(-1, 2)
+    bent = Camera(
+        (600.0, 600.0),
+        (640.0, 480.0),
+        distortion=Distortion("brown-conrady", (-0.9, 0.0, 0.0, 0.0)),
+    )
+    pose = looking_down()
+    flat = BOARD.corners.reshape(-1, 2)
     P = (np.pad(flat, ((0, 0), (0, 1))) @ BOARD.pose.R.T + BOARD.pose.t - pose.t) @ pose.R
     corners = bent.to_corner(bent.distort(bent.pixels(P[:, :2] / P[:, 2:]))).reshape(4, 4, 2)
     corners[3, 0] = bent.to_corner(np.array([-bent.reach_px - 5.0, 0.0]))
@@ -276,22 +324,33 @@ def test_tags_of_something_else_are_left_out_and_named() -> None:
     seen = look(PINHOLE, taken(PINHOLE, pose, board=other))
     assert seen.seen.tolist() == [True, True, True, False]
     assert seen.foreign == (17,)
-    np.testing.assert_allclose(seen.pixels, PINHOLE.from_corner(projected(PINHOLE, pose), "centres"), atol=0.5)
+    np.testing.assert_allclose(
+        seen.pixels, PINHOLE.from_corner(projected(PINHOLE, pose), "centres"), atol=0.5
+    )
     # one that is there twice is no longer one of ours
-    twice = look(PINHOLE, taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [0, 1, 2, 2])))
+    twice = look(
+        PINHOLE, taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [0, 1, 2, 2]))
+    )
     assert twice.seen.tolist() == [True, True, False, False]
     assert twice.foreign == (2,)
-    swapped = look(PINHOLE, taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [1, 0, 2, 3])))
+    swapped = look(
+        PINHOLE, taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [1, 0, 2, 3]))
+    )
     assert swapped.unfit
     assert swapped.camera is None
-    none = look(PINHOLE, taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [10, 11, 12, 13])))
+    none = look(
+        PINHOLE,
+        taken(PINHOLE, pose, board=Board.of_markers(MARKERS, ABOVE, None, [10, 11, 12, 13])),
+    )
     assert none.foreign == (10, 11, 12, 13)
     assert none.camera is None
 
 
 def test_images_of_another_size_than_the_cameras_are_refused() -> None:
     half = Camera((300.0, 300.0), (320.0, 240.0))
-    with pytest.raises(InvalidInput, match=r"an image of 640 × 480 px, with a camera calibrated for 320 × 240 px"):
+    with pytest.raises(
+        InvalidInput, match=r"an image of 640 × 480 px, with a camera calibrated for 320 × 240 px"
+    ):
         look(half, taken(PINHOLE, looking_down()))
     with pytest.raises(ConfigurationError, match="whole numbers of pixels"):
         Renderer(BOARD, Camera((300.0, 300.0), (320.5, 240.0)), CLEAN)
@@ -319,13 +378,20 @@ def test_tags_are_between_the_markers() -> None:
     [
         (MARKERS[:2], None, None, "takes three markers or more, not 2"),
         (np.arange(9.0).reshape(3, 3), None, None, "not in one line"),
-        (MARKERS + np.diag((0.0, 0.0, 0.0, 0.02))[:, 1:], None, None, "in one plane: one is 5.02 mm away"),
+        (
+            MARKERS + np.diag((0.0, 0.0, 0.0, 0.02))[:, 1:],
+            None,
+            None,
+            "in one plane: one is 5.02 mm away",
+        ),
         (MARKERS, 0.07, None, "tags 1 and 2 with sides of 70 mm overlap"),
         (MARKERS, None, [1, 2, 3], "there are 4 markers, and 3 numbers of tags"),
         (np.vstack((MARKERS, np.zeros(3))), None, None, "away from their mean"),
     ],
 )
-def test_markers_that_are_no_board(markers: Array, side: float | None, ids: list[int] | None, message: str) -> None:
+def test_markers_that_are_no_board(
+    markers: Array, side: float | None, ids: list[int] | None, message: str
+) -> None:
     with pytest.raises(ConfigurationError, match=message):
         Board.of_markers(markers, ABOVE, side, ids)
 

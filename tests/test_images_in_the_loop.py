@@ -1,4 +1,6 @@
-"""What a controller is told that sees images: when, how it moves on, and what happens without any."""
+"""What a controller is told that sees images: when, how it moves on, and what happens without
+any.
+"""
 
 from __future__ import annotations
 
@@ -37,22 +39,33 @@ def sensor(setup: Setup) -> ImageSensor:
     return found
 
 
-def seen_on_the_way(there: Setup, until: float, speed: float = 0.3) -> tuple[list[float], list[float], list[float]]:
-    """Greatest errors of pixels, of the camera [m], and of depths [m], sample after sample, of an arm that moves."""
-    eye, control, errors = sensor(there), there.control(), []
+def seen_on_the_way(
+    there: Setup, until: float, speed: float = 0.3
+) -> tuple[list[float], list[float], list[float]]:
+    """Greatest errors of pixels, of the camera [m], and of depths [m], sample after sample, of an
+    arm that moves.
+    """
+    eye = sensor(there)
+    control = there.control()
+    errors = []
     direction = np.array([1.0, 0.3, -0.2, 0.5, 0.2, 1.0])
     for k in range(round(until / there.Ts)):
         t = k * there.Ts
-        q, qd = there.q0 + speed * t * direction, speed * direction
-        true, told = there.scene.evaluate(t, q, qd), control.evaluate_measured(t, q, qd, eye.measured(k, q, qd))
-        off, depth = np.abs(told.pixels - true.pixels.position).max(), control.packed.step.seen["depth"]
+        q = there.q0 + speed * t * direction
+        qd = speed * direction
+        true = there.scene.evaluate(t, q, qd)
+        told = control.evaluate_measured(t, q, qd, eye.measured(k, q, qd))
+        off = np.abs(told.pixels - true.pixels.position).max()
+        depth = control.packed.step.seen["depth"]
         place = Pose(told.camera_R, told.camera_t)
         errors.append((off, distance(place, true.camera)[0], np.abs(depth - true.depth).max()))
     return tuple(map(list, zip(*errors, strict=True)))  # type: ignore[return-value]
 
 
 def test_what_an_image_shows_moves_on_with_the_arm() -> None:
-    """300 px/s and more: held images are off by latency and period times that, moved ones by the detector's noise."""
+    """300 px/s and more: held images are off by latency and period times that, moved ones by the
+    detector's noise.
+    """
     moved, places, depths = seen_on_the_way(made(), 0.2)
     assert max(moved) < 0.5
     assert max(places) < 2e-3
@@ -93,7 +106,9 @@ def test_depth_is_what_is_asked_for() -> None:
 
 
 def test_every_law_sees_the_same_noise() -> None:
-    there, again, other = made(), made(), Scenario.load("ur5-images").setup(seed=1)
+    there = made()
+    again = made()
+    other = Scenario.load("ur5-images").setup(seed=1)
     state = there.scene.evaluate(0.0, there.q0, there.qd0)
     first = there.photographer().image(3, state)
     np.testing.assert_array_equal(first, again.photographer().image(3, state))
@@ -102,7 +117,9 @@ def test_every_law_sees_the_same_noise() -> None:
 
 
 def test_a_run_by_images_is_near_the_one_by_exact_pixels() -> None:
-    """Both forms, and both features; what is left is what 0.05 px at 0.5 m make, sample for sample."""
+    """Both forms, and both features; what is left is what 0.05 px at 0.5 m make, sample for
+    sample.
+    """
     for scene in ("ur5-fov", "ur5-image"):
         exact = simulate(made(0.3, scene), HierarchicalQP())
         images = simulate(made(0.3, scene, sensor="images"), HierarchicalQP())
@@ -113,14 +130,17 @@ def test_a_run_by_images_is_near_the_one_by_exact_pixels() -> None:
 
 @pytest.mark.parametrize(
     ("scene", "most"),
-    [("eye-to-hand-pbvs", 0.1), ("moving-target", 0.1), ("moving-target-unknown", 2.0), ("panda-fov", 0.3)],
+    [
+        ("eye-to-hand-pbvs", 0.1),
+        ("moving-target", 0.1),
+        ("moving-target-unknown", 2.0),
+        ("panda-fov", 0.3),
+    ],
 )
 def test_any_scene_with_markers_in_a_plane_can_be_seen(scene: str, most: float) -> None:
     """A motion that is not told leaves what it makes in the time until an image is there."""
-    exact, images = (
-        simulate(made(0.15, scene), SlidingMode()),
-        simulate(made(0.15, scene, sensor="images"), SlidingMode()),
-    )
+    exact = simulate(made(0.15, scene), SlidingMode())
+    images = simulate(made(0.15, scene, sensor="images"), SlidingMode())
     assert images.status == exact.status
     assert images.reason.startswith("still moving")
     off = np.abs(images.features_px - exact.features_px).max()
@@ -139,7 +159,11 @@ def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() 
     there = made(
         0.1,
         plant={"type": "dynamics"},
-        disturbances={"mount_translation_error": [0.002, 0.0, 0.0], "depth_factor": 1.1, "focal_factor": [1.01, 1.01]},
+        disturbances={
+            "mount_translation_error": [0.002, 0.0, 0.0],
+            "depth_factor": 1.1,
+            "focal_factor": [1.01, 1.01],
+        },
     )
     run = simulate(there, SlidingMode())
     assert run.status == "unfinished", run.reason
@@ -149,7 +173,9 @@ def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() 
 # --- nothing to see ---
 
 
-def blinded(monkeypatch: pytest.MonkeyPatch, first: int, last: int, duration: float, **settings: Any) -> Trajectory:
+def blinded(
+    monkeypatch: pytest.MonkeyPatch, first: int, last: int, duration: float, **settings: Any
+) -> Trajectory:
     """A run in which images of those numbers are grey."""
     usual = SceneRenderer.image
 
@@ -166,8 +192,11 @@ def test_without_images_the_arm_is_braked_and_goes_on_when_there_are_some(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
-    # the last one is taken at 0.1 s; at 0.1 + 0.03 + 0.034 + 0.05 s patience ends, at 0.434 + 0.03 s there is another
+        monkeypatch.setattr(
+            "vsconstraints.control.control_step.ControlStep.bound", lambda step: None
+        )
+    # the last one is taken at 0.1 s; at 0.1 + 0.03 + 0.034 + 0.05 s patience ends, at 0.434 + 0.03
+    # s there is another
     run = blinded(monkeypatch, 4, 12, 0.5, sensor__patience_s=0.05)
     assert run.status == "unfinished"
     assert "9 of 16 images could not be used, the first at 0.134 s" in run.reason
@@ -206,7 +235,10 @@ def test_what_occludes_stands_before_the_tags() -> None:
         "switching_gain": 1.0,
         "curve": {"shape": "circle", "radius": 60.0, "centre_px": [u, v]},
     }
-    for constraint, at_last in ((disc, False), ({**disc, "motion": {"velocity": [-2000.0, 0.0]}}, True)):
+    for constraint, at_last in (
+        (disc, False),
+        ({**disc, "motion": {"velocity": [-2000.0, 0.0]}}, True),
+    ):
         covered = made(constraints=[constraint])
         eye = sensor(covered)
         for k in range(60):
@@ -219,15 +251,20 @@ def test_what_occludes_stands_before_the_tags() -> None:
 # --- the images again ---
 
 
-def test_images_of_a_run_are_those_that_its_control_has_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_images_of_a_run_are_those_that_its_control_has_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     seen: list[Pixels] = []
     usual = SceneRenderer.image
     monkeypatch.setattr(
-        SceneRenderer, "image", lambda self, number, state: seen.append(usual(self, number, state)) or seen[-1]
+        SceneRenderer,
+        "image",
+        lambda self, number, state: seen.append(usual(self, number, state)) or seen[-1],
     )
     there = made(0.1)
     run = simulate(there, SlidingMode())
-    first, count = [image.copy() for image in seen], len(seen)
+    first = [image.copy() for image in seen]
+    count = len(seen)
     again = list(frames(there, run))
     assert [frame.number for frame in again] == [0, 1, 2, 3]
     np.testing.assert_allclose([frame.taken for frame in again], [0.0, 0.034, 0.068, 0.1])
@@ -243,10 +280,15 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     there = made(0.1, sensor__printed=[0, 1, 2, 9])
     run = simulate(there, SlidingMode())
     (tmp_path / "folder").mkdir()
-    for name in ("00004.png", "notes.txt"):  # of an earlier run, which was longer, and what else is there
+    # of an earlier run, which was longer, and what else is there
+    for name in ("00004.png", "notes.txt"):
         (tmp_path / "folder" / name).touch()
     counted: list[int] = []
-    assert write_frames(there, run, tmp_path / "folder", lambda: counted.append(1)) == len(counted) == 4
+    assert (
+        write_frames(there, run, tmp_path / "folder", lambda: counted.append(1))
+        == len(counted)
+        == 4
+    )
     (tmp_path / "folder" / "notes.txt").unlink()
     files = sorted((tmp_path / "folder").iterdir())
     assert [file.name for file in files] == ["00000.png", "00001.png", "00002.png", "00003.png"]
@@ -257,7 +299,10 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
         assert (film.n_frames, film.size) == (4, (320, 240))
     write_frames(there, run, tmp_path / "film.mp4")
     read = cv2.VideoCapture(str(tmp_path / "film.mp4"))
-    assert (read.get(cv2.CAP_PROP_FRAME_WIDTH), read.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (640.0, 480.0)
+    assert (read.get(cv2.CAP_PROP_FRAME_WIDTH), read.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (
+        640.0,
+        480.0,
+    )
     assert read.get(cv2.CAP_PROP_FRAME_COUNT) == 4.0
     # outlines of what is looked for are green, of anything else red
     picture = marked(written[0], {0, 1, 2}).astype(int)
@@ -273,7 +318,9 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
         command("no-such-scenario", tmp_path / "film.avi")
 
 
-def test_the_command_makes_images_of_any_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_makes_images_of_any_scenario(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "short.toml").write_text('extends = "ur5-fov"\nduration = 0.05\n', encoding="utf-8")
     command(str(tmp_path / "short.toml"), tmp_path / "images", "tracking")
     assert len(list((tmp_path / "images").glob("*.png"))) == 2
@@ -288,17 +335,26 @@ def test_the_command_makes_images_of_any_scenario(tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"sensor": "image"}, r"unknown type in ur5-images\.sensor 'image'\. Did you mean 'images'"),
+        (
+            {"sensor": "image"},
+            r"unknown type in ur5-images\.sensor 'image'\. Did you mean 'images'",
+        ),
         (
             {"sensor": {"type": "images", "rate": 3.0}},
             r"unknown key in ur5-images\.sensor 'rate'\. Did you mean 'rate_hz'",
         ),
         ({"sensor": {"rate_hz": 3.0}}, "the key 'type' is missing; it is one of images"),
         ({"sensor": "images", "sensor.rate": 3.0}, "unknown key in ur5-images.sensor 'rate'"),
-        ({"disturbances.pixel_noise": 0.1}, r"disturbances\.pixel_noise is of markers that are seen without images"),
+        (
+            {"disturbances.pixel_noise": 0.1},
+            r"disturbances\.pixel_noise is of markers that are seen without images",
+        ),
         ({"disturbances.delay": 1}, r"disturbances\.delay is of markers"),
         ({"sensor.tag_side_m": 0.2}, "overlap"),
-        ({"target": {"markers": [[0.5, 0.1, 0.0], [0.6, 0.1, 0.0]]}}, "takes three markers or more, not 2"),
+        (
+            {"target": {"markers": [[0.5, 0.1, 0.0], [0.6, 0.1, 0.0]]}},
+            "takes three markers or more, not 2",
+        ),
     ],
 )
 def test_sensors_that_cannot_be(change: dict[str, Any], message: str) -> None:
@@ -311,7 +367,10 @@ def test_sensors_that_cannot_be(change: dict[str, Any], message: str) -> None:
 
 def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vsconstraints.plugins.extras.find_spec", lambda module: None)
-    with pytest.raises(ConfigurationError, match=r"needs cv2, pupil_apriltags: pip install 'vsconstraints\[images\]'"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"needs cv2, pupil_apriltags: pip install 'vsconstraints\[images\]'",
+    ):
         made()
     with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):
         made(scene="ur5-fov").photographer()

@@ -1,4 +1,6 @@
-"""What the implicit switch with strict priorities promises, in one random start of each scenario of its suite."""
+"""What the implicit switch with strict priorities promises, in one random start of each scenario of
+its suite.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from vsconstraints.compiled import available
 SUITE = Suite.load(Path(__file__).parents[1] / "comparisons" / "implicit-switch.toml")
 
 LESS = {"panda-fov": 0.005}
-"""By how much less of the space than the paper's law, which lets rows overshoot, it may use in a scenario."""
+"""By how much less of the space than the paper's law, which lets rows overshoot, it may use in a
+scenario.
+"""
 
 
 @pytest.mark.skipif(not available(), reason="there is no compiler: this would take minutes")
@@ -26,8 +30,12 @@ def test_the_implicit_switch_keeps_the_papers_promise_without_its_price(scenario
         for spec in SUITE.with_baseline().runs()
         if (spec.name, spec.trial) == (scenario, 1)
     }
-    found: dict[str, dict[str, Any]] = {law: score(run, runs["tracking"]).result for law, run in runs.items()}
-    paper, barrier, switch = (found[law] for law in ("sliding-mode", "hierarchical-qp", "implicit-switch"))
+    found: dict[str, dict[str, Any]] = {
+        law: score(run, runs["tracking"]).result for law, run in runs.items()
+    }
+    paper, barrier, switch = (
+        found[law] for law in ("sliding-mode", "hierarchical-qp", "implicit-switch")
+    )
     assert (switch["status"], switch["violated"]) == ("converged", "")
     assert switch["acceleration_variation"] < 1.5 * barrier["acceleration_variation"]
     assert switch["acceleration_variation"] < 0.035 * paper["acceleration_variation"]

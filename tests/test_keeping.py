@@ -1,4 +1,6 @@
-"""Which trajectories stay, against a definition by sorting; and what a comparison prints at its end."""
+"""Which trajectories stay, against a definition by sorting; and what a comparison prints at its
+end.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +43,14 @@ def test_the_worst_is_the_first_of_the_deepest(lines: list[dict[str, Any]]) -> N
     kept = kept_lines(lines, "worst", *KINDS)
     for scenario in "st":
         for controller in "ab":
-            own = [line for line in lines if (line["scenario"], line["controller"]) == (scenario, controller)]
+            own = [
+                line
+                for line in lines
+                if (line["scenario"], line["controller"]) == (scenario, controller)
+            ]
             outside = [line for line in own if line["violation_depth"] > 0.0]
-            expected = sorted(outside, key=lambda line: -line["violation_depth"])[:1]  # sorting is stable
+            # sorting is stable
+            expected = sorted(outside, key=lambda line: -line["violation_depth"])[:1]
             assert [line for line in kept if line in own] == expected
 
 
@@ -51,14 +58,20 @@ def test_the_worst_is_the_first_of_the_deepest(lines: list[dict[str, Any]]) -> N
 def test_the_other_ways_to_keep(lines: list[dict[str, Any]]) -> None:
     assert kept_lines(lines, "all", *KINDS) == lines
     assert kept_lines(lines, "none", *KINDS) == []
-    assert kept_lines(lines, "failed", *KINDS) == [line for line in lines if line["status"] in {"failed", "aborted"}]
+    assert kept_lines(lines, "failed", *KINDS) == [
+        line for line in lines if line["status"] in {"failed", "aborted"}
+    ]
     for line in lines:
-        earlier = any(one["scenario"] == line["scenario"] and one["trial"] < line["trial"] for one in lines)
+        earlier = any(
+            one["scenario"] == line["scenario"] and one["trial"] < line["trial"] for one in lines
+        )
         assert (line in kept_lines(lines, "first", *KINDS)) != earlier
 
 
 def test_a_way_to_keep_that_there_is_not() -> None:
-    with pytest.raises(ConfigurationError, match=r"--keep 'worse'.*worst.*all, failed, first, none, worst"):
+    with pytest.raises(
+        ConfigurationError, match=r"--keep 'worse'.*worst.*all, failed, first, none, worst"
+    ):
         demand_keep("worse")
 
 
@@ -74,7 +87,9 @@ def made(folder: Path) -> Path:
     ):
         line: dict[str, Any] = dict.fromkeys(RESULT_COLUMNS, math.nan)
         line |= {"scenario": scenario, "controller": controller, "trial": trial, "status": status}
-        line |= dict.fromkeys(("compiled", *(name for name in RESULT_COLUMNS if name.startswith("is_"))), False)
+        line |= dict.fromkeys(
+            ("compiled", *(name for name in RESULT_COLUMNS if name.startswith("is_"))), False
+        )
         lines.append(line | {"violation_depth": depth})
         run_file(folder, scenario, controller, trial).touch()
     write_table(folder / "results.csv", RESULT_COLUMNS, lines)
@@ -99,10 +114,15 @@ def test_trajectories_of_other_runs_go(keep: Any, left: list[str], tmp_path: Pat
 
 def test_what_an_arm_has_done_stays(tmp_path: Path) -> None:
     lines = read_table(made(tmp_path) / "results.csv", RESULT_COLUMNS)
-    driven = [line | {"reason": "on loopback://; at rest"} if line["trial"] else line for line in lines]
+    driven = [
+        line | {"reason": "on loopback://; at rest"} if line["trial"] else line for line in lines
+    ]
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, driven)
     assert keep_trajectories(tmp_path, "none") == 2
-    assert sorted(path.stem for path in (tmp_path / "trajectories").iterdir()) == ["s--a--1", "s--b--1"]
+    assert sorted(path.stem for path in (tmp_path / "trajectories").iterdir()) == [
+        "s--a--1",
+        "s--b--1",
+    ]
 
 
 def test_what_cannot_be_removed_is_an_error(tmp_path: Path) -> None:
@@ -116,7 +136,9 @@ def test_what_cannot_be_removed_is_an_error(tmp_path: Path) -> None:
 def test_the_table_of_the_report_is_printed(
     terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The default comparison's, which is kept: bold on a terminal, with stars where nothing can be bold."""
+    """The default comparison's, which is kept: bold on a terminal, with stars where nothing can be
+    bold.
+    """
     from vsconstraints.comparisons import StoredComparison
     from vsconstraints.reports.results import Results
 

@@ -26,9 +26,14 @@ from documents import ROOT
 from vsconstraints.comparisons.study import SHIPPED
 from vsconstraints.scenarios.families.frozen import TestSet
 
-README, WHICH, BENCHMARK = "README.md", "docs/which-law.md", "docs/benchmark.md"
-FIRST, OBSERVER, PLAIN = "robust-predictive", "robust-hierarchical-qp-observer", "hierarchical-qp"
-PAPER, AHEAD = "sliding-mode", "sliding-mode-ahead"
+README = "README.md"
+WHICH = "docs/which-law.md"
+BENCHMARK = "docs/benchmark.md"
+FIRST = "robust-predictive"
+OBSERVER = "robust-hierarchical-qp-observer"
+PLAIN = "hierarchical-qp"
+PAPER = "sliding-mode"
+AHEAD = "sliding-mode-ahead"
 UNSOLVED = ROOT / "comparisons" / "unsolved.parquet"
 NUMBERS = {7: "seven", 8: "eight", 9: "nine"}
 TOLERANCES = (1e-4, 1e-3, 1e-2, 1e-1)  #: From the strict standard on [L].
@@ -67,7 +72,9 @@ def claims() -> Any:
     return json.loads((ROOT / "reports" / "evidence" / "claims.json").read_text(encoding="utf-8"))
 
 
-def rate(law: str, condition: str, column: str = "success", runs: Any = None, family: str = "") -> float:
+def rate(
+    law: str, condition: str, column: str = "success", runs: Any = None, family: str = ""
+) -> float:
     """Return a law's success in per cent, in all families or one."""
     runs = study() if runs is None else runs
     own = runs[(runs["controller"] == law) & (runs["condition"] == condition)]
@@ -98,7 +105,9 @@ def paper_runs() -> Any:
     runs = study()
     own = runs[(runs["controller"] == PAPER) & (runs["condition"] == "nominal")]
     rows = own["violated"].fillna("").str.split("; ")
-    speeds = rows.map(lambda labels: bool(labels[0]) and all(label.startswith("speed[") for label in labels))
+    speeds = rows.map(
+        lambda labels: bool(labels[0]) and all(label.startswith("speed[") for label in labels)
+    )
     return own.assign(speeds=speeds)
 
 
@@ -115,7 +124,9 @@ def paper_without_speeds() -> float:
 
 
 def gap(law: str = PLAIN, after: bool = False) -> float:
-    """Return by how many points a law is behind the first one in the scenes of the tuning, with disturbances."""
+    """Return by how many points a law is behind the first one in the scenes of the tuning, with
+    disturbances.
+    """
     own = f"{law}-tuned" if after else law
     return rate(FIRST, "disturbed", runs=tuned()) - rate(own, "disturbed", runs=tuned())
 
@@ -132,7 +143,9 @@ def seven(law: str) -> float:
 
 
 def further(law: str) -> tuple[float, float]:
-    """The interval of a law's success with disturbances in a further family [%], as the report prints it."""
+    """The interval of a law's success with disturbances in a further family [%], as the report
+    prints it.
+    """
     text = (ROOT / "reports" / "evidence" / "report.md").read_text(encoding="utf-8")
     section = text.partition("## Beyond these families")[2]
     line = next(line for line in section.splitlines() if line.startswith(f"| {law} "))
@@ -141,7 +154,9 @@ def further(law: str) -> tuple[float, float]:
 
 
 def reached(number: str) -> float:
-    """Return how often the first law succeeds, or does and ends near the goal, in the scenes of the final errors."""
+    """Return how often the first law succeeds, or does and ends near the goal, in the scenes of the
+    final errors.
+    """
     return float(errors().loc[FIRST, number])
 
 
@@ -149,13 +164,18 @@ Query = Callable[[], Any]
 SENTENCES: tuple[tuple[str, str, Query], ...] = (
     (
         README,
-        "{:.0f} % of the runs of `robust-predictive` succeed and end within 5 mm and 5 mrad ({} scenes)",
+        "{:.0f} % of the runs of `robust-predictive` succeed and end within 5 mm and 5 mrad ({} "
+        "scenes)",
         lambda: [reached("near"), len(scenes_of_final_errors())],
     ),
     (
         README,
-        "`potential-field` is {:.0f} points ahead of `cbf-filter` at 0.01 % and {:.0f} points behind at 1 %",
-        lambda: [ahead("potential-field", "cbf-filter"), -ahead("potential-field", "cbf-filter", "tolerant_success")],
+        "`potential-field` is {:.0f} points ahead of `cbf-filter` at 0.01 % and {:.0f} points "
+        "behind at 1 %",
+        lambda: [
+            ahead("potential-field", "cbf-filter"),
+            -ahead("potential-field", "cbf-filter", "tolerant_success"),
+        ],
     ),
     (
         README,
@@ -164,8 +184,10 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         README,
-        "leaves speed rows only in {:.0f} % of its runs without disturbances, mostly by less than u⁺ in one sampling "
-        "period. Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in {:.0f} %, with rows that "
+        "leaves speed rows only in {:.0f} % of its runs without disturbances, mostly by less than "
+        "u⁺ in one sampling "
+        "period. Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in "
+        "{:.0f} %, with rows that "
         "look one period ahead in {:.0f} %.",
         lambda: [
             paper_speeds(),
@@ -181,20 +203,30 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         WHICH,
-        "Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in {:.0f} %, with rows that look one "
+        "Without these rows it would succeed in {:.0f} %. At 1 % of L it succeeds in {:.0f} %, "
+        "with rows that look one "
         "period ahead (`sliding-mode-ahead`) in {:.0f} %.",
-        lambda: [paper_without_speeds(), rate(PAPER, "nominal", "tolerant_success"), rate(AHEAD, "nominal")],
+        lambda: [
+            paper_without_speeds(),
+            rate(PAPER, "nominal", "tolerant_success"),
+            rate(AHEAD, "nominal"),
+        ],
     ),
     (
         WHICH,
-        "`robust-predictive` succeeds in {:.0f} to {:.0f} %, the robust QP with an observer in {:.0f} to {:.0f} %",
+        "`robust-predictive` succeeds in {:.0f} to {:.0f} %, the robust QP with an observer in "
+        "{:.0f} to {:.0f} %",
         lambda: [*further(FIRST), *further(OBSERVER)],
     ),
     (
         WHICH,
-        "`potential-field` succeeds {:.0f} points more often than `cbf-filter` at 0.01 % of L and {:.0f} points less "
+        "`potential-field` succeeds {:.0f} points more often than `cbf-filter` at 0.01 % of L and "
+        "{:.0f} points less "
         "often at 1 %",
-        lambda: [ahead("potential-field", "cbf-filter"), -ahead("potential-field", "cbf-filter", "tolerant_success")],
+        lambda: [
+            ahead("potential-field", "cbf-filter"),
+            -ahead("potential-field", "cbf-filter", "tolerant_success"),
+        ],
     ),
     (
         WHICH,
@@ -208,7 +240,8 @@ SENTENCES: tuple[tuple[str, str, Query], ...] = (
     ),
     (
         WHICH,
-        "with disturbances `reciprocal-barrier` ({:.0f} %) and `gradient-robust-barrier` ({:.0f} %) "
+        "with disturbances `reciprocal-barrier` ({:.0f} %) and `gradient-robust-barrier` ({:.0f} "
+        "%) "
         "come nearest to the robust QP ({:.0f} %)",
         lambda: [
             rate(law, "disturbed", runs=literature())
@@ -247,7 +280,9 @@ def cells(line: str) -> list[str]:
 
 
 def lines_below(page: str, head: str) -> dict[str, list[str]]:
-    """Return the cells of the table with this head, by the law that its first cell names in code."""
+    """Return the cells of the table with this head, by the law that its first cell names in
+    code.
+    """
     text = (ROOT / page).read_text(encoding="utf-8")
     table = text.partition(f"{head}\n")[2].partition("\n\n")[0]
     assert table, f"{page} has no table with the head {head}"
@@ -264,7 +299,9 @@ def test_the_table_of_the_readme_is_that_of_the_kept_runs() -> None:
     lines = lines_below(README, RESULTS)
     assert len(lines) == 8
     for law, numbers in lines.items():
-        known = [f"{rate(law, name):.0f} %" for name in ("nominal", "disturbed")] + [f"{tolerated(law):.0f} %"]
+        known = [f"{rate(law, name):.0f} %" for name in ("nominal", "disturbed")] + [
+            f"{tolerated(law):.0f} %"
+        ]
         after = f"{law}-tuned"
         if after in set(tuned()["controller"]):
             both = [rate(name, "disturbed", runs=tuned()) for name in (law, after)]
@@ -310,7 +347,9 @@ def flat(text: str) -> str:
     return " ".join(re.sub(r"^\s*- ", "", text, flags=re.MULTILINE).split())
 
 
-@pytest.mark.parametrize(("page", "sentence", "query"), SENTENCES, ids=[f"{p}: {s[:50]}" for p, s, _ in SENTENCES])
+@pytest.mark.parametrize(
+    ("page", "sentence", "query"), SENTENCES, ids=[f"{p}: {s[:50]}" for p, s, _ in SENTENCES]
+)
 def test_a_sentence_says_what_the_kept_tables_say(page: str, sentence: str, query: Query) -> None:
     said = sentence.format(*query())
     assert said in flat((ROOT / page).read_text(encoding="utf-8")), said
@@ -320,7 +359,9 @@ def test_the_first_place_is_the_same_at_every_tolerance() -> None:
     runs = study()
     runs = runs[runs["condition"] == "disturbed"]
     for tolerance in TOLERANCES:
-        good = (runs["status"] == "converged") & (runs["violation_fraction"].fillna(0.0) <= tolerance)
+        good = (runs["status"] == "converged") & (
+            runs["violation_fraction"].fillna(0.0) <= tolerance
+        )
         assert good.groupby(runs["controller"]).mean().idxmax() == FIRST
 
 
@@ -330,7 +371,10 @@ def test_the_data_of_the_report_are_those_of_the_kept_runs() -> None:
         for condition in ("nominal", "disturbed", "limited"):
             assert 100.0 * line[condition] == pytest.approx(rate(line["law"], condition), abs=1e-9)
     success = study().groupby(["family", "condition", "controller"])["success"].mean()
-    situations = {(one["family"], one["condition"], one["law"]): one["success"] for one in claims()["situations"]}
+    situations = {
+        (one["family"], one["condition"], one["law"]): one["success"]
+        for one in claims()["situations"]
+    }
     assert situations == pytest.approx(success.to_dict(), abs=1e-12)
 
 
@@ -344,7 +388,10 @@ def test_the_text_of_the_report_is_that_of_its_data() -> None:
         for cell, condition in zip(shown[2:5], ("nominal", "disturbed", "limited"), strict=True):
             value = cell.strip("≈ ").partition(" ")[0]
             digits = len(value.partition(".")[2])
-            assert float(value) == pytest.approx(rate(law, condition), abs=0.501 * 10.0**-digits), (law, condition)
+            assert float(value) == pytest.approx(rate(law, condition), abs=0.501 * 10.0**-digits), (
+                law,
+                condition,
+            )
 
 
 def headline(text: str) -> Iterator[str]:
@@ -366,20 +413,35 @@ def test_the_first_places_on_arms_with_mass_are_those_of_the_kept_runs() -> None
 
 
 def test_scenes_that_no_law_solves_are_examined() -> None:
-    """All of them, in the table of the test set or in their own; and the page names their outcomes."""
+    """All of them, in the table of the test set or in their own; and the page names their
+    outcomes.
+    """
     runs = study()
     solved = runs[runs["condition"] == "nominal"].groupby(["family", "scene"])["success"].any()
     unsolved = set(solved.index[~solved])
-    own = {key[::2]: line for line in best.read(UNSOLVED, TestSet.load()) for key in [best.key(line)]}
-    known = {key[::2]: line for line in best.read(best.TABLE, TestSet.load()) for key in [best.key(line)]}
+    own = {
+        key[::2]: line for line in best.read(UNSOLVED, TestSet.load()) for key in [best.key(line)]
+    }
+    known = {
+        key[::2]: line for line in best.read(best.TABLE, TestSet.load()) for key in [best.key(line)]
+    }
     assert unsolved == own.keys() | (unsolved & known.keys())
     assert not own.keys() & known.keys()
     page = flat((ROOT / BENCHMARK).read_text(encoding="utf-8"))
     assert f"No law of the study solves {NUMBERS[len(unsolved)]} of the 2000 nominal scenes" in page
-    for outcome, words in ((best.REACHABLE, "by optimal control"), (best.UNKNOWN, "no motion found and no proof")):
-        named = [f"`{family}` {scene}" for (family, scene), line in own.items() if line["outcome"] == outcome]
+    for outcome, words in (
+        (best.REACHABLE, "by optimal control"),
+        (best.UNKNOWN, "no motion found and no proof"),
+    ):
+        named = [
+            f"`{family}` {scene}"
+            for (family, scene), line in own.items()
+            if line["outcome"] == outcome
+        ]
         assert f"{outcome}, {words}: {', '.join(named)}" in page
-    assert not list(best.wrong([line for line in own.values() if line["motion"]][:1], TestSet.load()))
+    assert not list(
+        best.wrong([line for line in own.values() if line["motion"]][:1], TestSet.load())
+    )
 
 
 # --- no number is left over ---
@@ -393,13 +455,19 @@ SECTIONS = {
 STATED = {
     README: (
         ("2000 held-out scenes", "of the test set"),
-        ("within 5 mm and 5 mrad, with them within 20 to 50 mm and 20 to 80 mrad", "tolerances of families"),
+        (
+            "within 5 mm and 5 mrad, with them within 20 to 50 mm and 20 to 80 mrad",
+            "tolerances of families",
+        ),
         ("95 % quantile", "a definition"),
         ("count from 0.01 % of L", "a definition"),
         ("up to 10 % of L", "see the test of the first place"),
         ("in 350 scenes", "see test_which_law"),
         ("95 % confidence intervals are ±0.5 to ±2.3 points", "see the leaderboard"),
-        ("([200 scenes]), of 63 conclusions 50 to 61 hold; mass reverses 4", "see test_which_conclusions_hold"),
+        (
+            "([200 scenes]), of 63 conclusions 50 to 61 hold; mass reverses 4",
+            "see test_which_conclusions_hold",
+        ),
         ("at 0.01 % of L alone", "a definition"),
         ("at 1 % of L with `cbf-filter`", "see the test of the arms with mass"),
     ),
@@ -439,7 +507,10 @@ def test_tolerances_of_goals_are_as_the_pages_say() -> None:
     """5 mm and 5 mrad without disturbances; with them 20 to 50 mm and 20 to 80 mrad."""
     families = TestSet.load().families
     own = [family.scene(0, "held-out", TestSet.load().seed) for family in families]
-    for condition, translation, rotation in (("nominal", (5, 5), (5, 5)), ("disturbed", (20, 50), (20, 80))):
+    for condition, translation, rotation in (
+        ("nominal", (5, 5), (5, 5)),
+        ("disturbed", (20, 50), (20, 80)),
+    ):
         tolerances = [scene.setup(condition).tolerances for scene in own]
         for numbers, (low, high) in (
             ([1e3 * one.translation_m for one in tolerances], translation),

@@ -1,4 +1,6 @@
-"""Compiled laws against closed forms by singular values, and the hierarchy against one whose QPs DAQP solves."""
+"""Compiled laws against closed forms by singular values, and the hierarchy against one whose QPs
+DAQP solves.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +30,19 @@ N_JOINTS = (1, 2, 3, 6, 7, 30)
 
 def expected(law, rows, task):
     """q̈ by singular values, and whether the rows with φ ≥ 0 have full rank."""
-    free, gain = oracle.track(task, law.rank_tolerance), rows.switching_gain
+    free = oracle.track(task, law.rank_tolerance)
+    gain = rows.switching_gain
     if isinstance(law, Tracking):
         return free, True
     if isinstance(law, SlidingMode):
-        return oracle.prioritise(rows, task, np.where(rows.phi >= 0.0, -gain, np.inf), law.rank_tolerance)
+        return oracle.prioritise(
+            rows, task, np.where(rows.phi >= 0.0, -gain, np.inf), law.rank_tolerance
+        )
     psi = np.maximum(1.0 + rows.phi / rows.scale / law.region, 0.0) ** law.exponent
     if law.blend == "additive":
-        return free + oracle.pushes(rows, np.where(psi > 0.0, -psi * law.strength * gain, np.inf)), True
+        return free + oracle.pushes(
+            rows, np.where(psi > 0.0, -psi * law.strength * gain, np.inf)
+        ), True
     share = np.minimum(psi, 1.0)
     c = (1.0 - share) * (rows.Lg @ free) - share * law.strength * gain
     return oracle.prioritise(rows, task, np.where(psi > 0.0, c, np.inf), law.rank_tolerance)
@@ -43,7 +50,8 @@ def expected(law, rows, task):
 
 def agree(law, rows, task, *, relative=1e-9):
     """Compare a law with its closed form; whether its rows had full rank."""
-    (qdd, whole), command = expected(law, rows, task), law.command(rows, task)
+    qdd, whole = expected(law, rows, task)
+    command = law.command(rows, task)
     if len(rows.qdd_max):
         qdd = np.clip(qdd, rows.qdd_min, rows.qdd_max)
     if np.abs(qdd).max() > 1e100:
@@ -51,7 +59,9 @@ def agree(law, rows, task, *, relative=1e-9):
         return False
     assert (command.status, command.labels) == ("ok" if whole else "rank-loss", rows.labels)
     assert ("dependent: row[" in command.reason) == (not whole)
-    np.testing.assert_allclose(command.qdd, qdd, rtol=0.0, atol=relative * np.linalg.norm(qdd) + 1e-300)
+    np.testing.assert_allclose(
+        command.qdd, qdd, rtol=0.0, atol=relative * np.linalg.norm(qdd) + 1e-300
+    )
     return whole
 
 
@@ -97,7 +107,8 @@ def test_random_problems(name, n):
 @pytest.mark.parametrize("name", ["sliding", "priority"])
 def test_tracking_corrected_for_rows_is_the_task_resolved_after_them(name, k):
     """What tracks is corrected, unless task or rows are too ill-conditioned for that."""
-    rng, law = np.random.default_rng(k), LAWS[name]
+    rng = np.random.default_rng(k)
+    law = LAWS[name]
     for worst in 10.0 ** np.arange(0.0, 5.5, 0.5):
         for _ in range(5):
             rows, task = problem(rng, 6, m=9, k=k, active=int(rng.integers(1, 5)))
@@ -109,9 +120,13 @@ def test_tracking_corrected_for_rows_is_the_task_resolved_after_them(name, k):
 
 
 def degenerate(kind, rng):
-    """Problems at which a rank, or a gain, vanishes; those with rows that depend on each other say so."""
+    """Problems at which a rank, or a gain, vanishes; those with rows that depend on each other say
+    so.
+    """
     rows, task = problem(rng, 6, m=9, k=6, active=3)
-    Lg, phi, J = rows.Lg, rows.phi, task.J
+    Lg = rows.Lg
+    phi = rows.phi
+    J = task.J
     act = np.flatnonzero(phi >= 0.0)
     if kind == "a task of rank 3":
         J[3:] = rng.normal(size=(3, 3)) @ J[:3]
@@ -139,7 +154,8 @@ def degenerate(kind, rng):
     if kind == "a tiny task":
         J *= 1e-135
     if kind == "rows that cancel most of a great task":
-        Lg[:], phi[:] = np.eye(9, 6), -5.0
+        Lg[:] = np.eye(9, 6)
+        phi[:] = -5.0
         phi[:5] = 1.0
         task.b[:] = J @ np.array([1e9, 1e9, 1e9, 1e9, 1e9, 0.1])
     return rows, task
@@ -204,15 +220,19 @@ def test_recorded_problems(scenario):
 
 def agree_hierarchy(law, rows, task):
     """Compare the compiled hierarchy with DAQP's."""
-    options = {name: getattr(law, name) for name in ("rows", "alpha", "weights", "max_acceleration")}
-    expected, command = HierarchicalQP(solver="daqp", **options).command(rows, task), law.compute(rows, task)
+    options = {
+        name: getattr(law, name) for name in ("rows", "alpha", "weights", "max_acceleration")
+    }
+    expected = HierarchicalQP(solver="daqp", **options).command(rows, task)
+    command = law.compute(rows, task)
     assert command is not None
     assert not law.solvers.failures
     assert command.status == expected.status
     assert bool(command.solver) == bool(expected.solver)
     scale = 1.0 + np.linalg.norm(expected.qdd)
     np.testing.assert_allclose(command.slack, expected.slack, rtol=0.0, atol=1e-9 * scale)
-    # where the task leaves directions free, each form decides by itself whether the damping has cost more than 1e-6
+    # where the task leaves directions free, each form decides by itself whether the damping has
+    # cost more than 1e-6
     redundant = np.linalg.matrix_rank(task.J, tol=1e-6 * np.linalg.norm(task.J)) < task.J.shape[1]
     tolerance = (1e-6 if redundant else 1e-8) * scale
     np.testing.assert_allclose(command.qdd, expected.qdd, rtol=0.0, atol=tolerance)
@@ -228,7 +248,13 @@ def test_the_two_descents_agree(kind, form):
         sign = np.where(np.arange(m) % 2, 1.0, -1.0) if form == "active" else 1.0
         gain = np.abs(given.c) + 0.1
         labels = tuple(f"row[{i}]" for i in range(m))
-        rows = Rows(-sign * np.abs(given.c) if form == "active" else -given.c, given.A, np.zeros(m), gain, labels)
+        rows = Rows(
+            -sign * np.abs(given.c) if form == "active" else -given.c,
+            given.A,
+            np.zeros(m),
+            gain,
+            labels,
+        )
         if given.box is not None:
             rows.qdd_min, rows.qdd_max = np.ascontiguousarray(given.box)
         weights = dict(zip(labels, given.weights, strict=True))
@@ -269,10 +295,19 @@ def test_bad_numbers_are_named_as_ever(law, value):
 def test_bad_shapes_and_signs_are_named_as_ever(law):
     rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
     for field in ("phi", "Lg", "Lf", "switching_gain", "scale"):
-        for wrong in (getattr(rows, field)[:-1].copy(), getattr(rows, field).astype(np.float32), [1.0], None):
+        for wrong in (
+            getattr(rows, field)[:-1].copy(),
+            getattr(rows, field).astype(np.float32),
+            [1.0],
+            None,
+        ):
             with pytest.raises((InvalidInput, TypeError)):
                 law.command(replace(rows, **{field: wrong}), task)
-    for wrong in (Task(task.J[:, :5].copy(), task.b), Task(task.J, task.b[:5].copy()), Task(task.b, task.b)):
+    for wrong in (
+        Task(task.J[:, :5].copy(), task.b),
+        Task(task.J, task.b[:5].copy()),
+        Task(task.b, task.b),
+    ):
         with pytest.raises(InvalidInput):
             law.command(rows, wrong)
     for field in ("switching_gain", "scale"):
@@ -298,7 +333,10 @@ def test_arrays_of_another_layout_are_welcome(law):
 
 def test_options_may_be_whole_numbers():
     rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
-    for law in (PotentialField(region=1, exponent=2, strength=3), HierarchicalQP(alpha=3, max_acceleration=9)):
+    for law in (
+        PotentialField(region=1, exponent=2, strength=3),
+        HierarchicalQP(alpha=3, max_acceleration=9),
+    ):
         assert law.compute(rows, task) is not None
 
 
@@ -330,7 +368,8 @@ def test_a_law_with_its_own_solve_is_asked_itself():
 
 
 def test_an_answer_that_fails_its_check_is_replaced_counted_and_reported(monkeypatch):
-    rows, task = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",)), Task(np.eye(2), np.ones(2))
+    rows = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",))
+    task = Task(np.eye(2), np.ones(2))
     law = HierarchicalQP()
     honest = law.command(rows, task)
     assert (honest.solver, honest.fallback, dict(law.solvers.failures)) == ("compiled", "", {})
@@ -345,6 +384,7 @@ def test_an_answer_that_fails_its_check_is_replaced_counted_and_reported(monkeyp
 
 
 def test_a_solver_that_is_named_is_the_one_used():
-    rows, task = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",)), Task(np.eye(2), np.ones(2))
+    rows = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",))
+    task = Task(np.eye(2), np.ones(2))
     for name in ("daqp", "proxqp", "osqp"):
         assert HierarchicalQP(solver=name).command(rows, task).solver == name

@@ -1,4 +1,6 @@
-"""Arms with more joints than the task needs, compiled: what the rows leave of the task loses ranks by construction."""
+"""Arms with more joints than the task needs, compiled: what the rows leave of the task loses ranks
+by construction.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ def rows_of(A, rng, phi=0.1):
     """Rows with these gradients, all of the same φ."""
     m = len(A)
     labels = tuple(f"row[{i}]" for i in range(m))
-    return Rows(np.full(m, phi), np.ascontiguousarray(A), np.zeros(m), rng.uniform(0.5, 2.0, m), labels)
+    return Rows(
+        np.full(m, phi), np.ascontiguousarray(A), np.zeros(m), rng.uniform(0.5, 2.0, m), labels
+    )
 
 
 def orthonormal(rng, k, n):
@@ -41,14 +45,18 @@ def test_rows_within_the_span_of_the_task(law, n, k):
 @pytest.mark.parametrize("k", [4, 9, 40])
 @pytest.mark.parametrize("share", [1e-13, 1e-9, 1e-7, 0.05, 0.3, 0.9, 1.1, 3.0, 20.0, 1e3])
 def test_the_cut_of_what_rows_leave_of_the_task_is_relative_to_the_whole_task(n, k, share):
-    """The least singular value of A₂Z is that share of tolerance · σ₁(A₂), and all of A₂Z is small."""
+    """The least singular value of A₂Z is that share of tolerance · σ₁(A₂), and all of A₂Z is
+    small.
+    """
     rng = np.random.default_rng(k)
     for b, size in ((1, 1.0), (3, 1e-2)):
         frame = orthonormal(rng, n, n)
-        A1, Z = conditioned(rng, b, b) @ frame[:b], frame[b:]
+        A1 = conditioned(rng, b, b) @ frame[:b]
+        Z = frame[b:]
         ranks = min(k, n - b)
         A2 = rng.normal(size=(k, b)) @ frame[:b]
-        U, V = orthonormal(rng, ranks, k), orthonormal(rng, ranks, n - b)
+        U = orthonormal(rng, ranks, k)
+        V = orthonormal(rng, ranks, n - b)
         gains = size * rng.uniform(0.3, 1.0, ranks)
         gains[-1] = 0.0
         whole = np.linalg.norm(A2 + (U.T * gains) @ V @ Z, 2)
@@ -61,25 +69,30 @@ def test_the_cut_of_what_rows_leave_of_the_task_is_relative_to_the_whole_task(n,
 @pytest.mark.parametrize("share", [0.0, 1e-10, 1e-7, 0.9, 1.1, 100.0])
 def test_rows_that_nearly_depend_on_each_other(n, share):
     rng = np.random.default_rng(n)
-    U, V = orthonormal(rng, 5, 5), orthonormal(rng, 5, n)
+    U = orthonormal(rng, 5, 5)
+    V = orthonormal(rng, 5, n)
     A = (U * np.array([1.0, 0.8, 0.6, 0.4, share * TOLERANCE])) @ V
     task = Task(conditioned(rng, 6, n), rng.normal(size=6))
     # what counts is how far rows of unit length are from depending on each other
     gains = np.linalg.svd(A / np.linalg.norm(A, axis=1)[:, None], compute_uv=False)
     tolerance = gains[-1] / gains[0] / share if share > 0.5 else TOLERANCE
     field = PotentialField(blend="priority", rank_tolerance=tolerance)
-    # before the boundary a dependence is met in the least-squares sense, at it the definition has a name for it
+    # before the boundary a dependence is met in the least-squares sense, at it the definition has a
+    # name for it
     assert agree(field, rows_of(A, rng, phi=-0.3), task)
     for law in (field, SlidingMode(rank_tolerance=tolerance)):
         assert agree(law, rows_of(A, rng), task) == (share > 1.0)
 
 
 @pytest.mark.parametrize("n", [7, 12])
-@pytest.mark.parametrize("law", [SlidingMode(), PotentialField(blend="priority")], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [SlidingMode(), PotentialField(blend="priority")], ids=lambda law: law.name
+)
 def test_units_of_rows_decide_nothing(law, n):
     """Whether rows depend on each other is the same in any units."""
     rng = np.random.default_rng(n)
-    A, units = conditioned(rng, 4, n), np.array([1e4, 1e-3, 1.0, 1e-9])[:, None]
+    A = conditioned(rng, 4, n)
+    units = np.array([1e4, 1e-3, 1.0, 1e-9])[:, None]
     task = Task(conditioned(rng, 6, n), rng.normal(size=6))
     assert agree(law, rows_of(A * units, rng), task)
     A[3] = A[0] - 2.0 * A[1]
@@ -106,11 +119,16 @@ def test_the_hierarchy_of_redundant_arms(n, bound):
     assert 0 < relaxed < 20
 
 
-@pytest.mark.parametrize(("k", "n", "rank"), [(3, 30, 3), (6, 12, 4), (12, 6, 4), (9, 9, 9), (9, 9, 5), (40, 7, 7)])
+@pytest.mark.parametrize(
+    ("k", "n", "rank"), [(3, 30, 3), (6, 12, 4), (12, 6, 4), (9, 9, 9), (9, 9, 5), (40, 7, 7)]
+)
 def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, rank):
-    inner, start = kernels.load("least_squares").pseudoinverse, kernels.load("linear").START
+    inner = kernels.load("least_squares").pseudoinverse
+    start = kernels.load("linear").START
     none = kernels.load("scratch").no_scratch
-    solve = kernels.load("compiler").numba.njit(lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start, none()))
+    solve = kernels.load("compiler").numba.njit(
+        lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start, none())
+    )
     rng = np.random.default_rng(0)
     c = min(k, n)
     for cut in (1e-6, 1e-2):
@@ -119,7 +137,8 @@ def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, r
         gains[rank:] *= 0.5 * cut / gains[rank:] if rank < c else 1.0
         M = (orthonormal(rng, c, k).T * gains) @ orthonormal(rng, c, n)
         b = rng.normal(size=k)
-        W, Y = np.column_stack((M, b)), np.zeros((1, n))
+        W = np.column_stack((M, b))
+        Y = np.zeros((1, n))
         F, S, found, _ = solve(W, cut, Y)
         assert found == rank
         expected = np.linalg.pinv(M, rcond=cut) @ b

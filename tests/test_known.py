@@ -20,15 +20,21 @@ def tables_of(family: str, study: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_nothing_is_unknown_once_everything_is_known(family: str) -> None:
-    """What is left is the nominal scene with the tolerances of the disturbed one; one by one all of it is taken out."""
+    """What is left is the nominal scene with the tolerances of the disturbed one; one by one all of
+    it is taken out.
+    """
     scene = FAMILIES[family].scene(0, "held-out", TestSet.load().seed)
-    told, nominal = tables_of(family, "known"), scene.tables["nominal"]
+    told = tables_of(family, "known")
+    nominal = scene.tables["nominal"]
     left = {**told["all known"], "tolerances": nominal.get("tolerances"), "disturbances": {}}
     assert told["all known"]["disturbances"] == {}
     assert told["disturbed"] == scene.tables["disturbed"]
-    assert {key: value for key, value in left.items() if value != nominal.get(key)} == {"disturbances": {}}
+    assert {key: value for key, value in left.items() if value != nominal.get(key)} == {
+        "disturbances": {}
+    }
     gone = {
-        name: told["disturbed"]["disturbances"].keys() - told[f"{name} known"]["disturbances"] for name in DISTURBANCES
+        name: told["disturbed"]["disturbances"].keys() - told[f"{name} known"]["disturbances"]
+        for name in DISTURBANCES
     }
     assert set().union(*gone.values()) == told["disturbed"]["disturbances"].keys()
     assert {*told} == {*KNOWN} == {*STUDIES["known"][0]}
@@ -36,7 +42,9 @@ def test_nothing_is_unknown_once_everything_is_known(family: str) -> None:
 
 @pytest.mark.parametrize("family", ["moving", "six-axis"])
 @pytest.mark.parametrize("study", ["images", "commands"])
-def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(study: str, family: str) -> None:
+def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(
+    study: str, family: str
+) -> None:
     changed = tables_of(family, study)
     names = ["nominal", "late", *(["late, dated"] if study == "images" else [])]
     assert [*changed] == [*STUDIES[study][0]] == names
@@ -52,5 +60,6 @@ def test_what_is_late_is_late_by_the_dead_time_and_nothing_else_changes(study: s
     option = {"images": "dead_time", "commands": "command_delay"}[study]
     assert {options[option] for options in told.values()} == {DEAD_TIME}
     assert all(
-        {**LAWS[options["type"]], "type": options["type"]}.items() <= options.items() for options in told.values()
+        {**LAWS[options["type"]], "type": options["type"]}.items() <= options.items()
+        for options in told.values()
     )

@@ -1,4 +1,6 @@
-"""Reports of many scenarios and laws: tables that fit a page, a heat map, and figures of the most telling scenarios."""
+"""Reports of many scenarios and laws: tables that fit a page, a heat map, and figures of the most
+telling scenarios.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ from vsconstraints.reports.results import Results
 PAGE = 1012
 """Width of a page on GitHub [px]."""
 
-LAWS = list(tomllib.loads((ROOT / "comparisons" / "laws.toml").read_text(encoding="utf-8"))["controllers"])
+LAWS = list(
+    tomllib.loads((ROOT / "comparisons" / "laws.toml").read_text(encoding="utf-8"))["controllers"]
+)
 SCENARIOS = (
     "example-2d-heart-concave",
     "case-study-6r",
@@ -35,12 +39,22 @@ SCENARIOS = (
     "example-2d-fast-high-gain",
     "example",
 )
-ROWS = ("occlusion[heart, marker 1]", "range[joint 6].upper", "fov[marker 2]", "sphere[tip]", "speed[joint 3].lower")
+ROWS = (
+    "occlusion[heart, marker 1]",
+    "range[joint 6].upper",
+    "fov[marker 2]",
+    "sphere[tip]",
+    "speed[joint 3].lower",
+)
 
 
 def large(folder: Path, trials: int = 1) -> Path:
-    """All laws of the field, six scenarios and five rows; long numbers, and every ending somewhere."""
-    endings = cycle(["converged", "trapped", "converged", "unfinished", "failed", "aborted", "converged"])
+    """All laws of the field, six scenarios and five rows; long numbers, and every ending
+    somewhere.
+    """
+    endings = cycle(
+        ["converged", "trapped", "converged", "unfinished", "failed", "aborted", "converged"]
+    )
     values = cycle([-0.000123456, 98765.4321, 12.3456789])
     lines = [
         result(law, scenario, trial, status=next(endings), jerk_rms=next(values), acceleration_variation=next(values),
@@ -61,11 +75,18 @@ def letters_width(word: str) -> float:
 
 def page_width(block: str) -> float:
     """How wide a browser makes a table at least [px]: what stands together in each column."""
-    lines = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in block.splitlines()]
+    lines = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in block.splitlines()
+    ]
     del lines[1]
     shown = [[re.sub(r"\]\(.*?\)|[*`]", "", cell) for cell in line] for line in lines]
     return sum(
-        27.0 + max(letters_width(word) for cell in cells for word in re.split(r" |(?<=[a-z]-)(?=[a-z])", cell))
+        27.0
+        + max(
+            letters_width(word)
+            for cell in cells
+            for word in re.split(r" |(?<=[a-z]-)(?=[a-z])", cell)
+        )
         for cells in zip(*shown, strict=True)
     )
 
@@ -94,9 +115,13 @@ def test_the_committed_suites_name_no_paper_where_there_is_none(tmp_path: Path) 
 
 @given(st.integers(1, 40))
 def test_a_wide_table_is_cut_between_columns(count: int) -> None:
-    header, line = ["first", *(f"h{k}" for k in range(count))], ["name", *(f"x{k}" for k in range(count))]
+    header = ["first", *(f"h{k}" for k in range(count))]
+    line = ["name", *(f"x{k}" for k in range(count))]
     blocks = Table(header, [line]).split("\n\n")
-    cells = [[[c.strip() for c in row.split("|")[1:-1]] for row in block.splitlines()] for block in blocks]
+    cells = [
+        [[c.strip() for c in row.split("|")[1:-1]] for row in block.splitlines()]
+        for block in blocks
+    ]
     assert [c for head, _, _ in cells for c in head[1:]] == header[1:]
     assert [c for _, _, body in cells for c in body[1:]] == line[1:]
     assert all(head[0] == "first" and body[0] == "name" for head, _, body in cells)
@@ -111,7 +136,9 @@ def results_of(folder: Path, lines: list[dict[str, Any]]) -> Results:
 
 
 def test_the_most_telling_scenarios_are_those_that_divide_laws(tmp_path: Path) -> None:
-    """Of thirteen scenarios: one halves four laws, two part one from three, all others are kept by all or by none."""
+    """Of thirteen scenarios: one halves four laws, two part one from three, all others are kept by
+    all or by none.
+    """
     few = {"half": 2, "one of four": 1, "three of four": 3}
     lines = []
     for name in [*few, *(f"s{k}" for k in range(10))]:
@@ -131,16 +158,23 @@ def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
 ) -> None:
     drawn: list[str] = []
 
-    def draw_all(results: Results, scenarios: Sequence[str], *given: Any) -> tuple[str, dict[str, Drawn]]:
+    def draw_all(
+        results: Results, scenarios: Sequence[str], *given: Any
+    ) -> tuple[str, dict[str, Drawn]]:
         drawn[:] = scenarios
         return "![Trade-off](figures/trade-off.png)", {name: Drawn() for name in drawn}
 
     monkeypatch.setattr(report, "draw_all", draw_all)
     text = whole(write_report(large(tmp_path)))
     assert len(drawn) == MAX_SCENARIOS
-    assert text.count("Its figures: `vsconstraints report FOLDER --all-figures`.") == len(SCENARIOS) - MAX_SCENARIOS
+    assert (
+        text.count("Its figures: `vsconstraints report FOLDER --all-figures`.")
+        == len(SCENARIOS) - MAX_SCENARIOS
+    )
     assert re.findall(r"\(figures/([^)]+)\)", text) == ["trade-off.png"]
-    assert text.index("| controller") < text.index("## Outcomes") < text.index("figures/trade-off.png")
+    assert (
+        text.index("| controller") < text.index("## Outcomes") < text.index("figures/trade-off.png")
+    )
     text = whole(write_report(tmp_path, all_figures=True))
     assert drawn == list(SCENARIOS)
     assert "Its figures:" not in text

@@ -1,4 +1,6 @@
-"""Tables for LaTeX: the same cells as in Markdown, and nothing in them that LaTeX would take for a command."""
+"""Tables for LaTeX: the same cells as in Markdown, and nothing in them that LaTeX would take for a
+command.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +38,14 @@ def test_a_table_by_hand() -> None:
         ("[case](#scenario-a_b) **50 %**", r"case \textbf{50 \%}"),
         ('<a id="5.3"></a>5.3', "5.3"),
         ("T_s u⁺ *or* q̈_c", r"T\_s u\ensuremath{^+} \emph{or} \"{q}\_c"),
-        (plain("a*b_ <c> $ \\ ~"), r"a*b\_ \textless{}c\textgreater{} \$ \textbackslash{} \textasciitilde{}"),
-        (code("fov[marker 2] {~^}"), r"\texttt{fov[marker 2] \{\textasciitilde{}\textasciicircum{}\}}"),
+        (
+            plain("a*b_ <c> $ \\ ~"),
+            r"a*b\_ \textless{}c\textgreater{} \$ \textbackslash{} \textasciitilde{}",
+        ),
+        (
+            code("fov[marker 2] {~^}"),
+            r"\texttt{fov[marker 2] \{\textasciitilde{}\textasciicircum{}\}}",
+        ),
         ("φ ≤ 0 µs", r"\ensuremath{\phi} \ensuremath{\le} 0 \ensuremath{\mu}s"),
     ],
 )
@@ -80,4 +88,7 @@ def test_tables_of_a_reports_details_are_written_too(tmp_path: Path) -> None:
     table = "## {}\n\n| a | b |\n|---|---|\n| 1 | 2 |\n"
     (tmp_path / "report.md").write_text(table.format("Short"), encoding="utf-8")
     (tmp_path / "details.md").write_text(table.format("Long"), encoding="utf-8")
-    assert {path.name for path in write_tables(tmp_path / "report.md").iterdir()} == {"short-1.tex", "long-1.tex"}
+    assert {path.name for path in write_tables(tmp_path / "report.md").iterdir()} == {
+        "short-1.tex",
+        "long-1.tex",
+    }

@@ -1,4 +1,6 @@
-"""A custom law changes neither the runs of others nor its own scores, and its motion follows from its commands."""
+"""A custom law changes neither the runs of others nor its own scores, and its motion follows from
+its commands.
+"""
 
 from __future__ import annotations
 
@@ -127,7 +129,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     end_law_processes()
 
 
-def spec(folder: Path, law: str, scenario: str = "example-2d-fov", duration: float = 1.0) -> RunSpec:
+def spec(
+    folder: Path, law: str, scenario: str = "example-2d-fov", duration: float = 1.0
+) -> RunSpec:
     controller = ControllerSpec(law.lower(), f"laws_apart:{law}", folder=folder)
     return RunSpec(scenario, controller, {"duration": duration})
 
@@ -151,7 +155,9 @@ def test_a_run_apart_is_bit_for_bit_that_in_one_process(
     assert len(apart.trajectory.step_time) == len(apart.trajectory.t) > 0
 
 
-def test_what_a_law_changes_in_its_process_does_not_change_its_motion_and_scores(folder: Path) -> None:
+def test_what_a_law_changes_in_its_process_does_not_change_its_motion_and_scores(
+    folder: Path,
+) -> None:
     run = perform(spec(folder, "Cheat"), apart=True)
     still = np.broadcast_to(run.setup.q0, run.trajectory.q.shape)
     np.testing.assert_allclose(run.trajectory.q, still, atol=1e-12)
@@ -159,7 +165,9 @@ def test_what_a_law_changes_in_its_process_does_not_change_its_motion_and_scores
     assert np.isfinite(run.trajectory.between_clearance[run.trajectory.clearance < 0.0]).all()
 
 
-def test_no_other_run_of_a_campaign_depends_on_a_law_that_changes_everything(folder: Path, tmp_path: Path) -> None:
+def test_no_other_run_of_a_campaign_depends_on_a_law_that_changes_everything(
+    folder: Path, tmp_path: Path
+) -> None:
     """The law is not made in this process, which goes on with other tests."""
     shipped = Campaign.load(None).select(
         families=["planar-arm"],
@@ -183,7 +191,9 @@ def test_no_other_run_of_a_campaign_depends_on_a_law_that_changes_everything(fol
         assert unchanged[column].astype(object).equals(alone[column].astype(object)), column
 
 
-def test_no_other_run_of_a_comparison_depends_on_a_law_that_changes_everything(folder: Path, tmp_path: Path) -> None:
+def test_no_other_run_of_a_comparison_depends_on_a_law_that_changes_everything(
+    folder: Path, tmp_path: Path
+) -> None:
     file = folder / "alone.toml"
     file.write_text('scenarios = ["example-2d-fov"]\n[controllers.sliding-mode]\n')
     shipped = Suite.load(file).select(settings=["scenario.duration=1.0"]).with_baseline()
@@ -210,11 +220,15 @@ def test_a_law_that_cannot_be_made_or_ends_its_process_costs_its_own_run(folder:
     assert perform(spec(folder, "Honest"), apart=True).trajectory.status != "failed"
 
 
-def test_what_a_law_reads_in_its_process_is_part_of_what_its_run_is_made_from(folder: Path, tmp_path: Path) -> None:
+def test_what_a_law_reads_in_its_process_is_part_of_what_its_run_is_made_from(
+    folder: Path, tmp_path: Path
+) -> None:
     gains = folder / "gains.json"
     gains.write_text("1")
     file = folder / "reads.toml"
-    file.write_text('scenarios = ["example-2d-fov"]\n[controllers.reads]\ntype = "laws_apart:Reads"\n')
+    file.write_text(
+        'scenarios = ["example-2d-fov"]\n[controllers.reads]\ntype = "laws_apart:Reads"\n'
+    )
     suite = Suite.load(file).select(settings=["scenario.duration=0.1"])
     stored = [compare(suite, tmp_path, workers=1).stored_before for _ in range(2)]
     gains.write_text("2")

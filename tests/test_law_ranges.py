@@ -1,4 +1,6 @@
-"""From where to where laws are worth searching: one contract for every registered law and every pair."""
+"""From where to where laws are worth searching: one contract for every registered law and every
+pair.
+"""
 
 from __future__ import annotations
 
@@ -61,15 +63,20 @@ def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> di
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
-def test_ends_of_ranges_are_options_and_defaults_lie_inside(name: str, options: dict[str, Any]) -> None:
-    law, ranges = innermost(make_controller(name, options)), law_ranges(name, options)
+def test_ends_of_ranges_are_options_and_defaults_lie_inside(
+    name: str, options: dict[str, Any]
+) -> None:
+    law = innermost(make_controller(name, options))
+    ranges = law_ranges(name, options)
     for option, one in ranges.items():
         assert default_of(law, option) in one
         for end in one:
             made = make_controller(name, {**options, option: end})
             assert default_of(innermost(made), option) == end
     for side in (0, -1):
-        make_controller(name, {**options, **{option: [*one][side] for option, one in ranges.items()}})
+        make_controller(
+            name, {**options, **{option: [*one][side] for option, one in ranges.items()}}
+        )
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
@@ -85,9 +92,12 @@ def test_any_values_inside_make_a_law_that_answers(name: str, options: dict[str,
 
 
 def test_what_is_searched_of_each_law() -> None:
-    """By hand: of laws what their rows may have, where that changes anything; pairs have those of both parts."""
+    """By hand: of laws what their rows may have, where that changes anything; pairs have those of
+    both parts.
+    """
     searched = {name: set(law_ranges(name)) for name in CONTROLLERS}
-    gains, barrier = {"K", "switching_gain", "speed_gain"}, {"K", "margin"}
+    gains = {"K", "switching_gain", "speed_gain"}
+    barrier = {"K", "margin"}
     rows = gains | {"margin"}
     assert searched == {
         "sliding-mode": gains,
@@ -122,17 +132,22 @@ def test_what_is_searched_of_each_law() -> None:
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
-def test_what_is_not_searched_of_the_rows_changes_nothing(name: str, options: dict[str, Any]) -> None:
+def test_what_is_not_searched_of_the_rows_changes_nothing(
+    name: str, options: dict[str, Any]
+) -> None:
     left = {key: 1.7 for key in FACTORS if key not in law_ranges(name, options)}
     setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
-    theirs, ours = (simulate(setup, make_controller(name, {**options, **factors})) for factors in ({}, left))
+    theirs, ours = (
+        simulate(setup, make_controller(name, {**options, **factors})) for factors in ({}, left)
+    )
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_what_changes_nothing_is_said(name: str, options: dict[str, Any]) -> None:
     """Factors that no range is declared of are those that the law says it ignores."""
-    law, ranges = make_controller(name, options), law_ranges(name, options)
+    law = make_controller(name, options)
+    ranges = law_ranges(name, options)
     assert {factor for factor in FACTORS if factor not in ranges} == {*FACTORS} & {*law.ignores}
     assert law.unused() == ""
     told = make_controller(name, {**options, **dict.fromkeys(FACTORS, 1.5)}).unused()
@@ -142,22 +157,35 @@ def test_what_changes_nothing_is_said(name: str, options: dict[str, Any]) -> Non
 @pytest.mark.parametrize("factor", FACTORS)
 def test_each_factor_that_is_searched_acts(factor: str) -> None:
     setup = Scenario.load("case-study-6r").with_override("duration", 0.7).setup()
-    theirs, ours = (simulate(setup, make_controller("sliding-mode", {factor: value})) for value in (1.0, 1.7))
+    theirs, ours = (
+        simulate(setup, make_controller("sliding-mode", {factor: value})) for value in (1.0, 1.7)
+    )
     assert np.abs(ours.q - theirs.q).max() > 1e-6
 
 
 def test_what_is_given_stays() -> None:
-    assert set(law_ranges("cbf-filter", {"metric": "task", "K": {"fov": 2.0}})) == {"alpha", "damping", "margin"}
+    assert set(law_ranges("cbf-filter", {"metric": "task", "K": {"fov": 2.0}})) == {
+        "alpha",
+        "damping",
+        "margin",
+    }
     potential = {"region": 0.35, "strength": 5.0, "switching_gain": 1.0, "margin": 0.0}
     assert set(law_ranges("potential-field", potential)) == {"exponent", "K", "speed_gain"}
 
 
 @pytest.mark.parametrize("name", ["cbf-filter", "predictive"])
 def test_a_law_with_an_observer_is_searched_as_without(name: str) -> None:
-    plain, observed = (Searched(ControllerSpec("law", name, own)) for own in ({}, {"observer": 0.1, "dead_time": 0.02}))
+    plain, observed = (
+        Searched(ControllerSpec("law", name, own))
+        for own in ({}, {"observer": 0.1, "dead_time": 0.02})
+    )
     assert observed.ranges == plain.ranges != {}
     assert observed.default == plain.default
-    assert observed.setting({"damping": 0.5}).options == {"observer": 0.1, "dead_time": 0.02, "damping": 0.5}
+    assert observed.setting({"damping": 0.5}).options == {
+        "observer": 0.1,
+        "dead_time": 0.02,
+        "damping": 0.5,
+    }
     assert observed.setting({"damping": 0.5}).make().law.damping == 0.5  # type: ignore[attr-defined]
 
 
@@ -233,7 +261,10 @@ class Backwards(Tracking):
 def test_own_laws_declare_theirs(tmp_path: Path) -> None:
     (tmp_path / "my_laws.py").write_text(OWN, encoding="utf-8")
     assert law_ranges("my_laws:Bare", folder=tmp_path) == {}
-    assert law_ranges("my_laws:Pairs", folder=tmp_path) == {"K": Range(0.3, 10.0), "alpha": Range(1.0, 200.0)}
+    assert law_ranges("my_laws:Pairs", folder=tmp_path) == {
+        "K": Range(0.3, 10.0),
+        "alpha": Range(1.0, 200.0),
+    }
     assert set(law_ranges("my_laws:Explicit", folder=tmp_path)) == {*ROWS, "gain"}
     assert law_ranges("my_laws:ByKind", folder=tmp_path) == {"alpha": Range(1.0, 200.0)}
     assert law_ranges("my_laws:Other", folder=tmp_path) == {
@@ -249,7 +280,10 @@ def test_own_laws_declare_theirs(tmp_path: Path) -> None:
     [
         ("Unknown", "'rank_tolerances', which is none of its options"),
         ("Outside", r"'rank_tolerance' that does not hold its default 1e-\d+: 0\.5–0\.8"),
-        ("NoRange", r"'rank_tolerance': it must be a Range, Choices, or a pair of numbers, not 3\.0"),
+        (
+            "NoRange",
+            r"'rank_tolerance': it must be a Range, Choices, or a pair of numbers, not 3\.0",
+        ),
         ("Backwards", r"a range goes from a number to a greater one, not \(2\.0, 1\.0\)"),
     ],
 )
@@ -261,7 +295,15 @@ def test_ranges_that_are_none_are_refused_by_name(tmp_path: Path, law: str, word
 
 @pytest.mark.parametrize(
     "arguments",
-    [(1.0, 1.0), (math.nan, 1.0), (1.0, math.inf), (0.0, 1.0), (-1.0, 1.0), (1.0, 2.5, True, True), ("1", 2.0)],
+    [
+        (1.0, 1.0),
+        (math.nan, 1.0),
+        (1.0, math.inf),
+        (0.0, 1.0),
+        (-1.0, 1.0),
+        (1.0, 2.5, True, True),
+        ("1", 2.0),
+    ],
 )
 def test_what_is_no_range(arguments: tuple[Any, ...]) -> None:
     with pytest.raises(ConfigurationError, match="range"):

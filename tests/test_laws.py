@@ -1,4 +1,6 @@
-"""Laws as demands and resolvers: one contract for every pair of them, and which of them are the same."""
+"""Laws as demands and resolvers: one contract for every pair of them, and which of them are the
+same.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ class NotFaster(Demand):
 
 @formula
 def high_order(row: Row, alpha: float) -> Any:
-    """K times the bound on σ̈ of the barrier function h = −σ with the rates 1/K and α, and then σ̇ of φ̇ = σ̇ + K σ̈."""
+    """K times the bound on σ̈ of the barrier function h = −σ with the rates 1/K and α, and then σ̇
+    of φ̇ = σ̇ + K σ̈.
+    """
     second = -alpha * (row.sigma_dot + row.sigma / row.K) - row.sigma_dot / row.K
     return row.K * second + row.sigma_dot - row.Lf
 
@@ -85,13 +89,19 @@ SHARING = (*(resolver() for resolver in RESOLVERS), Filter(metric="task"), Satur
 """Every registered resolver, and with other options."""
 
 PAIRS = [pytest.param(d, r, id=f"{d.name}-{r.name}") for d in ASKING for r in SHARING]
-EACH = [pair for pair in PAIRS if pair.id.startswith(("switch-", "barrier-")) or pair.id.endswith("-hierarchy")]
+EACH = [
+    pair
+    for pair in PAIRS
+    if pair.id.startswith(("switch-", "barrier-")) or pair.id.endswith("-hierarchy")
+]
 """Every demand and every resolver, for what does not depend on both together."""
 
 
 def problem(seed: int, m: int = 5, n: int = 6, k: int = 6) -> tuple[Rows, Task]:
     rng = np.random.default_rng(seed)
-    sigma, sigma_dot, K = rng.normal(-0.5, 0.5, m), rng.normal(0.0, 0.3, m), rng.uniform(0.2, 1.0, m)
+    sigma = rng.normal(-0.5, 0.5, m)
+    sigma_dot = rng.normal(0.0, 0.3, m)
+    K = rng.uniform(0.2, 1.0, m)
     rows = Rows(
         sigma + K * sigma_dot,
         rng.normal(size=(m, n)),
@@ -123,7 +133,9 @@ def test_the_units_of_rows_change_no_law(demand: Demand, factor: float, form: st
         rows, task = problem(seed, m=1 + seed % 5, k=1 + seed % 6)
         lengths = ("phi", "Lg", "Lf", "switching_gain", "scale", "sigma", "sigma_dot")
         other = replace(rows, **{name: factor * getattr(rows, name) for name in lengths})
-        expected, found = (getattr(made(demand, Hierarchy()), form)(asked, task) for asked in (rows, other))
+        expected, found = (
+            getattr(made(demand, Hierarchy()), form)(asked, task) for asked in (rows, other)
+        )
         assert found.status == expected.status, (seed, found.reason)
         np.testing.assert_allclose(found.qdd, expected.qdd, rtol=1e-6, atol=1e-9)
         assert found.active == expected.active
@@ -131,29 +143,42 @@ def test_the_units_of_rows_change_no_law(demand: Demand, factor: float, form: st
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("resolver", SHARING, ids=lambda resolver: resolver.name)
-@pytest.mark.parametrize("demand", [Switch(), Barrier(), RampRepulsion()], ids=lambda demand: demand.name)
-def test_rows_in_other_units_than_their_scale_are_refused_by_name(demand: Demand, resolver: Any, form: str) -> None:
-    """φ of 1e60 times the allowed range: no answer could be checked; and a φ that is as far inside harms nobody."""
+@pytest.mark.parametrize(
+    "demand", [Switch(), Barrier(), RampRepulsion()], ids=lambda demand: demand.name
+)
+def test_rows_in_other_units_than_their_scale_are_refused_by_name(
+    demand: Demand, resolver: Any, form: str
+) -> None:
+    """φ of 1e60 times the allowed range: no answer could be checked; and a φ that is as far inside
+    harms nobody.
+    """
     rows, task = problem(3)
     phi = np.array([-1.0, 1.0, -1.0, -1.0, 1.0])
     law = made(demand, resolver)
     with pytest.raises(
-        InvalidInput, match=r"beyond 1e\+30 times its scale: row\[1\] \(φ = 1\.0e\+60, scale .*row\[4\]"
+        InvalidInput,
+        match=r"beyond 1e\+30 times its scale: row\[1\] \(φ = 1\.0e\+60, scale .*row\[4\]",
     ):
         getattr(law, form)(replace(rows, phi=1e60 * phi), task)
-    assert getattr(law, form)(replace(rows, phi=np.full(5, -1e60)), task).status in ("ok", "relaxed", "rank-loss")
+    assert getattr(law, form)(replace(rows, phi=np.full(5, -1e60)), task).status in (
+        "ok",
+        "relaxed",
+        "rank-loss",
+    )
 
 
 @compiled
 @pytest.mark.parametrize(("demand", "resolver"), PAIRS)
 def test_every_law_answers_alike_with_its_formula_in_numpy(demand: Demand, resolver: Any) -> None:
     answered = 0
-    one, other = made(demand, resolver), made(demand, resolver)
+    one = made(demand, resolver)
+    other = made(demand, resolver)
     for seed in range(20):
         rows, task = problem(seed, k=6 if seed % 2 else 3)
         if seed % 4 < 2:
             task.rest = np.random.default_rng(seed).normal(size=6)
-        expected, found = one.define(rows, task), other.compute(rows, task)
+        expected = one.define(rows, task)
+        found = other.compute(rows, task)
         assert np.isfinite(expected.qdd).all()
         if found is None:
             other.define(rows, task)
@@ -194,7 +219,8 @@ def same(one: Controller, other: Controller, seeds: int = 20) -> None:
     for seed in range(seeds):
         rows, task = problem(seed)
         for form in ("command", "define"):
-            mine, theirs = getattr(one, form)(rows, task), getattr(other, form)(rows, task)
+            mine = getattr(one, form)(rows, task)
+            theirs = getattr(other, form)(rows, task)
             assert (mine.status, mine.active) == (theirs.status, theirs.active)
             np.testing.assert_array_equal(mine.qdd, theirs.qdd)
 
@@ -213,16 +239,27 @@ def test_laws_by_name_are_pairs_too() -> None:
     same(layer, PotentialField(blend="priority", region=0.3))
     same(make_controller("law"), SlidingMode())
     same(
-        make_controller("law", {"demand": "barrier", "resolver": "hierarchy", "alpha": 7.0}), HierarchicalQP(alpha=7.0)
+        make_controller("law", {"demand": "barrier", "resolver": "hierarchy", "alpha": 7.0}),
+        HierarchicalQP(alpha=7.0),
     )
-    options = {"demand": "implicit-switch", "resolver": "hierarchy", "periods": 5, "max_acceleration": 2.0}
-    named, pair = make_controller("implicit-switch", {"max_acceleration": 2.0}), make_controller("law", options)
+    options = {
+        "demand": "implicit-switch",
+        "resolver": "hierarchy",
+        "periods": 5,
+        "max_acceleration": 2.0,
+    }
+    named = make_controller("implicit-switch", {"max_acceleration": 2.0})
+    pair = make_controller("law", options)
     for law in (named, pair):
         restart(law, 0.01)
     same(named, pair)
     assert (named.periods, named.uses, pair.uses) == (5.0, ("T_s",), ("T_s",))  # type: ignore[attr-defined]
-    assert repr(layer).startswith("boundary-layer(region=0.3, exponent=1.0, strength=1.0, rank_tolerance=")
-    assert repr(Pair(demand="nothing")).startswith("Pair(demand=Nothing(ahead=False, margin=0.0), resolver=Priority(")
+    assert repr(layer).startswith(
+        "boundary-layer(region=0.3, exponent=1.0, strength=1.0, rank_tolerance="
+    )
+    assert repr(Pair(demand="nothing")).startswith(
+        "Pair(demand=Nothing(ahead=False, margin=0.0), resolver=Priority("
+    )
 
 
 @pytest.mark.parametrize(
@@ -234,10 +271,14 @@ def test_laws_by_name_are_pairs_too() -> None:
         ({"demand": "barrier", "alfa": 1.0}, "unknown option of law 'alfa'. Did you mean 'alpha'"),
         (
             {"demand": "switch", "alpha": 1.0},
-            "unknown option of law 'alpha'. Did you mean 'ahead'\\? Available: ahead, margin, rank_tolerance",
+            "unknown option of law 'alpha'. Did you mean 'ahead'\\? Available: ahead, margin, "
+            "rank_tolerance",
         ),
         ({"demand": "barrier", "alpha": -1.0}, "alpha must be a positive, finite number, not -1.0"),
-        ({"demand": "implicit-switch", "periods": 0.5}, "periods of implicit-switch must be at least 1, not 0.5"),
+        (
+            {"demand": "implicit-switch", "periods": 0.5},
+            "periods of implicit-switch must be at least 1, not 0.5",
+        ),
     ],
 )
 def test_pairs_that_are_none_are_refused(options: dict[str, Any], words: str) -> None:
@@ -265,7 +306,8 @@ def test_no_demand_and_no_resolver_share_a_name_for_an_option() -> None:
 
 def test_an_option_that_is_set_makes_the_pair_anew() -> None:
     field = PotentialField()
-    field.blend, field.exponent = "priority", 2
+    field.blend = "priority"
+    field.exponent = 2
     same(field, PotentialField(blend="priority", exponent=2.0), 5)
     law = HierarchicalQP(alpha=3.0)
     law.rows = "active"
@@ -279,7 +321,9 @@ def test_a_barrier_is_one_of_second_order_on_sigma() -> None:
     for seed in range(20):
         rows, task = problem(seed)
         # σ̈ when q̈ = 0 cancels in both: L_fφ is σ̇ + K σ̈
-        ours, theirs = (made(demand, Hierarchy()).define(rows, task) for demand in (Barrier(), HighOrder()))
+        ours, theirs = (
+            made(demand, Hierarchy()).define(rows, task) for demand in (Barrier(), HighOrder())
+        )
         np.testing.assert_allclose(ours.qdd, theirs.qdd, atol=1e-7 * (1.0 + np.abs(ours.qdd).max()))
 
 
@@ -291,7 +335,9 @@ def test_the_filter_is_the_nearest_command_that_meets_the_demands(form: str) -> 
         free = Tracking().command(rows, task).qdd
         x = cp.Variable(6)
         bound = -20.0 * rows.phi - rows.Lf
-        cp.Problem(cp.Minimize(cp.sum_squares(x - free)), [rows.Lg @ x <= bound]).solve(solver="CLARABEL")
+        cp.Problem(cp.Minimize(cp.sum_squares(x - free)), [rows.Lg @ x <= bound]).solve(
+            solver="CLARABEL"
+        )
         found = getattr(Law(Barrier(), Filter()), form)(rows, task)
         assert found.status == "ok"
         np.testing.assert_allclose(found.qdd, x.value, atol=1e-5 * (1.0 + np.abs(free).max()))
@@ -300,14 +346,17 @@ def test_the_filter_is_the_nearest_command_that_meets_the_demands(form: str) -> 
 @pytest.mark.parametrize("form", ["command", "define"])
 def test_a_demand_remembers(form: str) -> None:
     rows, task = problem(3, m=2)
-    law, free = Law(NotFaster(), Priority()), getattr(Tracking(), form)(rows, task)
+    law = Law(NotFaster(), Priority())
+    free = getattr(Tracking(), form)(rows, task)
     command = getattr(law, form)
 
     def acted(*phi: float) -> list[bool]:
         answer: Command = command(replace(rows, phi=np.array(phi)), task)
         return answer.acted.tolist()
 
-    np.testing.assert_array_equal(command(replace(rows, phi=np.array([-1.0, -1.0])), task).qdd, free.qdd)
+    np.testing.assert_array_equal(
+        command(replace(rows, phi=np.array([-1.0, -1.0])), task).qdd, free.qdd
+    )
     tracked = rows.Lg @ free.qdd
     brakes = (tracked > -rows.switching_gain).tolist()
     assert acted(-0.9, -1.1) == [brakes[0], False]
@@ -322,7 +371,9 @@ def test_a_demand_remembers(form: str) -> None:
 def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     rows, task = problem(0)
     law = Law(ImplicitSwitch(), Priority())
-    with pytest.raises(InvalidInput, match="'implicit-switch' uses the sampling period: tell it by reset"):
+    with pytest.raises(
+        InvalidInput, match="'implicit-switch' uses the sampling period: tell it by reset"
+    ):
         law.command(rows, task)
     refused: list[Any] = [0.0, float("nan"), float("inf"), "0.002", True, [0.01]]
     for period in refused:
@@ -332,7 +383,9 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     restart(law, 0.01)
     assert law.command(rows, task).status in ("ok", "rank-loss")
     bare = Rows(rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.labels)
-    with pytest.raises(InvalidInput, match=r"'high-order' uses rows\.sigma, rows\.sigma_dot, rows\.K, which these"):
+    with pytest.raises(
+        InvalidInput, match=r"'high-order' uses rows\.sigma, rows\.sigma_dot, rows\.K, which these"
+    ):
         Law(HighOrder(), Filter()).command(bare, task)
     assert (law.uses, Law(NotFaster(), Priority()).uses) == (("T_s",), ("memory",))
 
@@ -343,16 +396,21 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     [pair for pair in PAIRS if pair.values[0].remembers],  # type: ignore[union-attr]
 )
 def test_a_reset_forgets_all_that_was_learnt(demand: Demand, resolver: Any) -> None:
-    """Of rows that move on: what is answered first, after others, is answered again after a reset, and not before."""
+    """Of rows that move on: what is answered first, after others, is answered again after a reset,
+    and not before.
+    """
     rows, task = problem(5)
-    near = [replace(rows, phi=0.01 * rows.phi + 0.002 * k * rows.switching_gain) for k in (3, 0, 2, 1)]
+    near = [
+        replace(rows, phi=0.01 * rows.phi + 0.002 * k * rows.switching_gain) for k in (3, 0, 2, 1)
+    ]
     for form in ("define", "command"):
         law = made(demand, resolver)
 
         def answers(form: str = form, law: Law = law) -> list[Array]:
             return [getattr(law, form)(one, task).qdd.copy() for one in near]
 
-        first, then = answers(), answers()
+        first = answers()
+        then = answers()
         law.reset()
         np.testing.assert_array_equal(answers(), first)
         assert any((one != other).any() for one, other in zip(first, then, strict=True))
@@ -367,7 +425,10 @@ def test_what_is_remembered_is_not_taken_for_that_of_other_rows(form: str) -> No
         answer = getattr(law, form)
         answer(rows, task)
         for those in (other, Rows.none(6)):
-            with pytest.raises(InvalidInput, match=rf"'{demand.name}' remembers other rows, \('row\[0\]', .*reset\(\)"):
+            with pytest.raises(
+                InvalidInput,
+                match=rf"'{demand.name}' remembers other rows, \('row\[0\]', .*reset\(\)",
+            ):
                 answer(those, task)
         law.reset()
         assert answer(other, task).labels == other.labels
@@ -426,7 +487,9 @@ def test_a_formula_that_the_compiler_refuses_runs_in_numpy() -> None:
     rows, task = problem(1)
     rows = replace(rows, switching_gain=np.ones(5))
     law = Law(Strange(), Priority())
-    with pytest.warns(RuntimeWarning, match=r"refuses a formula.*strange \(.*test_laws\.py, line \d+\).*in NumPy"):
+    with pytest.warns(
+        RuntimeWarning, match=r"refuses a formula.*strange \(.*test_laws\.py, line \d+\).*in NumPy"
+    ):
         found = law.command(rows, task)
     np.testing.assert_array_equal(found.qdd, SlidingMode().define(rows, task).qdd)
 
@@ -439,7 +502,10 @@ def test_demands_that_are_no_numbers_fail_by_name() -> None:
 
     rows, task = problem(1)
     command = Law(Never(), Hierarchy()).define(rows, task)
-    assert (command.status, "'never' is not a number for row[0]" in command.reason) == ("failed", True)
+    assert (command.status, "'never' is not a number for row[0]" in command.reason) == (
+        "failed",
+        True,
+    )
 
 
 def ranges(demand: Demand) -> dict[str, Any]:

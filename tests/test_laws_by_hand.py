@@ -1,4 +1,6 @@
-"""The laws on problems of two joints, with answers worked out on paper and written out here as numbers."""
+"""The laws on problems of two joints, with answers worked out on paper and written out here as
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+)
 from vsconstraints.controllers.cascade import Target
 from vsconstraints.controllers.least_norm import dependent_rows, least_norm, unit_rows
 from vsconstraints.controllers.resolver import row_weights
@@ -20,8 +28,12 @@ FREE = [1.0, 5.0]
 """What tracking alone does in most of these problems: the task is q̈ = b."""
 
 
-def answer(law: Controller, rows: list[dict[str, Any]], b: list[float] = FREE, J: Any = None) -> Command:
-    """The definition's command for rows of ``phi`` and ``Lg``; ``Lf`` is 0, ``gain`` and ``scale`` 1 if not given."""
+def answer(
+    law: Controller, rows: list[dict[str, Any]], b: list[float] = FREE, J: Any = None
+) -> Command:
+    """The definition's command for rows of ``phi`` and ``Lg``; ``Lf`` is 0, ``gain`` and ``scale``
+    1 if not given.
+    """
 
     def column(name: str, default: float) -> Any:
         return np.array([row.get(name, default) for row in rows], dtype=float)
@@ -34,7 +46,9 @@ def answer(law: Controller, rows: list[dict[str, Any]], b: list[float] = FREE, J
         tuple("abcdef"[: len(rows)]),
         column("scale", 1.0),
     )
-    return law.define(asked, Task(np.eye(2) if J is None else np.array(J, dtype=float), np.array(b)))
+    return law.define(
+        asked, Task(np.eye(2) if J is None else np.array(J, dtype=float), np.array(b))
+    )
 
 
 def gives(command: Command, qdd: list[float], acted: str = "", status: str = "ok") -> None:
@@ -49,7 +63,8 @@ def test_tracking() -> None:
     gives(answer(Tracking(), [{"phi": 1.0, "Lg": [0, 2]}]), [1.0, 5.0])
     # 3 q̈₁ + 4 q̈₂ = 10: the shortest is along (3, 4)
     gives(answer(Tracking(), [], b=[10.0], J=[[3, 4]]), [1.2, 1.6])
-    # two equations that contradict each other, q̈₁ = 2 and q̈₁ = 4: halfway, and the second joint rests
+    # two equations that contradict each other, q̈₁ = 2 and q̈₁ = 4: halfway, and the second joint
+    # rests
     gives(answer(Tracking(), [], b=[2.0, 4.0], J=[[1, 0], [1, 0]]), [3.0, 0.0])
     # of singular values 1 and s the smaller one counts if it is above 1e-6
     gives(answer(Tracking(), [], b=[1.0, 3e-6], J=[[1, 0], [0, 1.5e-6]]), [1.0, 2.0])
@@ -58,7 +73,9 @@ def test_tracking() -> None:
 
 
 def test_a_goal_that_is_moved() -> None:
-    """e = 3, s_ref at 2, ė = 0.5, drift 1: −4 × 3 − 5 × 0.5 − 1 becomes −7 × (3 − 2) − 11 × 0.5 − 1."""
+    """e = 3, s_ref at 2, ė = 0.5, drift 1: −4 × 3 − 5 × 0.5 − 1 becomes −7 × (3 − 2) − 11 × 0.5 −
+    1.
+    """
     assert demanded(3.0, 0.5, 1.0, 4.0, 5.0) == pytest.approx(-15.5)
     assert retargeted(-15.5, 3.0, 0.5, 2.0, (4.0, 5.0), (7.0, 11.0)) == pytest.approx(-13.5)
     # a reference at the goal changes nothing
@@ -66,10 +83,13 @@ def test_a_goal_that_is_moved() -> None:
 
 
 def test_gains_of_the_implicit_midpoint_rule() -> None:
-    """K_p = 4, K_v = 5 and h = 0.2: 1 + 0.1 × 5 + 0.01 × 4 = 1.54. It is what the law asks of the mean of both ends."""
+    """K_p = 4, K_v = 5 and h = 0.2: 1 + 0.1 × 5 + 0.01 × 4 = 1.54. It is what the law asks of the
+    mean of both ends.
+    """
     Kp, Kv = held_gains(4.0, 5.0, 0.2)
     assert (Kp, Kv) == pytest.approx((4.0 / 1.54, 5.4 / 1.54))
-    e, rate = 3.0, -0.5
+    e = 3.0
+    rate = -0.5
     qdd = -Kp * e - Kv * rate
     ends = e + 0.2 * rate + 0.02 * qdd, rate + 0.2 * qdd
     # the mean of q̇ is that of its ends; that of q, by the rule, lies h/2 of it farther
@@ -84,13 +104,23 @@ def test_gains_of_the_implicit_midpoint_rule() -> None:
 def test_sliding_mode_of_one_row() -> None:
     """2 q̈₂ = −3 on the boundary and beyond it, whatever L_fφ; the other joint tracks."""
     for phi in (0.0, 1e-12, 7.0):
-        gives(answer(SlidingMode(), [{"phi": phi, "Lg": [0, 2], "gain": 3, "Lf": 100}]), [1.0, -1.5], "a")
+        gives(
+            answer(SlidingMode(), [{"phi": phi, "Lg": [0, 2], "gain": 3, "Lf": 100}]),
+            [1.0, -1.5],
+            "a",
+        )
     gives(answer(SlidingMode(), [{"phi": -1e-300, "Lg": [0, 2], "gain": 3}]), [1.0, 5.0])
 
 
 def test_sliding_mode_of_an_oblique_row() -> None:
-    """3 q̈₁ + 4 q̈₂ = −10: (−1.2, −1.6), and along (4, −3)/5, which the row leaves free, what is left of (1, 0)."""
-    gives(answer(SlidingMode(), [{"phi": 0.5, "Lg": [3, 4], "gain": 10}], b=[1.0, 0.0]), [-0.56, -2.08], "a")
+    """3 q̈₁ + 4 q̈₂ = −10: (−1.2, −1.6), and along (4, −3)/5, which the row leaves free, what is
+    left of (1, 0).
+    """
+    gives(
+        answer(SlidingMode(), [{"phi": 0.5, "Lg": [3, 4], "gain": 10}], b=[1.0, 0.0]),
+        [-0.56, -2.08],
+        "a",
+    )
 
 
 def test_sliding_mode_of_rows_that_leave_nothing_free() -> None:
@@ -110,7 +140,9 @@ def test_rows_that_depend_on_each_other_are_named(phi: float) -> None:
 
 @pytest.mark.parametrize(("share", "named"), [(0.0021, "a, b, c"), (0.00099, "a, c")])
 def test_rows_with_no_share_in_a_dependence_are_not_named(share: float, named: str) -> None:
-    """(1, share) is (1, 0) and share × (0, 1): the middle one's part is share/√2, which is named from 0.001 on."""
+    """(1, share) is (1, 0) and share × (0, 1): the middle one's part is share/√2, which is named
+    from 0.001 on.
+    """
     rows = [{"Lg": [1, 0]}, {"Lg": [0, 1]}, {"Lg": [1, share]}]
     assert answer(SlidingMode(), rows).reason.endswith(f"dependent: {named}")
 
@@ -155,14 +187,20 @@ def test_repulsion_with_priority() -> None:
 
 
 def test_rows_in_their_regions_may_depend_on_each_other_until_they_reach_their_boundaries() -> None:
-    """δ = 1, ψ = 0.5: both rows demand q̈₁ = 0.5 × 1 − 0.5 × gain, of gains 1 and 3; on their way they share it."""
+    """δ = 1, ψ = 0.5: both rows demand q̈₁ = 0.5 × 1 − 0.5 × gain, of gains 1 and 3; on their way
+    they share it.
+    """
     law = PotentialField(blend="priority", region=1.0)
 
     def rows(*phi: float) -> list[dict[str, Any]]:
-        return [{"phi": value, "Lg": [1, 0], "gain": gain} for value, gain in zip(phi, (1, 3), strict=True)]
+        return [
+            {"phi": value, "Lg": [1, 0], "gain": gain}
+            for value, gain in zip(phi, (1, 3), strict=True)
+        ]
 
     gives(answer(law, rows(-0.5, -0.5)), [-0.5, 5.0], "ab")
-    # the first has reached its boundary and demands q̈₁ = −1, the second is on its way and demands −1 too
+    # the first has reached its boundary and demands q̈₁ = −1, the second is on its way and demands
+    # −1 too
     gives(answer(law, rows(0.0, -0.5)), [-1.0, 5.0], "ab")
     gives(answer(law, rows(0.0, 0.0)), [-2.0, 5.0], "ab", "rank-loss")
 
@@ -246,7 +284,9 @@ def test_a_row_met_up_to_rounding_asks_no_solver() -> None:
 
 
 def test_rows_that_nothing_moves() -> None:
-    """A gradient of 1e-13 counts as none: met on the boundary, and slack beyond it; one of 1e-7 does not."""
+    """A gradient of 1e-13 counts as none: met on the boundary, and slack beyond it; one of 1e-7
+    does not.
+    """
     command = answer(barrier(), [{"phi": 0.0, "Lg": [1e-13, 0]}])
     gives(command, [1.0, 5.0])
     assert command.solver == ""
@@ -257,7 +297,8 @@ def test_rows_that_nothing_moves() -> None:
 
 
 def test_what_the_rows_leave_of_a_task() -> None:
-    """q̈₁ + q̈₂ ≤ 2 and a task (1, 5): the nearest point is (−1, 3); of q̈₁ = 1 and 2 q̈₂ = 10, (−2.2, 4.2).
+    """q̈₁ + q̈₂ ≤ 2 and a task (1, 5): the nearest point is (−1, 3); of q̈₁ = 1 and 2 q̈₂ = 10,
+    (−2.2, 4.2).
 
     With the task 2 q̈₂ = 10 alone, q̈₁ makes way: (−3, 5).
     """
@@ -280,7 +321,9 @@ def test_rows_depend_below_a_share_of_the_largest_singular_value() -> None:
 
 
 def test_level_2_counts_what_is_above_its_share_of_the_largest_singular_value_of_the_task() -> None:
-    """q̈₁ = −2, then 4 q̈₂ = 8 and q̈₁ + q̈₃ = 1: with a fifth of 4 all is met, with 0.3 × 4 the last rests."""
+    """q̈₁ = −2, then 4 q̈₂ = 8 and q̈₁ + q̈₃ = 1: with a fifth of 4 all is met, with 0.3 × 4 the
+    last rests.
+    """
     one = np.ones(1)
     rows = Rows(one, np.array([[1.0, 0.0, 0.0]]), 0.0 * one, 2.0 * one, ("a",))
     J = np.array([[0.0, 4.0, 0.0], [1.0, 0.0, 1.0]])
@@ -313,14 +356,18 @@ def test_rows_of_unit_length() -> None:
         ([0.0, 0.0], 1.0, False),
     ],
 )
-def test_a_row_is_seen_above_1e_minus_12_of_its_scale(Lg: list[float], scale: float, seen: bool) -> None:
+def test_a_row_is_seen_above_1e_minus_12_of_its_scale(
+    Lg: list[float], scale: float, seen: bool
+) -> None:
     """Its length counts; nothing is divided by zero."""
     with np.errstate(all="raise"):
         A, b = unit_rows(made(Lg, scale), np.array([1.0]), np.array([True]))
     assert np.linalg.norm(A) == pytest.approx(float(seen))
     assert (b != 0.0).all() == seen
     law = barrier()
-    command = law.define(replace(made(Lg, scale), phi=np.array([0.1])), Task(np.eye(2), np.array(FREE)))
+    command = law.define(
+        replace(made(Lg, scale), phi=np.array([0.1])), Task(np.eye(2), np.array(FREE))
+    )
     assert (command.status == "relaxed") != seen
 
 
@@ -344,7 +391,9 @@ def test_decomposition_of_a_task() -> None:
     found = least_norm(np.diag([4.0, 1.0]), np.array([8.0, 3.0]), 0.25)
     np.testing.assert_allclose(found.qdd, [2.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(found.gains, [4.0, 0.0], rtol=1e-15)
-    np.testing.assert_allclose(least_norm(np.diag([4.0, 1.0]), np.array([8.0, 3.0]), 0.2).gains, [4.0, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        least_norm(np.diag([4.0, 1.0]), np.array([8.0, 3.0]), 0.2).gains, [4.0, 1.0], rtol=1e-15
+    )
     # directions that a task leaves free are directions too
     found = least_norm(np.array([[3.0, 4.0]]), np.array([10.0]), 1e-6)
     np.testing.assert_allclose(np.abs(found.directions), [[0.6, 0.8], [0.8, 0.6]], rtol=1e-12)
@@ -357,7 +406,8 @@ def test_decomposition_of_a_task() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"blend": "both"}, {"blend": 3}, {"region": 0.0}, {"exponent": -1.0}, {"strength": np.inf}]
+    "options",
+    [{"blend": "both"}, {"blend": 3}, {"region": 0.0}, {"exponent": -1.0}, {"strength": np.inf}],
 )
 def test_fields_that_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises((ConfigurationError, InvalidInput)):
@@ -400,7 +450,9 @@ def test_gains_of_a_task_are_relative_to_all_of_them() -> None:
     """0.4 and 0.3 of 0.5; a task of zeros has none."""
     for size in (0.1, 10.0):
         tracking = least_norm(size * np.diag([3.0, 4.0]), np.ones(2), 1e-6)
-        np.testing.assert_allclose(Target.of(tracking, 1e-8, 1e-6, True).gains, [0.8, 0.6], rtol=1e-14)
+        np.testing.assert_allclose(
+            Target.of(tracking, 1e-8, 1e-6, True).gains, [0.8, 0.6], rtol=1e-14
+        )
     with np.errstate(all="raise"):
         cost = Target.of(least_norm(np.zeros((2, 2)), np.ones(2), 1e-6), 1e-8, 1e-6, True)
     np.testing.assert_array_equal(cost.gains, [0.0, 0.0])
@@ -418,7 +470,11 @@ def test_rounding_is_that_of_a_rows_terms() -> None:
     row = {"phi": (100.0 + 1.5e-10) / 20.0, "Lg": [1, 0]}
     # beside it one that nothing moves, and that need not be: 0 ≤ 0, or 0 ≤ 0.5
     for law in (barrier(), barrier(max_acceleration=200.0)):
-        for rows in ([row], [row, {"phi": 0.0, "Lg": [0, 0]}], [row, {"phi": -0.025, "Lg": [0, 0]}]):
+        for rows in (
+            [row],
+            [row, {"phi": 0.0, "Lg": [0, 0]}],
+            [row, {"phi": -0.025, "Lg": [0, 0]}],
+        ):
             command = answer(law, rows, b=[-100.0, 0.0])
             gives(command, [-100.0, 0.0])
             assert (command.solver, command.slacks) == ("", {})
@@ -430,15 +486,23 @@ def test_rounding_is_that_of_a_rows_terms() -> None:
 
 
 def test_demands_beyond_the_range_of_floating_point_have_no_answer() -> None:
-    """1e290 × 1e29 is no number: with a box that tracking leaves and without one, in either form."""
-    for law in (barrier(alpha=1e290, max_acceleration=1.0), barrier(alpha=1e290), HierarchicalQP(alpha=1e290)):
+    """1e290 × 1e29 is no number: with a box that tracking leaves and without one, in either
+    form.
+    """
+    for law in (
+        barrier(alpha=1e290, max_acceleration=1.0),
+        barrier(alpha=1e290),
+        HierarchicalQP(alpha=1e290),
+    ):
         command = answer(law, [{"phi": 1e29, "Lg": [0, 1]}])
         gives(command, [0.0, 0.0], "", "failed")
         assert "SolverError: beyond the range of floating point" in command.reason
 
 
 def test_slack_of_rows_that_nothing_moves() -> None:
-    """0 ≤ −0.2 is missed by 0.2, without any solver; 0 ≤ 2 by nothing, also where another row resists."""
+    """0 ≤ −0.2 is missed by 0.2, without any solver; 0 ≤ 2 by nothing, also where another row
+    resists.
+    """
     command = answer(barrier(), [{"phi": 0.01, "Lg": [0, 0]}])
     gives(command, [1.0, 5.0], "", "relaxed")
     assert command.slacks == {"a": pytest.approx(0.2)}
@@ -447,6 +511,8 @@ def test_slack_of_rows_that_nothing_moves() -> None:
     gives(command, [1.0, 2.0], "a")
     assert command.slacks == {}
     # a row that demands nothing has no slack
-    command = answer(barrier(rows="active"), [{"phi": 0.0, "Lg": [0, 1]}, {"phi": -0.1, "Lg": [1, 0]}])
+    command = answer(
+        barrier(rows="active"), [{"phi": 0.0, "Lg": [0, 1]}, {"phi": -0.1, "Lg": [1, 0]}]
+    )
     gives(command, [1.0, -1.0], "a")
     assert command.slacks == {}

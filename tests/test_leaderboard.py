@@ -1,4 +1,6 @@
-"""The leaderboard: what it says follows the runs, and tables that are not what they say they are are refused."""
+"""The leaderboard: what it says follows the runs, and tables that are not what they say they are
+are refused.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.families.frozen import TestSet
 
 ROOT = Path(__file__).parents[1]
-KEPT = [SHIPPED, *(ROOT / "comparisons" / f"{name}.parquet" for name in ("laws", "policy", "tuned-laws"))]
+KEPT = [
+    SHIPPED,
+    *(ROOT / "comparisons" / f"{name}.parquet" for name in ("laws", "policy", "tuned-laws")),
+]
 OWN = """
 from vsconstraints.controllers import HierarchicalQP
 
@@ -33,14 +38,16 @@ class Mine(HierarchicalQP):
 
 @pytest.fixture(scope="module")
 def frozen(tmp_path_factory: pytest.TempPathFactory) -> TestSet:
-    folder, counts = tmp_path_factory.mktemp("frozen"), {"training": 1, "held-out": 3}
+    folder = tmp_path_factory.mktemp("frozen")
+    counts = {"training": 1, "held-out": 3}
     return TestSet.make(folder, [Family.load("planar-arm")], "t", counts, 0, quiet)
 
 
 @pytest.fixture(scope="module")
 def folder(frozen: TestSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Runs of a law of one's own and of two that come with the package."""
-    folder, code = tmp_path_factory.mktemp("runs") / "runs", tmp_path_factory.mktemp("code") / "mine.py"
+    folder = tmp_path_factory.mktemp("runs") / "runs"
+    code = tmp_path_factory.mktemp("code") / "mine.py"
     code.write_text(OWN)
     campaign = Campaign.load(None).changed(**frozen.chosen((), "held-out", None, None))
     with pytest.MonkeyPatch.context() as patch:
@@ -54,7 +61,10 @@ def folder(frozen: TestSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def study(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Study:
     """As it is read from a table that the command line kept, without the own law's code."""
     table = tmp_path_factory.mktemp("kept") / "table.parquet"
-    assert CliRunner().invoke(app, ["advise", "--study", str(folder), "--keep", str(table)]).exit_code == 0
+    assert (
+        CliRunner().invoke(app, ["advise", "--study", str(folder), "--keep", str(table)]).exit_code
+        == 0
+    )
     return Study.load(table, own=True)
 
 
@@ -70,14 +80,18 @@ def only(study: Study, law: str) -> Study:
     return replace(study, runs=own, laws={law: study.laws[law]})
 
 
-def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others(study: Study, frozen: TestSet) -> None:
+def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others(
+    study: Study, frozen: TestSet
+) -> None:
     lines = leaderboard({"a": study}, frozen).splitlines()[2:]
     order = [line.split("|")[1].strip() for line in lines]
     success = study.runs.groupby("controller")["success"].mean()
     assert [success[law] for law in order] == sorted(success, reverse=True)
     assert {*order} == {"sliding-mode", "hierarchical-qp", "mine"}
     assert "see its code" in lines[order.index("mine")]
-    disturbed = study.runs[(study.runs["condition"] == "disturbed") & (study.runs["controller"] == "sliding-mode")]
+    disturbed = study.runs[
+        (study.runs["condition"] == "disturbed") & (study.runs["controller"] == "sliding-mode")
+    ]
     hardest = f"{100 * disturbed['success'].mean():.0f} (planar-arm)"
     assert hardest in lines[order.index("sliding-mode")]
     both = leaderboard({"a": study, "b": study}, frozen)
@@ -89,29 +103,59 @@ def test_laws_stand_in_the_order_of_their_success_and_own_ones_beside_the_others
 
 
 def test_own_laws_are_left_out_of_advice(folder: Path) -> None:
-    assert {*Study.load(folder).laws} == {"sliding-mode", "hierarchical-qp"} == {*Study.load(folder).runs["controller"]}
+    assert (
+        {*Study.load(folder).laws}
+        == {"sliding-mode", "hierarchical-qp"}
+        == {*Study.load(folder).runs["controller"]}
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda own: replace(own, frozen={}), "planar-arm.held-out.* of test set t is not what it has run"),
         (
-            lambda own: replace(own, frozen={"planar-arm": {**own.frozen["planar-arm"], "sha256": "0"}}),
+            lambda own: replace(own, frozen={}),
+            "planar-arm.held-out.* of test set t is not what it has run",
+        ),
+        (
+            lambda own: replace(
+                own, frozen={"planar-arm": {**own.frozen["planar-arm"], "sha256": "0"}}
+            ),
             "is not what it has run",
         ),
-        (lambda own: replace(own, runs=own.runs[own.runs["scene"] > 0]), "1 held-out scenes of planar-arm, nominal"),
-        (lambda own: replace(own, runs=own.runs[own.runs["condition"] != "limited"]), "3 .* limited, are missing"),
-        (lambda own: changed(own, own.runs["scene"] == 2, scene=102), "1 .* do not exist, such as scene 102.*0 to 2"),
-        (lambda own: changed(own, own.runs["scene"] == 0, family="unknown"), "no held-out scenes of unknown"),
-        (lambda own: changed(own, own.runs["scene"] == 0, half="training"), "no training scenes of planar-arm"),
+        (
+            lambda own: replace(own, runs=own.runs[own.runs["scene"] > 0]),
+            "1 held-out scenes of planar-arm, nominal",
+        ),
+        (
+            lambda own: replace(own, runs=own.runs[own.runs["condition"] != "limited"]),
+            "3 .* limited, are missing",
+        ),
+        (
+            lambda own: changed(own, own.runs["scene"] == 2, scene=102),
+            "1 .* do not exist, such as scene 102.*0 to 2",
+        ),
+        (
+            lambda own: changed(own, own.runs["scene"] == 0, family="unknown"),
+            "no held-out scenes of unknown",
+        ),
+        (
+            lambda own: changed(own, own.runs["scene"] == 0, half="training"),
+            "no training scenes of planar-arm",
+        ),
         (
             lambda own: changed(own, own.runs["condition"] == "disturbed", condition="nominal-2"),
             "no held-out scenes of planar-arm, nominal-2",
         ),
         (lambda own: changed(own, 0, status="slow", success=True), "contradict each other"),
-        (lambda own: changed(own, 0, violated="fov[marker 1]", violation_fraction=0.0), "contradict each other"),
-        (lambda own: changed(own, 0, violation_fraction=0.5, tolerant_success=True), "contradict each other"),
+        (
+            lambda own: changed(own, 0, violated="fov[marker 1]", violation_fraction=0.0),
+            "contradict each other",
+        ),
+        (
+            lambda own: changed(own, 0, violation_fraction=0.5, tolerant_success=True),
+            "contradict each other",
+        ),
     ],
 )
 def test_tables_that_cannot_be_compared_are_refused_by_name(
@@ -126,25 +170,35 @@ def made_again(study: Study, frozen: TestSet, share: float = 1.0, **options: Any
     return repeat(study, families, share, 0, **{"workers": here, **options})
 
 
-def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(study: Study, frozen: TestSet) -> None:
+def test_runs_made_again_are_the_stored_ones_and_a_forged_one_is_found(
+    study: Study, frozen: TestSet
+) -> None:
     shipped = only(study, "hierarchical-qp")
     whole = made_again(shipped, frozen)
     assert not whole.differences
     assert whole.agreeing + len(whole.by_rounding) == whole.runs == len(shipped.runs)
     known = shipped.runs.index[shipped.runs["settling_time_s"].notna()]
     for value in (1.0 - 1e-8, 0.5):
-        forged = changed(shipped, known[0], settling_time_s=value * shipped.runs["settling_time_s"][known[0]])
+        forged = changed(
+            shipped, known[0], settling_time_s=value * shipped.runs["settling_time_s"][known[0]]
+        )
         found = made_again(forged, frozen)
         (what,) = (*found.differences, *found.by_rounding)
         assert "settling_time_s" in what
-    forged = changed(shipped, 0, status="slow" if shipped.runs["status"][0] == "converged" else "converged")
+    forged = changed(
+        shipped, 0, status="slow" if shipped.runs["status"][0] == "converged" else "converged"
+    )
     assert len(made_again(forged, frozen).differences) == 1
     with pytest.raises(ConfigurationError, match="mine:Mine"):
         made_again(only(study, "mine"), frozen)
 
 
-def test_which_runs_are_repeated_follows_from_the_seed_and_not_from_the_order_of_lines(study: Study) -> None:
-    shuffled = replace(study, runs=study.runs.sample(frac=1.0, random_state=1).reset_index(drop=True))
+def test_which_runs_are_repeated_follows_from_the_seed_and_not_from_the_order_of_lines(
+    study: Study,
+) -> None:
+    shuffled = replace(
+        study, runs=study.runs.sample(frac=1.0, random_state=1).reset_index(drop=True)
+    )
     for seed in range(3):
         assert drawn_lines(shuffled, 0.3, seed) == drawn_lines(study, 0.3, seed)
     assert drawn_lines(study, 0.3, 0) != drawn_lines(study, 0.3, 1)
@@ -160,9 +214,13 @@ def test_a_check_says_how_many_runs_it_repeated_by_which_secret_seed(
     said: list[list[str]] = []
     seeds = []
     for options in ((), (), ("--seed", "7"), ("--seed", "7")):
-        done = CliRunner().invoke(app, ["testset", "leaderboard", str(table), "--rerun", "0.3", *options])
+        done = CliRunner().invoke(
+            app, ["testset", "leaderboard", str(table), "--rerun", "0.3", *options]
+        )
         (summary,) = (line for line in done.stderr.splitlines() if "were repeated" in line)
-        assert summary.startswith(f"{math.ceil(0.3 * lines)} of {lines} runs of forged were repeated: ")
+        assert summary.startswith(
+            f"{math.ceil(0.3 * lines)} of {lines} runs of forged were repeated: "
+        )
         seeds.append(int(summary.rpartition(" ")[2]))
         said.append([line for line in done.stderr.splitlines() if "repeating runs" not in line])
     assert seeds[0] != seeds[1]
@@ -177,7 +235,9 @@ def test_a_check_says_how_many_runs_it_repeated_by_which_secret_seed(
 
 @pytest.mark.parametrize("share", [1e-4, pytest.param(5e-3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kept", KEPT, ids=lambda path: path.stem)
-def test_kept_runs_are_what_laws_do_now(kept: Path, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_runs_are_what_laws_do_now(
+    kept: Path, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Up to nine of them, made again; some hundreds in the whole gate, of every law."""
     monkeypatch.chdir(ROOT)  # weights of a policy are found from there
     study = Study.load(kept, own=True)
@@ -187,7 +247,9 @@ def test_kept_runs_are_what_laws_do_now(kept: Path, share: float, monkeypatch: p
 def test_a_run_that_rounding_decides_is_told_from_a_forged_one(
     study: Study, frozen: TestSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a start that is moved by a thousandth instead of rounding, every run is decided by that."""
+    """With a start that is moved by a thousandth instead of rounding, every run is decided by
+    that.
+    """
     monkeypatch.setattr("vsconstraints.comparisons.repetition.NUDGE", 1e-3)
     own = only(study, "sliding-mode")
     forged = changed(own, 0, utilization=own.runs["utilization"][0] + 1e-6)
@@ -205,5 +267,7 @@ def test_the_page_shows_the_leaderboard_of_the_study_that_comes_with_the_package
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         least = disturbed[disturbed["controller"] == cells[0]].groupby("family")["success"].mean()
         tolerated = disturbed[disturbed["controller"] == cells[0]]["tolerant_success"].mean()
-        assert float(cells[6].strip("≈* ").partition(" ")[0]) == pytest.approx(100 * tolerated, abs=0.0501)
+        assert float(cells[6].strip("≈* ").partition(" ")[0]) == pytest.approx(
+            100 * tolerated, abs=0.0501
+        )
         assert cells[7] == f"{100 * least.min():.0f} ({least.idxmin()})"

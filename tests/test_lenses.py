@@ -1,4 +1,6 @@
-"""Distortion of lenses against OpenCV, finite differences and closed forms; the field of view that bends with it."""
+"""Distortion of lenses against OpenCV, finite differences and closed forms; the field of view that
+bends with it.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,8 @@ def sensor(step: float = 20.0) -> Array:
 def by_opencv(lens: Distortion, normalised: Array) -> Array:
     """(m, 2) pixels from the top left corner, counted by their centres."""
     points = np.column_stack((normalised, np.ones(len(normalised))))[:, None]
-    D, none = np.array(lens.coefficients), np.zeros((3, 1))
+    D = np.array(lens.coefficients)
+    none = np.zeros((3, 1))
     project = cv2.fisheye.projectPoints if lens.model == "fisheye" else cv2.projectPoints
     pixels: Array = project(points, none, none, K, D)[0].reshape(-1, 2)
     return pixels
@@ -72,14 +75,18 @@ def test_points_are_where_opencv_projects_them(lens: Distortion) -> None:
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_pixels_are_undistorted_as_opencv_does(lens: Distortion) -> None:
-    eye, pixels = camera(lens), sensor()
-    seen, D = eye.to_corner(pixels, "centres")[:, None], np.array(lens.coefficients)
+    eye = camera(lens)
+    pixels = sensor()
+    seen = eye.to_corner(pixels, "centres")[:, None]
+    D = np.array(lens.coefficients)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-13)
     if lens.model == "fisheye":
         theirs = cv2.fisheye.undistortPoints(seen, K, D, criteria=criteria)
     else:
         theirs = cv2.undistortPointsIter(seen, K, D, None, None, criteria)
-    np.testing.assert_allclose(eye.normalised(eye.undistort(pixels)), theirs.reshape(-1, 2), atol=1e-8)
+    np.testing.assert_allclose(
+        eye.normalised(eye.undistort(pixels)), theirs.reshape(-1, 2), atol=1e-8
+    )
 
 
 # --- there and back ---
@@ -87,7 +94,8 @@ def test_pixels_are_undistorted_as_opencv_does(lens: Distortion) -> None:
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_undistorting_is_the_inverse_all_over_the_image(lens: Distortion) -> None:
-    eye, pixels = camera(lens), sensor(10.0)
+    eye = camera(lens)
+    pixels = sensor(10.0)
     ideal = eye.undistort(pixels)
     assert np.abs(ideal - pixels).max() > 5.0
     np.testing.assert_allclose(eye.distort(ideal), pixels, atol=1e-9)
@@ -101,10 +109,21 @@ number = st.floats(-1.0, 1.0)
 
 @settings(max_examples=30, deadline=None)
 @given(st.tuples(*[number] * 8), st.booleans())
-def test_what_is_undistorted_comes_back_whatever_the_lens(drawn: tuple[float, ...], wide: bool) -> None:
-    """Where a lens can be inverted at all: of others the reach is small, and what lies beyond is refused."""
-    size = np.array([0.5, 0.3, 0.01, 0.01, 0.2, 0.5, 0.3, 0.2]) if not wide else np.array([0.2, 0.1, 0.05, 0.02])
-    lens = Distortion("fisheye" if wide else "brown-conrady", tuple((np.array(drawn)[: len(size)] * size).tolist()))
+def test_what_is_undistorted_comes_back_whatever_the_lens(
+    drawn: tuple[float, ...], wide: bool
+) -> None:
+    """Where a lens can be inverted at all: of others the reach is small, and what lies beyond is
+    refused.
+    """
+    size = (
+        np.array([0.5, 0.3, 0.01, 0.01, 0.2, 0.5, 0.3, 0.2])
+        if not wide
+        else np.array([0.2, 0.1, 0.05, 0.02])
+    )
+    lens = Distortion(
+        "fisheye" if wide else "brown-conrady",
+        tuple((np.array(drawn)[: len(size)] * size).tolist()),
+    )
     assume(lens.reach > 0.05)
     turn, share = np.meshgrid(np.linspace(0.0, 6.0, 12), [0.0, 0.1, 0.5, 0.9, 0.99])
     there = min(lens.reach, 3.0) * np.stack((share * np.cos(turn), share * np.sin(turn)), axis=-1)
@@ -120,7 +139,9 @@ def test_a_lens_that_folds_is_inverted_up_to_its_fold_alone() -> None:
     assert eye.distortion is not None
     assert eye.distortion.reach == pytest.approx(r, abs=3e-3)
     assert eye.reach_px == pytest.approx(590.0 * r * (1.0 - 0.4 * r * r), abs=0.5)
-    with pytest.raises(InvalidInput, match=r"a pixel at \(-320\.0, -240\.0\) .* can be inverted up to 359 px"):
+    with pytest.raises(
+        InvalidInput, match=r"a pixel at \(-320\.0, -240\.0\) .* can be inverted up to 359 px"
+    ):
         eye.undistort(np.array([[0.0, 0.0], [-320.0, -240.0]]))
     # the polynomial turns back to the middle, which must not count as seen
     folded = eye.pixels(np.array([np.sqrt(1.0 / 0.4), 0.0]))
@@ -137,14 +158,19 @@ def test_beyond_its_reach_a_lens_goes_on_outwards() -> None:
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_derivatives_are_those_of_finite_differences(lens: Distortion) -> None:
-    h, (reach, *coefficients) = 1e-6, lens.parameters
+    h = 1e-6
+    reach, *coefficients = lens.parameters
     for until in (reach, 0.3):
         for x, y in ((0.0, 0.0), (0.1, -0.2), (0.5, 0.3), (-0.4, 0.02)):
-            found = np.array(lenses.extended(lenses.MODELS[lens.model].lens, x, y, until, coefficients)[2:]).reshape(
-                2, 2
-            )
+            found = np.array(
+                lenses.extended(lenses.MODELS[lens.model].lens, x, y, until, coefficients)[2:]
+            ).reshape(2, 2)
             ends = [
-                np.array(lenses.extended(lenses.MODELS[lens.model].lens, x + dx, y + dy, until, coefficients)[:2])
+                np.array(
+                    lenses.extended(
+                        lenses.MODELS[lens.model].lens, x + dx, y + dy, until, coefficients
+                    )[:2]
+                )
                 for dx, dy in ((h, 0.0), (-h, 0.0), (0.0, h), (0.0, -h))
             ]
             slopes = np.stack(((ends[0] - ends[1]), (ends[2] - ends[3])), axis=1) / (2.0 * h)
@@ -157,7 +183,9 @@ def test_derivatives_are_those_of_finite_differences(lens: Distortion) -> None:
 def test_pixels_count_by_their_edges_or_by_their_centres() -> None:
     eye = Camera((600.0, 600.0), (640, 480))
     np.testing.assert_array_equal(eye.from_corner(np.array([0.5, 0.5])), [-319.5, -239.5])
-    np.testing.assert_array_equal(eye.from_corner(np.array([0.0, 0.0]), "centres"), [-319.5, -239.5])
+    np.testing.assert_array_equal(
+        eye.from_corner(np.array([0.0, 0.0]), "centres"), [-319.5, -239.5]
+    )
     np.testing.assert_array_equal(eye.to_corner(np.zeros(2)), [320.0, 240.0])
     np.testing.assert_array_equal(eye.to_corner(np.zeros(2), "centres"), [319.5, 239.5])
     with pytest.raises(ConfigurationError, match=r"way to count pixels 'corners'.*centres"):
@@ -166,7 +194,9 @@ def test_pixels_count_by_their_edges_or_by_their_centres() -> None:
 
 def test_what_was_not_seen_stays_so() -> None:
     pixels = np.array([[10.0, 20.0], [np.nan, np.nan]])
-    np.testing.assert_array_equal(np.isnan(camera(LENSES["barrel"]).undistort(pixels)), np.isnan(pixels))
+    np.testing.assert_array_equal(
+        np.isnan(camera(LENSES["barrel"]).undistort(pixels)), np.isnan(pixels)
+    )
 
 
 @pytest.mark.parametrize(
@@ -190,8 +220,10 @@ def test_a_lens_that_is_none_is_refused(model: Any, coefficients: Any, words: st
 @needs_compiler
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_both_forms_take_pixels_through_a_lens_alike(lens: Distortion) -> None:
-    eye, pixels = camera(lens), np.concatenate((sensor(), [[np.nan, np.nan]]))
-    through, out = load("lenses").through(lens.model), np.empty_like(pixels)
+    eye = camera(lens)
+    pixels = np.concatenate((sensor(), [[np.nan, np.nan]]))
+    through = load("lenses").through(lens.model)
+    out = np.empty_like(pixels)
     assert through(np.array(eye.eye), pixels, out, True) == 0
     np.testing.assert_allclose(out, eye.undistort(pixels), atol=1e-9)
     back = np.empty_like(pixels)
@@ -204,18 +236,22 @@ def test_both_forms_take_pixels_through_a_lens_alike(lens: Distortion) -> None:
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_the_field_of_view_is_that_of_the_sensor(lens: Distortion) -> None:
-    eye, rng = camera(lens), np.random.default_rng(0)
+    eye = camera(lens)
+    rng = np.random.default_rng(0)
     plain = FieldOfView(camera(None), margin=0.05, n=8, **GAINS)
     bent = FieldOfView(eye, margin=0.05, n=8, **GAINS)
     ideal = eye.undistort(rng.uniform(-0.5, 0.5, (50, 2)) * (640, 480))
     np.testing.assert_allclose(bent.sigma(ideal), plain.sigma(eye.distort(ideal)), atol=1e-12)
-    v, h = rng.normal(size=(50, 2)), 1e-4
+    v = rng.normal(size=(50, 2))
+    h = 1e-4
     ahead, behind = (bent.sigma(ideal + k * h * v) for k in (1, -1))
     slope = (bent.gradient(ideal) * v).sum(axis=1)
     np.testing.assert_allclose(slope, (ahead - behind) / (2 * h), rtol=1e-5, atol=1e-8)
     h = 1e-2
     ahead, behind = ((bent.gradient(ideal + k * h * v) * v).sum(axis=1) for k in (1, -1))
-    np.testing.assert_allclose(bent.curvature(ideal, v), (ahead - behind) / (2 * h), rtol=1e-4, atol=1e-8)
+    np.testing.assert_allclose(
+        bent.curvature(ideal, v), (ahead - behind) / (2 * h), rtol=1e-4, atol=1e-8
+    )
     # what is drawn is the boundary
     for line in bent.boundary((640.0, 480.0)):
         np.testing.assert_allclose(plain.sigma(eye.distort(line)), 0.0, atol=1e-3)
@@ -226,7 +262,9 @@ def test_clearance_is_counted_on_the_sensor() -> None:
     eye = camera(LENSES["barrel"])
     fov = FieldOfView(eye, margin_px=20.0, n=16, **GAINS)
     on_sensor = np.array([[250.0, 0.0], [-310.0, 0.0], [0.0, 215.0]])
-    trace = Trace(*(np.zeros(1),) * 3, eye.undistort(on_sensor)[None], np.zeros((1, 0, 3)), (640.0, 480.0))
+    trace = Trace(
+        *(np.zeros(1),) * 3, eye.undistort(on_sensor)[None], np.zeros((1, 0, 3)), (640.0, 480.0)
+    )
     np.testing.assert_allclose(fov.clearance(trace, slice(0, 0))[0], [50.0, -10.0, 5.0], atol=1e-3)
 
 
@@ -257,21 +295,27 @@ def distorted(scenario: str, lens: Distortion | None, duration: float = 2.0) -> 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_a_step_through_a_lens_is_compiled_as_it_is_defined(lens: Distortion) -> None:
     setup = distorted("ur5-fov", lens)
-    step, rng = setup.control(), np.random.default_rng(5)
+    step = setup.control()
+    rng = np.random.default_rng(5)
     assert not step.in_numpy
     for _ in range(5):
-        q, qd = setup.q0 + 0.02 * rng.normal(size=6), rng.normal(size=6)
-        mine, theirs = step.evaluate(0.0, q, qd), define(step, setup.scene.evaluate(0.0, q, qd))
+        q = setup.q0 + 0.02 * rng.normal(size=6)
+        qd = rng.normal(size=6)
+        mine = step.evaluate(0.0, q, qd)
+        theirs = define(step, setup.scene.evaluate(0.0, q, qd))
         for part in ("phi", "Lg", "Lf"):
-            one, other = getattr(mine.rows, part), getattr(theirs.rows, part)
+            one = getattr(mine.rows, part)
+            other = getattr(theirs.rows, part)
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("name", ["barrel", "pincushion", "fisheye"])
 def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: str) -> None:
     setup = distorted("ur5-fov", LENSES[name])
-    eye, half = setup.scene.camera, np.array([320.0, 240.0])
-    alone, kept = simulate(setup, Tracking()), simulate(setup, SlidingMode())
+    eye = setup.scene.camera
+    half = np.array([320.0, 240.0])
+    alone = simulate(setup, Tracking())
+    kept = simulate(setup, SlidingMode())
     used = [np.abs(eye.distort(run.features_px)) / half for run in (alone, kept)]
     assert used[0].max() > 1.2
     # up to the margin of 5 %, and nearly all of it
@@ -282,10 +326,15 @@ def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: st
 
 
 def test_measured_pixels_are_undistorted_before_the_law() -> None:
-    """Told what is on the sensor, a step does as one without distortion does that is told ideal pixels."""
+    """Told what is on the sensor, a step does as one without distortion does that is told ideal
+    pixels.
+    """
     lens = LENSES["barrel"]
-    one, other = distorted("ur5-image", lens), distorted("ur5-image", None)
-    eye, q, qd = one.scene.camera, one.q0, one.qd0 + 0.1
+    one = distorted("ur5-image", lens)
+    other = distorted("ur5-image", None)
+    eye = one.scene.camera
+    q = one.q0
+    qd = one.qd0 + 0.1
     steps = [ControlStep(s.scene, s.constraints, s.task) for s in (one, other)]
     ideal = steps[1].evaluate(0.0, q, qd).pixels + np.array([3.0, -2.0])
     ideal[1] = np.nan
@@ -294,7 +343,11 @@ def test_measured_pixels_are_undistorted_before_the_law() -> None:
         for step, pixels in zip(steps, (eye.distort(ideal), ideal), strict=True):
             step.reset()
             told: dict[str, Any] = {"pixels": pixels, "taken": -0.01}
-            found.append(step.evaluate(0.0, q, qd, **told) if law is None else step.command(law, 0.0, q, qd, **told)[0])
+            found.append(
+                step.evaluate(0.0, q, qd, **told)
+                if law is None
+                else step.command(law, 0.0, q, qd, **told)[0]
+            )
         np.testing.assert_allclose(found[0].pixels, found[1].pixels, atol=1e-8)
         np.testing.assert_allclose(found[0].task.b, found[1].task.b, rtol=1e-9, atol=1e-9)
         seen = found[0].pixels[[0, 2, 3]] - ideal[[0, 2, 3]]
@@ -319,8 +372,12 @@ def test_a_goals_markers_are_where_the_sensor_shows_them() -> None:
     there = there.with_override("camera.distortion.coefficients", list(lens.coefficients))
     shown = [[-60.0, -60.0], [60.0, -60.0], [60.0, 60.0], [-60.0, 60.0]]
     goal = there.with_override("task.goals", [{"markers_px": shown}]).setup()
-    np.testing.assert_allclose(goal.scene.camera.distort(goal.task.goals[0].pixels), shown, atol=1e-9)
+    np.testing.assert_allclose(
+        goal.scene.camera.distort(goal.task.goals[0].pixels), shown, atol=1e-9
+    )
     folds = there.with_override("camera.distortion.coefficients", [-2.0, 0.0, 0.0, 0.0])
-    folds = folds.with_override("constraints", []).with_override("task.goals", [{"markers_px": [[300.0, 200.0]] * 4}])
+    folds = folds.with_override("constraints", []).with_override(
+        "task.goals", [{"markers_px": [[300.0, 200.0]] * 4}]
+    )
     with pytest.raises(ConfigurationError, match="markers_px: a pixel at"):
         folds.setup()

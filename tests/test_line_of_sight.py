@@ -32,11 +32,15 @@ ARM = """
     <limit lower="-3" upper="3" velocity="10" effort="1"/></joint>
 </robot>
 """
-"""A flag that turns about z, and a hand that lifts along it; the hand carries the markers, and a huge sphere."""
+"""A flag that turns about z, and a hand that lifts along it; the hand carries the markers, and a
+huge sphere.
+"""
 
 
 def swing(folder: Path, shape: str = 'sphere radius="0.2"', **changes: Any) -> Scenario:
-    """A camera at (0, −5, 0) looks along y at the hand near the origin; the flag is in between at q₁ = −π/2."""
+    """A camera at (0, −5, 0) looks along y at the hand near the origin; the flag is in between at
+    q₁ = −π/2.
+    """
     (folder / "arm.urdf").write_text(ARM.format(shape=shape), encoding="utf-8")
     tables: dict[str, Any] = {
         "robot": {"urdf": "arm.urdf"},
@@ -56,7 +60,8 @@ def swing(folder: Path, shape: str = 'sphere radius="0.2"', **changes: Any) -> S
 
 
 @pytest.mark.parametrize(
-    ("angle", "hidden"), [(0.0, False), (-np.pi / 2, True), (-np.pi / 2 + 0.3, False), (np.pi / 2, False)]
+    ("angle", "hidden"),
+    [(0.0, False), (-np.pi / 2, True), (-np.pi / 2 + 0.3, False), (np.pi / 2, False)],
 )
 def test_a_link_hides_what_is_behind_it_only(angle: float, hidden: bool, tmp_path: Path) -> None:
     scene = swing(tmp_path).setup().scene
@@ -71,12 +76,17 @@ def test_a_link_hides_what_is_behind_it_only(angle: float, hidden: bool, tmp_pat
 def test_hidden_is_what_a_point_on_the_line_inside_a_link_says(shape: str, tmp_path: Path) -> None:
     """Against points along the line, and the shapes' own formulas."""
     scene = swing(tmp_path, shape).setup().scene
-    lines, rng, seen = LinesOfSight(scene), np.random.default_rng(1), 0
+    lines = LinesOfSight(scene)
+    rng = np.random.default_rng(1)
+    seen = 0
     for _ in range(200):
         q = np.array([-np.pi / 2 + rng.uniform(-0.3, 0.3), rng.uniform(-0.4, 0.4)])
         marker = scene.robot.pose(q).act(scene.markers[:1])[0]
-        line = np.array([0.0, -5.0, 0.0]) + np.linspace(0.0, 1.0, 4001)[:, None] * (marker - [0.0, -5.0, 0.0])
-        c, s = np.cos(q[0]), np.sin(q[0])
+        line = np.array([0.0, -5.0, 0.0]) + np.linspace(0.0, 1.0, 4001)[:, None] * (
+            marker - [0.0, -5.0, 0.0]
+        )
+        c = np.cos(q[0])
+        s = np.sin(q[0])
         local = line @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) - [1.0, 0.0, 0.0]
         depth = {
             "box": 0.2 - np.abs(local).max(axis=1),
@@ -92,7 +102,9 @@ def test_hidden_is_what_a_point_on_the_line_inside_a_link_says(shape: str, tmp_p
 
 def test_a_start_with_a_hidden_marker_is_refused_unless_told_otherwise(tmp_path: Path) -> None:
     start = [-np.pi / 2, 0.0]
-    with pytest.raises(ConfigurationError, match="the robot itself hides markers from the camera: marker 1 by flag"):
+    with pytest.raises(
+        ConfigurationError, match="the robot itself hides markers from the camera: marker 1 by flag"
+    ):
         swing(tmp_path, q0=start).setup().check_start()
     told = swing(tmp_path, q0=start, on_hidden_markers="continue").setup()
     assert told.check_start() == ["at the start the robot itself hides markers: marker 1 by flag"]
@@ -112,7 +124,9 @@ def test_a_marker_that_gets_hidden_during_a_run_is_reported(tmp_path: Path) -> N
     there = swing(tmp_path, q0=[-np.pi / 2 + 0.6, 0.0], qd0=[-2.0, 0.0]).setup()
     assert there.check_start() == []
     run = simulate(there, Coasting())
-    first = float(run.reason.partition("marker 1 is hidden by flag, first seen at ")[2].removesuffix(" s"))
+    first = float(
+        run.reason.partition("marker 1 is hidden by flag, first seen at ")[2].removesuffix(" s")
+    )
     # the flag of radius 0.2 m is 1 m from the axis, which it passes at 0.3 s
     assert first == pytest.approx(0.3 - np.arcsin(0.2) / 2.0, abs=0.011)
 
@@ -133,14 +147,20 @@ def test_an_arm_does_not_hide_what_the_camera_on_its_hand_sees(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["ur5-fov", "panda-fov"])
-def test_nothing_is_hidden_where_no_line_is_near_a_link(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against distances of all solids, at random configurations, before a target that moves and one at rest."""
+def test_nothing_is_hidden_where_no_line_is_near_a_link(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against distances of all solids, at random configurations, before a target that moves and one
+    at rest.
+    """
     there = Scenario.load(name).setup().scene
     moving = TargetMotion(Motion((0.2, -0.1, 0.1)), np.zeros(3), np.zeros(3))
     for motion in (None, moving):
         scene = Scene(there.robot, there.camera, there.markers, (), motion)
-        lines, rng = LinesOfSight(scene), np.random.default_rng(2)
-        q, t = rng.uniform(-2.5, 2.5, (100, there.robot.n)), rng.uniform(0.0, 2.0, 100)
+        lines = LinesOfSight(scene)
+        rng = np.random.default_rng(2)
+        q = rng.uniform(-2.5, 2.5, (100, there.robot.n))
+        t = rng.uniform(0.0, 2.0, 100)
         hidden = lines.hidden(q, t)
         assert hidden == [lines.hidden(q[[k]], t[[k]])[0] for k in range(100)]
         assert lines.hidden(q[:0], t[:0]) == []

@@ -26,7 +26,11 @@ CASES: dict[str, tuple[list[float], list[float], float]] = {
     # O. Kermorgant, ecn_visualservo, config.yaml
     "large-translation": ([0.2, -0.3, 3.0, -0.03, 0.1, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.05),
     "large-rotation": ([0.01, -0.05, 0.8, 0.5, -0.6, 2.5], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.05),
-    "local-minimum": ([0.3, -0.2, 2.0, 0.0, np.pi / 4, 0.7], [0.0, 0.0, 1.0, 0.0, -np.pi / 4, 0.7], 0.05),
+    "local-minimum": (
+        [0.3, -0.2, 2.0, 0.0, np.pi / 4, 0.7],
+        [0.0, 0.0, 1.0, 0.0, -np.pi / 4, 0.7],
+        0.05,
+    ),
     "near-180": ([0.0, 0.0, 0.4, 0.0, 0.0, -2.6], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.05),
     "visibility": ([0.05, 0.02, 0.7, -0.7, -1.0, 2.8], [0.0, 0.0, 0.5, 0.0, 0.0, 0.0], 0.05),
     # ViSP: tutorial/visual-servo/ibvs, and example/robot-simulator/viper850
@@ -35,9 +39,17 @@ CASES: dict[str, tuple[list[float], list[float], float]] = {
         [0.0, 0.0, 0.75, 0.0, 0.0, 0.0],
         0.1,
     ),
-    "visp": ([-0.05, -0.05, 0.7, *np.deg2rad([10.0, 10.0, -30.0])], [0.0, 0.0, 0.8, 0.0, 0.0, 0.0], 0.045),
+    "visp": (
+        [-0.05, -0.05, 0.7, *np.deg2rad([10.0, 10.0, -30.0])],
+        [0.0, 0.0, 0.8, 0.0, 0.0, 0.0],
+        0.045,
+    ),
     **{
-        f"rotation-{angle:03d}": ([0.0, 0.0, 1.0, 0.0, 0.0, np.deg2rad(angle)], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.1)
+        f"rotation-{angle:03d}": (
+            [0.0, 0.0, 1.0, 0.0, 0.0, np.deg2rad(angle)],
+            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            0.1,
+        )
         for angle in (30, 60, 90, 120, 150, 179)
     },
 }
@@ -74,7 +86,9 @@ def run(name: str, law: Controller, **changes: object) -> Trajectory:
 def rotation(angle: float, matrix: str, **changes: object) -> Trajectory:
     """A free camera 1 m before the target, which turns by an angle [°] about its optical axis."""
     q0 = [-1.0, 0.0, 0.0, 0.0, 0.0, -np.deg2rad(angle)]
-    return run("rotation-030-current", Tracking(), q0=q0, task__interaction_matrix=matrix, **changes)
+    return run(
+        "rotation-030-current", Tracking(), q0=q0, task__interaction_matrix=matrix, **changes
+    )
 
 
 # --- the free camera ---
@@ -99,7 +113,9 @@ def test_the_free_camera_is_singular_where_it_is_tilted_by_90_degrees_only() -> 
 
 
 def test_every_case_is_there_with_every_matrix() -> None:
-    on_arm = [name for name in CASES if name not in ("visp-tutorial", "rotation-150", "rotation-179")]
+    on_arm = [
+        name for name in CASES if name not in ("visp-tutorial", "rotation-150", "rotation-179")
+    ]
     cases = [name for name in CASES if name != "visp"] + [f"ur5-{name}" for name in on_arm]
     assert set(variants()) == {f"{case}-{matrix}" for case in cases for matrix in MATRICES}
     for scenario in variants().values():
@@ -127,17 +143,25 @@ def test_starts_and_goals_are_those_of_the_literature() -> None:
 
 # --- what theory says of pure rotations ---
 
-STRONGLY_DAMPED = {"task__Kp0": 250.0, "task__damping": 20.0, "sampling_time": 0.002, "duration": 4.0}
+STRONGLY_DAMPED = {
+    "task__Kp0": 250.0,
+    "task__damping": 20.0,
+    "sampling_time": 0.002,
+    "duration": 4.0,
+}
 """K_p / K_v is 0.79 /s, and the acceleration follows the velocity law after 1/K_v = 3 ms."""
 
 
 @pytest.mark.parametrize(
-    ("angle", "Ts"), [(30, 5e-3), (60, 5e-3), (90, 5e-3), (120, 5e-3), (150, 5e-3), (170, 1e-3), (179, 2e-4)]
+    ("angle", "Ts"),
+    [(30, 5e-3), (60, 5e-3), (90, 5e-3), (120, 5e-3), (150, 5e-3), (170, 1e-3), (179, 2e-4)],
 )
 def test_with_the_current_matrix_the_camera_retreats(angle: float, Ts: float) -> None:
-    """The markers go straight, so that half-way they are nearer to the axis by cos(θ/2): the depth is Z₀/cos(θ/2).
+    """The markers go straight, so that half-way they are nearer to the axis by cos(θ/2): the depth
+    is Z₀/cos(θ/2).
 
-    What holding the command over a sampling period adds is proportional to T_s, and grows with tan(θ/2).
+    What holding the command over a sampling period adds is proportional to T_s, and grows with
+    tan(θ/2).
     """
     trajectory = rotation(angle, "current", sampling_time=Ts, duration=2.0)
     depth = -trajectory.q[:, 0]
@@ -147,18 +171,22 @@ def test_with_the_current_matrix_the_camera_retreats(angle: float, Ts: float) ->
 
 @pytest.mark.parametrize("angle", [30, 60, 90, 120])
 def test_with_the_desired_matrix_the_camera_comes_closer(angle: float) -> None:
-    """Under v = −λ L* ⁺ e the depth is Z(θ) = Z₀ (1 − (θ₀ − θ) tan(θ/2)); the least is Z₀ cos θ₁ with θ₁ + sin θ₁ = θ₀.
+    """Under v = −λ L* ⁺ e the depth is Z(θ) = Z₀ (1 − (θ₀ − θ) tan(θ/2)); the least is Z₀ cos θ₁
+    with θ₁ + sin θ₁ = θ₀.
 
     Strong damping makes that velocity law of the acceleration law.
     """
     start = np.deg2rad(angle)
     trajectory = rotation(angle, "desired", **STRONGLY_DAMPED)
-    depth, turn = -trajectory.q[:, 0], np.abs(trajectory.q[:, 5])
+    depth = -trajectory.q[:, 0]
+    turn = np.abs(trajectory.q[:, 5])
     moving = turn < 0.99 * start
     theory = 1.0 - (start - turn) * np.tan(0.5 * turn)
     np.testing.assert_allclose(depth[moving], theory[moving], atol=0.01)
     theta = np.linspace(0.0, np.pi, 10001)
-    assert depth.min() == pytest.approx(np.cos(np.interp(start, theta + np.sin(theta), theta)), abs=0.01)
+    assert depth.min() == pytest.approx(
+        np.cos(np.interp(start, theta + np.sin(theta), theta)), abs=0.01
+    )
 
 
 def test_with_the_desired_matrix_the_camera_runs_into_the_target_beyond_147_degrees() -> None:
@@ -171,7 +199,9 @@ def test_with_the_desired_matrix_the_camera_runs_into_the_target_beyond_147_degr
 
 @pytest.mark.parametrize("angle", [30, 60, 90, 120, 150])
 def test_with_the_mean_matrix_the_depth_stays(angle: int) -> None:
-    """On the symmetric path L† e has no component along the axis, whatever the gains: those here are the suite's."""
+    """On the symmetric path L† e has no component along the axis, whatever the gains: those here
+    are the suite's.
+    """
     trajectory = run(f"rotation-{angle:03d}-mean", Tracking())
     assert trajectory.status == "converged"
     assert np.abs(trajectory.q[:, 0] + 1.0).max() < 1e-12
@@ -192,13 +222,19 @@ def test_the_local_minimum_traps_the_current_matrix_only(robot: str) -> None:
     assert trapped.status == "trapped"
     assert trapped.camera_error[-1, 1] > 1.5
     for matrix in ("desired", "mean"):
-        assert run(f"{robot}local-minimum-{matrix}", Tracking(), sampling_time=0.01).status == "converged"
+        assert (
+            run(f"{robot}local-minimum-{matrix}", Tracking(), sampling_time=0.01).status
+            == "converged"
+        )
 
 
 @pytest.mark.parametrize("case", ["large-rotation", "near-180", "visibility"])
-def test_near_180_degrees_the_mean_matrix_neither_retreats_nor_runs_into_the_target(case: str) -> None:
+def test_near_180_degrees_the_mean_matrix_neither_retreats_nor_runs_into_the_target(
+    case: str,
+) -> None:
     mean, current, desired = (
-        run(f"{case}-{matrix}", Tracking(), sampling_time=0.01) for matrix in ("mean", "current", "desired")
+        run(f"{case}-{matrix}", Tracking(), sampling_time=0.01)
+        for matrix in ("mean", "current", "desired")
     )
     assert mean.status == "converged"
     ends = sorted(-mean.q[[0, -1], 0])
@@ -211,9 +247,11 @@ def test_near_180_degrees_the_mean_matrix_neither_retreats_nor_runs_into_the_tar
 
 
 def test_rows_turn_a_collision_into_convergence_on_the_symmetric_path_alone() -> None:
-    """150° with the desired matrix: tracking runs into the target; held in the image, the camera cannot.
+    """150° with the desired matrix: tracking runs into the target; held in the image, the camera
+    cannot.
 
-    The path is a saddle: four markers in symmetric places slide at once, and beside the axis two of them are lost.
+    The path is a saddle: four markers in symmetric places slide at once, and beside the axis two of
+    them are lost.
     """
     held = run("rotation-150-desired", SlidingMode())
     assert held.status == "converged"
@@ -221,5 +259,7 @@ def test_rows_turn_a_collision_into_convergence_on_the_symmetric_path_alone() ->
     assert held.clearance.min() > -np.abs(np.diff(held.clearance, axis=0)).max()
     assert -held.q[:, 0].max() > 0.4
     assert rotation(150.0, "desired").status == "failed"
-    beside = run("rotation-150-desired", SlidingMode(), q0=[-1.0, 0.01, 0.0, 0.0, 0.0, -np.radians(150.0)])
+    beside = run(
+        "rotation-150-desired", SlidingMode(), q0=[-1.0, 0.01, 0.0, 0.0, 0.0, -np.radians(150.0)]
+    )
     assert beside.clearance.min() < -10.0

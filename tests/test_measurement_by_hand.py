@@ -1,4 +1,6 @@
-"""What a controller believes of a measured image: by hand, and by the textbook's interaction matrix."""
+"""What a controller believes of a measured image: by hand, and by the textbook's interaction
+matrix.
+"""
 
 from __future__ import annotations
 
@@ -26,21 +28,28 @@ def scene_and_state() -> tuple[Scene, State, Array]:
 
 
 def believed(scene: Scene, state: State, correction: Array, **measured: Any) -> State:
-    return measured_state(Measurement(**measured).checked(len(correction), T), scene, state, correction)
+    return measured_state(
+        Measurement(**measured).checked(len(correction), T), scene, state, correction
+    )
 
 
 def textbook(x: float, y: float, Z: float) -> Array:
     """Eq. (24)."""
-    return np.array([[-1 / Z, 0, x / Z, x * y, -(1 + x * x), y], [0, -1 / Z, y / Z, 1 + y * y, -x * y, -x]])
+    return np.array(
+        [[-1 / Z, 0, x / Z, x * y, -(1 + x * x), y], [0, -1 / Z, y / Z, 1 + y * y, -x * y, -x]]
+    )
 
 
 def test_what_is_seen_is_believed_and_what_is_not_stays_as_far_from_the_model() -> None:
     scene, state, correction = scene_and_state()
     model = state.pixels.position
     seen = model + np.arange(2.0 * len(model)).reshape(-1, 2)
-    np.testing.assert_allclose(believed(scene, state, correction, pixels=seen).pixels.position, seen, atol=1e-9)
+    np.testing.assert_allclose(
+        believed(scene, state, correction, pixels=seen).pixels.position, seen, atol=1e-9
+    )
     beside = correction.copy()
-    seen[0], seen[1, 1] = np.nan, np.nan
+    seen[0] = np.nan
+    seen[1, 1] = np.nan
     seen[2:] += 5.0
     found = believed(scene, state, correction, pixels=seen).pixels.position
     expected = np.concatenate((model[:2] + np.array([[0.0, 1.0], [2.0, 3.0]]), seen[2:]))
@@ -64,22 +73,34 @@ def test_depth_is_the_models_where_it_is_not_measured() -> None:
     for (x, y), Z, velocity in zip(
         found.normalised.position, expected, found.normalised.velocity.reshape(-1, 2), strict=True
     ):
-        np.testing.assert_allclose(velocity, textbook(x, y, Z) @ state.camera_twist, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(believed(scene, state, correction, pixels=pixels).depth, state.depth, rtol=1e-12)
+        np.testing.assert_allclose(
+            velocity, textbook(x, y, Z) @ state.camera_twist, rtol=1e-9, atol=1e-12
+        )
+    np.testing.assert_allclose(
+        believed(scene, state, correction, pixels=pixels).depth, state.depth, rtol=1e-12
+    )
 
 
 def test_a_late_image_moves_on_with_the_velocity_of_the_model() -> None:
     """Where nothing else is known of the time between; to first order, and depths likewise."""
     scene, state, correction = scene_and_state()
-    seen, age = state.pixels.position + 20.0, 1e-6
+    seen = state.pixels.position + 20.0
+    age = 1e-6
     found = believed(scene, state, correction, pixels=seen, taken=T - age, depth=1.2 * state.depth)
     moved = (found.normalised.position - scene.camera.normalised(seen)) / age
     away = (found.depth - 1.2 * state.depth) / age
-    for (x, y), Z, velocity, Z_dot in zip(state.normalised.position, state.depth, moved, away, strict=True):
+    for (x, y), Z, velocity, Z_dot in zip(
+        state.normalised.position, state.depth, moved, away, strict=True
+    ):
         assert np.abs(velocity).max() > 1e-2
-        np.testing.assert_allclose(velocity, textbook(x, y, Z) @ state.camera_twist, rtol=1e-4, atol=1e-5)
-        v, omega = state.camera_twist[:3], state.camera_twist[3:]
-        np.testing.assert_allclose(Z_dot, -v[2] - omega[0] * y * Z + omega[1] * x * Z, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(
+            velocity, textbook(x, y, Z) @ state.camera_twist, rtol=1e-4, atol=1e-5
+        )
+        v = state.camera_twist[:3]
+        omega = state.camera_twist[3:]
+        np.testing.assert_allclose(
+            Z_dot, -v[2] - omega[0] * y * Z + omega[1] * x * Z, rtol=1e-4, atol=1e-5
+        )
 
 
 def test_a_measured_pose_is_believed() -> None:
@@ -120,7 +141,10 @@ BAD = {
     "text": ({"pixels": "image"}, "pixels must be"),
     "one infinite": ({"pixels": [[0.0, 0.0], [np.inf, 0.0]]}, "pixels must be"),
     "depth alone": ({"depth": np.ones(2)}, "needs the pixels"),
-    "a depth of zero": ({"pixels": np.zeros((2, 2)), "depth": np.array([1.0, 0.0])}, "must be positive"),
+    "a depth of zero": (
+        {"pixels": np.zeros((2, 2)), "depth": np.array([1.0, 0.0])},
+        "must be positive",
+    ),
     "shape of depth": ({"pixels": np.zeros((2, 2)), "depth": np.ones(3)}, "depth must be"),
     "not yet": ({"taken": T + 0.021}, "before now"),
     "at no time": ({"taken": np.nan}, "before now"),

@@ -1,4 +1,6 @@
-"""The scene in space: what hides what, and that a constraint of a user's own is drawn and hides markers everywhere."""
+"""The scene in space: what hides what, and that a constraint of a user's own is drawn and hides
+markers everywhere.
+"""
 
 from __future__ import annotations
 
@@ -40,17 +42,24 @@ def test_nothing_is_drawn_of_nothing() -> None:
 
 @pytest.mark.parametrize("azimuth", [-60.0, 30.0, 120.0, 210.0])
 def test_a_plate_hides_none_of_its_markers(azimuth: float) -> None:
-    """Polygons are ordered by their mean distance: a plate in one piece is drawn over the markers behind its middle."""
-    markers = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    """Polygons are ordered by their mean distance: a plate in one piece is drawn over the markers
+    behind its middle.
+    """
+    markers = 0.5 * np.array(
+        [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+    )
     seen = []
     for number in range(4):
-        with_all, without_one = Scene3D(), Scene3D()
+        with_all = Scene3D()
+        without_one = Scene3D()
         with_all.target(markers, 0.01, 0.08)
         without_one.target(markers, 0.01, 0.08)
         without_one.parts = with_all.parts[:-1]  # without the markers
         for other in np.delete(markers, number, axis=0):
             without_one.add(ball(other, 0.08, 10), INK)
-        differs = (picture(with_all, 45.0, azimuth) != picture(without_one, 45.0, azimuth)).any(axis=-1)
+        differs = (picture(with_all, 45.0, azimuth) != picture(without_one, 45.0, azimuth)).any(
+            axis=-1
+        )
         seen.append(int(differs.sum()))
     assert min(seen) > 0.6 * max(seen), seen
 
@@ -59,7 +68,8 @@ class RoundedBox(ForbiddenRegion):
     """A region of a user's own, which says nothing of its mesh: a cube with round edges."""
 
     kind = "rounded-box"
-    half, radius = 0.05, 0.02
+    half = 0.05
+    radius = 0.02
 
     def sigma(self, y: Any) -> Any:
         d = np.abs(self.pose.inverse.act(y)) - self.half
@@ -68,12 +78,15 @@ class RoundedBox(ForbiddenRegion):
 
     def gradient(self, y: Any) -> Any:
         steps = 1e-6 * np.eye(3)
-        return np.stack([(self.sigma(y + step) - self.sigma(y - step)) / 2e-6 for step in steps], axis=-1)
+        return np.stack(
+            [(self.sigma(y + step) - self.sigma(y - step)) / 2e-6 for step in steps], axis=-1
+        )
 
 
 def with_own_region(motion: Motion | None = None) -> Any:
     setup = Scenario.load("ur5-fov").setup()
-    markers, camera = setup.scene.markers, setup.scene.camera_pose(setup.q0).t
+    markers = setup.scene.markers
+    camera = setup.scene.camera_pose(setup.q0).t
     pose = Pose(np.eye(3), 0.6 * markers[0] + 0.4 * camera)
     own = RoundedBox(pose, length=0.05, K=0.1, switching_gain=1.0)
     if motion is not None:
@@ -89,7 +102,9 @@ def test_a_region_of_a_users_own_is_drawn_highlighted_and_hides_markers() -> Non
     number = len(setup.constraints.constraints) - 1
     (mesh,) = own.meshes(0.0)
     # it is as large as it says, and where it is
-    np.testing.assert_allclose(np.ptp(mesh.points, axis=0), 2.0 * (own.half + own.radius), rtol=0.02)
+    np.testing.assert_allclose(
+        np.ptp(mesh.points, axis=0), 2.0 * (own.half + own.radius), rtol=0.02
+    )
     np.testing.assert_allclose(own.sigma(mesh.points), 0.0, atol=1e-6)
     # previews and films
     size = viewpoint_of(setup, [(setup.q0, 0.0)], 1.0).half
@@ -103,9 +118,14 @@ def test_a_region_of_a_users_own_is_drawn_highlighted_and_hides_markers() -> Non
     board = camera.inverse.act(setup.scene.markers)
     normal = np.cross(board[1] - board[0], board[2] - board[0])
     normal *= np.sign(normal @ board[0]) / np.linalg.norm(normal)
-    solids = [camera.inverse.act(points) for points in Occluders(setup.scene, [own], ["regions"]).solids(setup.q0, 0.0)]
+    solids = [
+        camera.inverse.act(points)
+        for points in Occluders(setup.scene, [own], ["regions"]).solids(setup.q0, 0.0)
+    ]
     hidden = covered(solids, np.append(normal, normal @ board[0]), setup.scene.camera)
-    pixels = setup.scene.camera.to_corner(setup.scene.camera.pixels(board[:, :2] / board[:, 2:]), "centres")
+    pixels = setup.scene.camera.to_corner(
+        setup.scene.camera.pixels(board[:, :2] / board[:, 2:]), "centres"
+    )
     u, v = pixels[0]
     assert hidden[int(v), int(u)]
     assert 0.0 < hidden.mean() < 0.5
@@ -114,9 +134,12 @@ def test_a_region_of_a_users_own_is_drawn_highlighted_and_hides_markers() -> Non
 
 def test_a_region_that_moves_is_drawn_where_it_is_then() -> None:
     setup, own = with_own_region(Motion([0.1, 0.0, 0.0]))
-    before, after = own.meshes(0.0)[0].points, own.meshes(2.0)[0].points
+    before = own.meshes(0.0)[0].points
+    after = own.meshes(2.0)[0].points
     np.testing.assert_allclose(after - before, [[0.2, 0.0, 0.0]] * len(before), atol=1e-12)
     number = len(setup.constraints.constraints) - 1
-    np.testing.assert_allclose(setup_frames(setup, setup.q0, 2.0)[f"obstacle {number}"].pose.t, [0.2, 0.0, 0.0])
+    np.testing.assert_allclose(
+        setup_frames(setup, setup.q0, 2.0)[f"obstacle {number}"].pose.t, [0.2, 0.0, 0.0]
+    )
     (seen,) = Occluders(setup.scene, [own], ["regions"]).solids(setup.q0, 2.0)
     np.testing.assert_allclose(seen, after)

@@ -11,7 +11,13 @@ import pytest
 from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS
-from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.reports.results import shown
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -113,13 +119,16 @@ BASELINE = made(clearance=[[4, 3, -1, -2, 3, 4], [1, 1, 1, 1, 1, 1]], length=[10
 
 
 def test_every_score_of_a_small_run() -> None:
-    """T_s = 0.5 s, six samples, a row of a position (K = 0.5 s) and one of a speed that is outside within its band."""
+    """T_s = 0.5 s, six samples, a row of a position (K = 0.5 s) and one of a speed that is outside
+    within its band.
+    """
     found = score(SMALL, BASELINE)
     assert found.result == {
         "status": "converged",
         "reason": "",
         "duration_s": 2.5,
-        # at the first goal from the beginning; from 2 s on for good at the last one, which was set at 0.5 s
+        # at the first goal from the beginning; from 2 s on for good at the last one, which was set
+        # at 0.5 s
         "settling_time_s": 1.5,
         "final_translation_error_m": 0.25,
         "final_rotation_error_rad": 0.125,
@@ -180,7 +189,11 @@ def test_every_score_of_a_small_run() -> None:
     assert not second["challenged"]
     assert np.isnan([second["mean_unused_margin"], second["utilization"]]).all()
     assert (second["clearance_min"], second["usage_max"]) == (-0.4, pytest.approx(1.2))
-    assert (second["violation_depth"], second["band_depth"], second["sampling_band"]) == (0.4, 0.4, 0.5)
+    assert (second["violation_depth"], second["band_depth"], second["sampling_band"]) == (
+        0.4,
+        0.4,
+        0.5,
+    )
     assert (second["active_time_s"], second["longest_positive_run_s"]) == (0.5, 0.5)
 
 
@@ -206,7 +219,8 @@ def test_the_unused_margin_is_that_of_the_samples_in_which_tracking_is_outside()
 def test_a_row_counts_as_outside_from_a_ten_thousandth_of_its_length_on() -> None:
     """L = 10: 0.001."""
     run = made(clearance=[[1, -0.0009, 1], [1, -0.0011, 1]])
-    result, rows = score(run, None).result, score(run, None).constraints
+    result = score(run, None).result
+    rows = score(run, None).constraints
     assert result["violated"] == "row 1"
     assert [row["violation_depth"] for row in rows] == [0.0, 0.0011]
     assert [row["violation_time_s"] for row in rows] == [0.0, 0.5]
@@ -214,7 +228,8 @@ def test_a_row_counts_as_outside_from_a_ten_thousandth_of_its_length_on() -> Non
 
 def test_depth_and_time_outside_see_between_samples_alike() -> None:
     run = made(clearance=[[1, 1, 1, -0.2, 1, 1]], between=[[INF, -0.3, 0.5, INF, INF, -0.0005]])
-    result, (row,) = score(run, None).result, score(run, None).constraints
+    result = score(run, None).result
+    (row,) = score(run, None).constraints
     assert (row["clearance_min"], row["violation_depth"]) == (-0.3, 0.3)
     assert result["violation_depth"] == pytest.approx(0.03)
     # the periods that begin at 0.5 s and at 1.5 s
@@ -225,7 +240,8 @@ def test_depth_and_time_outside_see_between_samples_alike() -> None:
 
 def test_the_sampling_band_is_told_and_excuses_nobody() -> None:
     run = made(clearance=[[1, -0.4, 1], [1, -0.6, 1], [1, -0.6, -0.4]], band=[0.5, 0.5, 0.7])
-    result, rows = score(run, None).result, score(run, None).constraints
+    result = score(run, None).result
+    rows = score(run, None).constraints
     assert (result["violated"], result["within_band"]) == ("row 0; row 1; row 2", "row 0; row 2")
     assert [row["violation_depth"] for row in rows] == [0.4, 0.6, 0.6]
     assert [row["band_depth"] for row in rows] == [0.4, 0.0, 0.6]
@@ -233,7 +249,9 @@ def test_the_sampling_band_is_told_and_excuses_nobody() -> None:
 
 
 def test_two_standards_and_the_depth_from_which_success_at_any_tolerance_follows() -> None:
-    """L = 10, 100, 10 and 2: at samples and between them, 0.8, 1, 0.005 and, of a speed, 4 per cent of L."""
+    """L = 10, 100, 10 and 2: at samples and between them, 0.8, 1, 0.005 and, of a speed, 4 per cent
+    of L.
+    """
     run = made(
         clearance=[[1, -0.02, 1], [-1, 1, 1], [1, 1, 1], [1, 1, -0.08]],
         between=[[INF, -0.08, INF], [INF] * 3, [INF, -0.0005, INF], [INF] * 3],
@@ -246,7 +264,11 @@ def test_two_standards_and_the_depth_from_which_success_at_any_tolerance_follows
     assert result["violated_tolerant"] == "row 3"
     assert result["violation_fraction"] == result["violation_depth"] == pytest.approx(0.04)
     slight = score(made(clearance=[[1, -0.0005, 1], [1, 2, 3]]), None).result
-    assert (slight["violated"], slight["violated_tolerant"], slight["violation_depth"]) == ("", "", 0.0)
+    assert (slight["violated"], slight["violated_tolerant"], slight["violation_depth"]) == (
+        "",
+        "",
+        0.0,
+    )
     assert slight["violation_fraction"] == pytest.approx(5e-5)
     assert score(made(clearance=[[1, 2, 3]]), None).result["violation_fraction"] == 0.0
 
@@ -266,11 +288,15 @@ class Overspeeding(HierarchicalQP):
 
 @pytest.mark.parametrize(("share", "tolerated"), [(0.005, True), (0.018, False), (0.17, False)])
 def test_a_law_that_overspeeds_violates(share: float, tolerated: bool) -> None:
-    """A UR5's band T_s u⁺ is 2 % of the limit: within it or beyond it, a speed above the limit is above the limit."""
+    """A UR5's band T_s u⁺ is 2 % of the limit: within it or beyond it, a speed above the limit is
+    above the limit.
+    """
     record, result = scored("ur5-fov", Overspeeding(share))
     assert "speed[joint 6].lower" in result["violated"]
     assert ("speed" not in result["violated_tolerant"]) == tolerated
-    depth = {row["constraint"]: row for row in score(record, None).constraints}["speed[joint 6].lower"]
+    depth = {row["constraint"]: row for row in score(record, None).constraints}[
+        "speed[joint 6].lower"
+    ]
     if share < 0.02:  # farther there is no need to go
         assert depth["usage_max"] - 1.0 == pytest.approx(share, rel=0.05)
     assert ("speed[joint 6].lower" in result["within_band"]) == (share < 0.02)
@@ -284,7 +310,9 @@ def test_the_sampling_band_of_a_speed_is_a_switching_step() -> None:
     speeds = np.array([kind == "speed" for kind in constraints.kinds])
     gain = constraints.switching_gain[speeds]
     band = constraints.sampling_band(setup.Ts)
-    np.testing.assert_allclose(band[speeds], setup.Ts * gain * constraints.characteristic_length[speeds])
+    np.testing.assert_allclose(
+        band[speeds], setup.Ts * gain * constraints.characteristic_length[speeds]
+    )
     assert (band[~speeds] == 0.0).all()
     assert (constraints.approach_time[speeds] == 0.0).all()
     assert (constraints.approach_time[~speeds] > 0.0).all()
@@ -334,7 +362,8 @@ def test_the_row_with_the_greatest_ratio_gives_the_band() -> None:
 
 
 def test_rows_act_where_the_command_slows_them_and_the_nearest_only() -> None:
-    gain, ones = [2.0, 2.0], [1.0, 1.0]
+    gain = [2.0, 2.0]
+    ones = [1.0, 1.0]
     assert acting([-0.1, -0.2], [0.0, 0.0], gain, ones) == [False, False]
     assert acting([-0.1, -0.2], [1.0, 1.0], gain, ones) == [True, False]
     assert acting([0.1, 0.2], [1.0, 1.0], gain, ones) == [True, True]
@@ -347,7 +376,9 @@ def test_rows_act_where_the_command_slows_them_and_the_nearest_only() -> None:
 
 @pytest.mark.parametrize("name", ["example-2d-fast", "panda-fov"])
 @pytest.mark.parametrize("by_public_call", [False, True])
-def test_a_sliding_modes_rows_act_where_their_phi_is_not_negative(name: str, by_public_call: bool) -> None:
+def test_a_sliding_modes_rows_act_where_their_phi_is_not_negative(
+    name: str, by_public_call: bool
+) -> None:
     setup = Scenario.load(name).with_override("limits", {}).setup()
     run = simulate(setup, SlidingMode(), by_public_call=by_public_call)
     np.testing.assert_array_equal(run.active, run.phi >= 0.0)
@@ -379,14 +410,21 @@ def scored(
     setup = (Scenario.load(name) if isinstance(name, str) else name).setup()
     record = RunRecord.of(setup, simulate(setup, law, by_public_call=True), "")
     result = score(record, baseline).result
-    return record, {name: value for name, value in result.items() if name not in (*TIMING_COLUMNS, "compiled")}
+    return record, {
+        name: value for name, value in result.items() if name not in (*TIMING_COLUMNS, "compiled")
+    }
 
 
 def test_what_a_law_says_of_itself_changes_no_score() -> None:
-    (honest, told), (silent, untold) = scored("example-2d-fast", SlidingMode()), scored("example-2d-fast", Silent())
+    honest, told = scored("example-2d-fast", SlidingMode())
+    silent, untold = scored("example-2d-fast", Silent())
     assert told["switching_rate_hz"] > 10.0
     for name, value in told.items():
-        same = value if isinstance(value, str) else pytest.approx(value, rel=1e-6, abs=1e-9, nan_ok=True)
+        same = (
+            value
+            if isinstance(value, str)
+            else pytest.approx(value, rel=1e-6, abs=1e-9, nan_ok=True)
+        )
         assert untold[name] == same, name
     np.testing.assert_array_equal(silent.trajectory.active, honest.trajectory.active)
     _, boast = scored("example-2d-fast", Boastful())
@@ -413,15 +451,22 @@ def test_standing_still_uses_nothing(name: str) -> None:
 
 
 def used(clearance: Any, alone: Any, **more: Any) -> tuple[float, Any]:
-    """Utilization of a run and of each of its rows (None where there is none), with tracking alone beside it."""
+    """Utilization of a run and of each of its rows (None where there is none), with tracking alone
+    beside it.
+    """
     found = score(made(clearance=clearance, **more), made(clearance=alone))
-    rows = [None if np.isnan(row["utilization"]) else row["utilization"] for row in found.constraints]
+    rows = [
+        None if np.isnan(row["utilization"]) else row["utilization"] for row in found.constraints
+    ]
     return found.result["utilization"], rows
 
 
 def test_utilization_is_over_the_time_in_which_tracking_alone_is_outside() -> None:
-    """Of L = 10: 2, 1 and, outside, all; of the second row 4 once; the third acts, and nothing challenges it."""
-    run, alone = [[0, 2, 1, -1, 9], [9, 9, 9, 4, 9], [1, 1, 1, 1, 1]], [[9, -1, -2, -1, 0], [9, 9, 9, -9, 9], [9] * 5]
+    """Of L = 10: 2, 1 and, outside, all; of the second row 4 once; the third acts, and nothing
+    challenges it.
+    """
+    run = [[0, 2, 1, -1, 9], [9, 9, 9, 4, 9], [1, 1, 1, 1, 1]]
+    alone = [[9, -1, -2, -1, 0], [9, 9, 9, -9, 9], [9] * 5]
     active = [[0] * 5, [0] * 5, [1] * 5]
     assert used(run, alone, active=active) == (
         pytest.approx((0.8 + 0.9 + 1.0 + 0.6) / 4),
@@ -435,19 +480,27 @@ def test_utilization_is_over_the_time_in_which_tracking_alone_is_outside() -> No
 
 
 def test_runs_are_held_together_at_the_same_times_while_both_last() -> None:
-    """A law that comes to the boundary two samples later than tracking; runs that are shorter, and longer."""
-    assert used([[9, 9, 9, 0, 0, 0]], [[9, -1, -1, -1, 9, 9]])[0] == pytest.approx((0.1 + 0.1 + 1.0) / 3)
+    """A law that comes to the boundary two samples later than tracking; runs that are shorter, and
+    longer.
+    """
+    assert used([[9, 9, 9, 0, 0, 0]], [[9, -1, -1, -1, 9, 9]])[0] == pytest.approx(
+        (0.1 + 0.1 + 1.0) / 3
+    )
     assert used([[9, 5, 2]], [[9, -1, -1, -1, -1]])[0] == pytest.approx((0.5 + 0.8) / 2)
     assert used([[9, 5, 2, 0, 0, 0]], [[9, -1, -1]])[0] == pytest.approx((0.5 + 0.8) / 2)
     assert np.isnan(used([[9]], [[9, -1]])[0])
 
 
 def test_a_law_that_bounces_off_the_boundary_uses_little() -> None:
-    """It touches the boundary, is thrown 90 of 100 away, and comes back as slowly as tracking brings it."""
+    """It touches the boundary, is thrown 90 of 100 away, and comes back as slowly as tracking
+    brings it.
+    """
     way = [20, 0, 90, 80, 70, 60, 50, 40, 30, 20, 10, 0]
     touches = [[0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]]
     alone = made(clearance=[[20, *[-5] * 11]], length=[100])
-    bounced = score(made(clearance=[way], phi=[[-c for c in way]], active=touches, length=[100]), alone)
+    bounced = score(
+        made(clearance=[way], phi=[[-c for c in way]], active=touches, length=[100]), alone
+    )
     stayed = score(made(clearance=[[20, *[3] * 11]], active=touches, length=[100]), alone)
     assert bounced.result["utilization"] == pytest.approx(1.0 - 450 / 1100)
     assert bounced.constraints[0]["held_time_s"] == 1.0
@@ -456,15 +509,21 @@ def test_a_law_that_bounces_off_the_boundary_uses_little() -> None:
 
 
 def test_smaller_regions_use_more_and_the_sliding_mode_the_most() -> None:
-    laws = [make_controller("potential-field", {"blend": "priority", "region": r}) for r in (0.5, 0.2, 0.05)]
+    laws = [
+        make_controller("potential-field", {"blend": "priority", "region": r})
+        for r in (0.5, 0.2, 0.05)
+    ]
     baseline, _ = scored("example-2d-fast", Tracking())
-    share = [scored("example-2d-fast", law, baseline)[1]["utilization"] for law in (*laws, SlidingMode())]
+    share = [
+        scored("example-2d-fast", law, baseline)[1]["utilization"] for law in (*laws, SlidingMode())
+    ]
     assert share == sorted(share)
     assert share[0] < 0.975 < share[-1]
 
 
 def test_of_rows_that_hold_both_back_the_nearer_law_uses_more() -> None:
-    """On the Panda, sliding mode fills the two rows that hold it back; a field leaves 2.5 px and 0.416 rad.
+    """On the Panda, sliding mode fills the two rows that hold it back; a field leaves 2.5 px and
+    0.416 rad.
 
     Its elbow runs on, since nothing damps it, and that counts as converged here.
     """
@@ -474,7 +533,11 @@ def test_of_rows_that_hold_both_back_the_nearer_law_uses_more() -> None:
     sliding, filled = scored(undamped, SlidingMode(), baseline)
     field = make_controller("potential-field", {"blend": "priority"})
     other, left = scored(undamped, field, baseline)
-    rows = {row["constraint"]: row for row in score(sliding, baseline).constraints if row["held_time_s"] > 0.0}
+    rows = {
+        row["constraint"]: row
+        for row in score(sliding, baseline).constraints
+        if row["held_time_s"] > 0.0
+    }
     assert set(rows) == {"fov[marker 3]", "range[joint 7].lower"}
     assert min(row["usage_max"] for row in rows.values()) > 0.997
     assert sum(row["challenged"] for row in score(sliding, baseline).constraints) == 5
@@ -522,7 +585,9 @@ def test_rank_is_that_of_the_rows_at_their_boundary_whatever_their_units() -> No
 
 
 def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The compiled route that only shipped laws have is not taken, and commands are the same by both."""
+    """The compiled route that only shipped laws have is not taken, and commands are the same by
+    both.
+    """
     setup = Scenario.load("example-2d-fast").with_override("duration", 0.6).setup()
     usual = simulate(setup, SlidingMode())
     calls = []
@@ -536,7 +601,9 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
         return law
 
     monkeypatch.setattr(SlidingMode, "bind", never)
-    monkeypatch.setattr(SlidingMode, "command", lambda *arguments: calls.append(1) or command(*arguments))
+    monkeypatch.setattr(
+        SlidingMode, "command", lambda *arguments: calls.append(1) or command(*arguments)
+    )
     run = simulate(setup, SlidingMode(), by_public_call=True)
     assert len(calls) == len(run.t)
     np.testing.assert_allclose(run.qdd_command, usual.qdd_command, rtol=1e-9, atol=1e-9)
@@ -544,7 +611,9 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
     added = [metric.added for metric in METRICS if metric.added]
-    assert len(set(added)) == len(added), "two columns were added at once: which comes first is chance"
+    assert len(set(added)) == len(added), (
+        "two columns were added at once: which comes first is chance"
+    )
     assert RESULT_COLUMNS[-8:] == (
         "compiled",
         "within_band",

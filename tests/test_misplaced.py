@@ -1,4 +1,6 @@
-"""A model whose target is beside its place: what it predicts, against the scene with its markers moved."""
+"""A model whose target is beside its place: what it predicts, against the scene with its markers
+moved.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ OFFSET = np.array([0.04, 0.0, 0.0])
 @pytest.mark.parametrize("offset", [np.zeros(3), OFFSET])
 def test_only_the_target_of_the_model_is_moved(offset: np.ndarray) -> None:
     setup = Scenario.load("ur5-fov").setup()
-    scene, q, qd = setup.scene, setup.q0, setup.qd0
+    scene = setup.scene
+    q = setup.q0
+    qd = setup.qd0
     step = ControlStep(scene, setup.constraints, setup.task)
     step.evaluate(0.0, q, qd)
     model = step.model()

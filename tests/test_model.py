@@ -1,4 +1,6 @@
-"""What laws are given to look ahead with: the same rows and task, of states to come, as the control believes them."""
+"""What laws are given to look ahead with: the same rows and task, of states to come, as the control
+believes them.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,16 @@ PARTS = ("phi", "Lg", "Lf", "sigma", "sigma_dot", "J", "b", "error", "error_rate
 
 
 class Looking(Controller):
-    """Tracking that looks ahead in every sample; keeps what it was given, and what it saw at the present."""
+    """Tracking that looks ahead in every sample; keeps what it was given, and what it saw at the
+    present.
+    """
 
     name = "looking"
     uses = ("model",)  # type: ignore[assignment]
 
     def __init__(self, ahead: float = 0.5) -> None:
-        self.ahead, self.tracking = ahead, Tracking()
+        self.ahead = ahead
+        self.tracking = Tracking()
         self.model: Model | None = None
         self.seen: list[tuple[Rows, Task, Prediction]] = []
 
@@ -39,7 +44,9 @@ class Looking(Controller):
         assert self.model is not None
         t, q, qd = self.model.present
         after = np.linspace(0.0, self.ahead, 4)
-        there = self.model.along(t + after, q + after[:, None] * qd, np.broadcast_to(qd, (4, len(qd))))
+        there = self.model.along(
+            t + after, q + after[:, None] * qd, np.broadcast_to(qd, (4, len(qd)))
+        )
         self.seen.append((rows, task, there))
         return self.tracking.command(rows, task)
 
@@ -53,12 +60,15 @@ def setup(name: str, **changes: Any) -> Setup:
 
 @contextmanager
 def in_numpy(model: Model) -> Iterator[None]:
-    kept, model.step = model.step, None
+    kept = model.step
+    model.step = None
     yield
     model.step = kept
 
 
-@pytest.mark.parametrize("name", ["case-study-6r", "ur5-image", "moving-target", "panda-fov", "moving-sphere"])
+@pytest.mark.parametrize(
+    "name", ["case-study-6r", "ur5-image", "moving-target", "panda-fov", "moving-sphere"]
+)
 def test_predictions_are_what_the_ideal_robot_meets(name: str) -> None:
     scene = setup(name, duration=1.0)
     run = simulate(scene, Tracking())
@@ -67,7 +77,11 @@ def test_predictions_are_what_the_ideal_robot_meets(name: str) -> None:
     step.evaluate(0.0, scene.q0, scene.qd0)
     found = step.model().along(run.t, run.q, run.qd)
     assert len(found) == len(run.t)
-    for there, met in ((found.phi, run.phi), (found.sigma, run.sigma), (found.pixels, run.features_px)):
+    for there, met in (
+        (found.phi, run.phi),
+        (found.sigma, run.sigma),
+        (found.pixels, run.features_px),
+    ):
         np.testing.assert_allclose(there, met, rtol=1e-12, atol=1e-12)
     # the error of the last states, whose rotations may have gone on turning
     np.testing.assert_allclose(found.error, run.error, rtol=1e-9, atol=1e-12)
@@ -75,11 +89,13 @@ def test_predictions_are_what_the_ideal_robot_meets(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["case-study-6r", "example-2d-fov", "moving-sphere"])
 def test_one_by_one_is_the_same(name: str) -> None:
-    scene, rng = setup(name), np.random.default_rng(4)
+    scene = setup(name)
+    rng = np.random.default_rng(4)
     step = ControlStep(scene.scene, scene.constraints, scene.task)
     step.evaluate(0.3, scene.q0, scene.qd0)
     model = step.model()
-    t, q = 0.3 + 0.02 * np.arange(5), scene.q0 + 0.02 * rng.normal(size=(5, len(scene.q0)))
+    t = 0.3 + 0.02 * np.arange(5)
+    q = scene.q0 + 0.02 * rng.normal(size=(5, len(scene.q0)))
     qd = rng.normal(size=q.shape)
     compiled = model.along(t, q, qd)
     with in_numpy(model):
@@ -88,13 +104,16 @@ def test_one_by_one_is_the_same(name: str) -> None:
     assert np.array_equal(single.rows.phi, compiled.phi[0])
     assert np.array_equal(single.task.b, compiled.b[0])
     for part in PARTS:
-        np.testing.assert_allclose(getattr(compiled, part), getattr(defined, part), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            getattr(compiled, part), getattr(defined, part), rtol=1e-9, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("name", ["case-study-6r", "experiment-2-ibvs", "moving-target-unknown"])
 def test_looking_ahead_changes_nothing_in_the_loop(name: str) -> None:
     scene = setup(name, duration=0.4)
-    looked, plain = simulate(scene, Looking()), simulate(scene, Tracking(), by_public_call=True)
+    looked = simulate(scene, Looking())
+    plain = simulate(scene, Tracking(), by_public_call=True)
     assert np.array_equal(looked.qdd_command, plain.qdd_command)
     assert np.array_equal(looked.phi, plain.phi)
 
@@ -135,7 +154,9 @@ def test_errors_of_the_camera_are_those_that_the_control_makes() -> None:
     camera = scene.scene.camera
     true = scene.scene.project(scene.scene.camera_pose(scene.q0))
     # what a point at these directions would give in the camera that is believed in
-    np.testing.assert_allclose(there.pixels[0] - camera.offset, 1.05 * (true - camera.offset), rtol=1e-9)
+    np.testing.assert_allclose(
+        there.pixels[0] - camera.offset, 1.05 * (true - camera.offset), rtol=1e-9
+    )
 
 
 def test_wrong_gradients_are_wrong_in_predictions_too() -> None:
@@ -150,7 +171,8 @@ def test_a_state_that_cannot_be_seen_ends_the_prediction() -> None:
     scene = setup("case-study-6r")
     step = ControlStep(scene.scene, scene.constraints, scene.task)
     step.evaluate(0.0, scene.q0, scene.qd0)
-    model, n = step.model(), len(scene.q0)
+    model = step.model()
+    n = len(scene.q0)
     turned = scene.q0 + np.pi * np.eye(n)[0]
     with pytest.raises(SceneError, match="not in front"):
         model.at(0.0, turned, np.zeros(n))
@@ -159,7 +181,11 @@ def test_a_state_that_cannot_be_seen_ends_the_prediction() -> None:
     assert len(model.along(np.zeros(4), q[::-1][1:2], np.zeros((1, n)))) == 0
     with in_numpy(model):
         assert len(model.along(np.zeros(4), q, np.zeros((4, n)))) == 2
-        assert model.along(np.zeros(1), q[2:3], np.zeros((1, n))).Lg.shape == (0, len(model.labels), n)
+        assert model.along(np.zeros(1), q[2:3], np.zeros((1, n))).Lg.shape == (
+            0,
+            len(model.labels),
+            n,
+        )
 
 
 def test_only_laws_that_use_a_model_have_one_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,11 +195,14 @@ def test_only_laws_that_use_a_model_have_one_made(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(ControlStep, "model", refuse)
     scene = setup("example-2d-fov", duration=0.02)
     assert simulate(scene, SlidingMode()).status == "unfinished"
-    ControlStep(scene.scene, scene.constraints, scene.task).command(SlidingMode(), 0.0, scene.q0, scene.qd0)
+    ControlStep(scene.scene, scene.constraints, scene.task).command(
+        SlidingMode(), 0.0, scene.q0, scene.qd0
+    )
 
 
 def test_a_step_gives_its_model_to_the_law_that_is_bound_to_it() -> None:
-    scene, law = setup("example-2d-fov"), Looking()
+    scene = setup("example-2d-fov")
+    law = Looking()
     step = ControlStep(scene.scene, scene.constraints, scene.task)
     step.command(law, 0.0, scene.q0, scene.qd0)
     first = law.model
@@ -190,5 +219,6 @@ def test_a_model_can_be_copied() -> None:
     step.evaluate(0.1, scene.q0, scene.qd0)
     model = step.model()
     other = pickle.loads(pickle.dumps(model))
-    q, qd = scene.q0[None, :], scene.qd0[None, :]
+    q = scene.q0[None, :]
+    qd = scene.qd0[None, :]
     assert np.array_equal(model.along(np.ones(1), q, qd).phi, other.along(np.ones(1), q, qd).phi)

@@ -1,4 +1,6 @@
-"""The rules of the other claims, on made-up runs and studies: every number just inside or just outside."""
+"""The rules of the other claims, on made-up runs and studies: every number just inside or just
+outside.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,18 @@ from vsconstraints.rows import Array
 
 
 def study(**numbers: float) -> StudyResult:
-    return StudyResult("made up", {tuple(name.split("__")): value for name, value in numbers.items()}, (), (), ())
+    return StudyResult(
+        "made up", {tuple(name.split("__")): value for name, value in numbers.items()}, (), (), ()
+    )
 
 
 # --- claim 5: a phase of 4 s and one of 6 s ---
 
 LONG = 0.1 * np.arange(101)
 BORDERS = [f"fov[marker {i}]" for i in (1, 2, 3, 4)]
-RANGE, SPEED, SPHERE = "range[joint 6].upper", "speed[joint 2].upper", "sphere[tip]"
+RANGE = "range[joint 6].upper"
+SPEED = "speed[joint 2].upper"
+SPHERE = "sphere[tip]"
 
 
 class Phases(Told):
@@ -35,10 +41,16 @@ class Phases(Told):
 
 def phased(q6: float = 0.0999, qd2: float = 0.4, **spans: Any) -> Phases:
     """Rows act in the intervals given, by the beginnings of their names; markers by number."""
-    names = {"marker1": BORDERS[0], "marker2": BORDERS[1], "marker3": BORDERS[2], "marker4": BORDERS[3]}
+    names = {
+        "marker1": BORDERS[0],
+        "marker2": BORDERS[1],
+        "marker3": BORDERS[2],
+        "marker4": BORDERS[3],
+    }
     names |= {"range": RANGE, "speed": SPEED, "sphere": SPHERE}
     phi = {label: during(*spans.get(name, ()), t=LONG) for name, label in names.items()}
-    q, qd = np.full((len(LONG), 6), 9.0), np.full((len(LONG), 6), 9.0)
+    q = np.full((len(LONG), 6), 9.0)
+    qd = np.full((len(LONG), 6), 9.0)
     q[:, 5], qd[:, 1] = at({7: q6}, -3.0, LONG), at({7: qd2}, 0.0, LONG)
     return Phases(phi, t=LONG, q=q, qd=qd)
 
@@ -55,7 +67,9 @@ def phased(q6: float = 0.0999, qd2: float = 0.4, **spans: Any) -> Phases:
     ],
 )
 def test_5a(changed: dict[tuple[int, int], float], expected: str) -> None:
-    """1 and 2 at the start of the first phase, 3 and 4 at that of the second: a hundredth of them may be left."""
+    """1 and 2 at the start of the first phase, 3 and 4 at that of the second: a hundredth of them
+    may be left.
+    """
     error = np.full((101, 2), 7.0)
     start = {(0, 0): 1.0, (0, 1): 2.0, (40, 0): 3.0, (40, 1): 4.0}
     left = {(39, 0): 0.0099, (39, 1): 0.0199, (100, 0): 0.0299, (100, 1): 0.0399}
@@ -107,7 +121,8 @@ def test_5f(spans: Any, expected: str) -> None:
     assert verdict("5f", phased(sphere=spans)) == expected
 
 
-FIRST, SECOND = [(1.0, 2.0)], [(5.0, 6.0)]
+FIRST = [(1.0, 2.0)]
+SECOND = [(5.0, 6.0)]
 
 
 @pytest.mark.parametrize(
@@ -150,11 +165,13 @@ def test_5i(least: float, expected: str) -> None:
 
 
 def test_5j() -> None:
-    """A constant gain makes e = (e^(−at) (b e₀ + ė₀) − e^(−bt) (a e₀ + ė₀))/(b − a), a, b roots of x² − 3√20 x + 20.
+    """A constant gain makes e = (e^(−at) (b e₀ + ė₀) − e^(−bt) (a e₀ + ė₀))/(b − a), a, b roots of
+    x² − 3√20 x + 20.
 
     With an error as small as this the slope does not matter: a = 1.7082, b = 11.708.
     """
-    a, b = 1.7082039324993694, 11.70820393249937
+    a = 1.7082039324993694
+    b = 11.70820393249937
     t = 0.002 * np.arange(501)
     v = 3.0  # the start is left at three times itself per second
     e = 1e-6 * (np.exp(-a * t) * (b + v) - np.exp(-b * t) * (a + v)) / (b - a)
@@ -162,8 +179,11 @@ def test_5j() -> None:
     found = simulations.ideal_error(start, v * start, t)
     np.testing.assert_allclose(found[:, 0], e, rtol=1e-4)
     np.testing.assert_array_equal(found[:, 1:], 0.0)
-    # with one of 0.5 the gain is e^(−1.5) of that at first: ë = −20 e^(−1.5) 0.5, and e falls by half of that times t²
-    found = simulations.ideal_error(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.zeros(6), np.array([0.0, 0.001]))
+    # with one of 0.5 the gain is e^(−1.5) of that at first: ë = −20 e^(−1.5) 0.5, and e falls by
+    # half of that times t²
+    found = simulations.ideal_error(
+        np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.zeros(6), np.array([0.0, 0.001])
+    )
     assert found[1, 1] - 0.5 == pytest.approx(-1.1156508e-6, rel=5e-3)
     for share, expected in ((0.0099, YES), (0.0101, NO)):
         error = np.zeros((len(t), 6))
@@ -178,13 +198,28 @@ def test_5j() -> None:
 
 
 SCENARIOS = ("experiment-1-pbvs", "experiment-2-ibvs")
-SHOWN = ("similar", "satisfactory", "little_speed", "applied", "track_px", "speed_share", "clearance_share")
+SHOWN = (
+    "similar",
+    "satisfactory",
+    "little_speed",
+    "applied",
+    "track_px",
+    "speed_share",
+    "clearance_share",
+)
 
 
 def unselected(
-    plus: float = 200.0, minus: float = 200.0, alone: float = 200.0, *, scenes: float = 200.0, **shipped: float
+    plus: float = 200.0,
+    minus: float = 200.0,
+    alone: float = 200.0,
+    *,
+    scenes: float = 200.0,
+    **shipped: float,
 ) -> Any:
-    """In how many of so many unselected scenes everything holds, and what does in the shipped one; there else 1."""
+    """In how many of so many unselected scenes everything holds, and what does in the shipped one;
+    there else 1.
+    """
     found: dict[Any, float] = {}
     for scenario in SCENARIOS:
         for case, value in zip(CASES, (plus, minus, alone), strict=True):
@@ -213,10 +248,14 @@ def without(one: StudyResult, key: tuple[str, ...], value: float) -> StudyResult
         (False, (99, 99, 99), NO),
     ],
 )
-def test_unselected_scenes(what: str, here: bool, counts: tuple[float, float, float], expected: str) -> None:
+def test_unselected_scenes(
+    what: str, here: bool, counts: tuple[float, float, float], expected: str
+) -> None:
     found = in_unselected(unselected(*counts, **{what: float(here)}), SCENARIOS[0], what)
     assert found.verdict == expected
-    assert found.text.startswith(f"{'holds' if here else 'does not hold'} in this scene; in {counts[0]} of 200")
+    assert found.text.startswith(
+        f"{'holds' if here else 'does not hold'} in this scene; in {counts[0]} of 200"
+    )
 
 
 def test_unselected_scenes_must_be_enough_and_changed() -> None:
@@ -224,9 +263,16 @@ def test_unselected_scenes_must_be_enough_and_changed() -> None:
     in_unselected(everywhere, SCENARIOS[0], "similar")
     for case in CASES:
         with pytest.raises(NotMeasured, match="has 99 scenes of experiment-1-pbvs, fewer than 100"):
-            in_unselected(without(everywhere, (SCENARIOS[0], case, "scenes"), 99.0), SCENARIOS[0], "similar")
-        in_unselected(without(everywhere, (SCENARIOS[0], case, "applied"), 95.0), SCENARIOS[0], "similar")
-        for key, value in (((SCENARIOS[0], case, "applied"), 94.0), ((SCENARIOS[0], case, "shipped", "applied"), 0.0)):
+            in_unselected(
+                without(everywhere, (SCENARIOS[0], case, "scenes"), 99.0), SCENARIOS[0], "similar"
+            )
+        in_unselected(
+            without(everywhere, (SCENARIOS[0], case, "applied"), 95.0), SCENARIOS[0], "similar"
+        )
+        for key, value in (
+            ((SCENARIOS[0], case, "applied"), 94.0),
+            ((SCENARIOS[0], case, "shipped", "applied"), 0.0),
+        ):
             with pytest.raises(NotMeasured, match="was it applied"):
                 in_unselected(without(everywhere, key, value), SCENARIOS[0], "similar")
 
@@ -238,11 +284,15 @@ def test_what_is_said_of_errors() -> None:
         3.0,
     )
     assert found("6d", one).text == (
-        "holds in this scene; in 190 of 200 unselected scenes, with reversed signs in 195 of 200, with ∇σ_e in L_gφ "
-        "alone, the other reading of (49), in 50 of 200. Here tracks differ by up to 12.50 px, 0.25 % of L from the "
+        "holds in this scene; in 190 of 200 unselected scenes, with reversed signs in 195 of 200, "
+        "with ∇σ_e in L_gφ "
+        "alone, the other reading of (49), in 50 of 200. Here tracks differ by up to 12.50 px, "
+        "0.25 % of L from the "
         "boundary; with ∇σ_e in L_gφ alone by 3.00 px, 0.25 %"
     )
-    assert found("6j", unselected(speed_share=44.0)).text.endswith(". Here by up to 44 % of the fastest joint's speed")
+    assert found("6j", unselected(speed_share=44.0)).text.endswith(
+        ". Here by up to 44 % of the fastest joint's speed"
+    )
 
 
 @pytest.mark.parametrize(
@@ -259,7 +309,10 @@ def test_what_is_counted(key: str, scenario: str, what: str) -> None:
         for name in SHOWN[:3]:
             expected = PARTLY if (other, name) == (scenario, what) else YES
             assert verdict(key, without(unselected(), (other, CASES[0], name), 189.0)) == expected
-            assert verdict(key, without(unselected(), (other, CASES[0], "shipped", name), 0.0)) == expected
+            assert (
+                verdict(key, without(unselected(), (other, CASES[0], "shipped", name), 0.0))
+                == expected
+            )
 
 
 def sampled(Ts: float) -> Told:
@@ -271,13 +324,20 @@ def sampled(Ts: float) -> Told:
 def test_6i() -> None:
     runs = [sampled(0.1), sampled(0.1)]
     assert verdict("6i", *runs, unselected()) == YES
-    assert found("6i", *runs, unselected()).text.startswith("T_s = 0.1 s. Experiment 1: holds in this scene")
+    assert found("6i", *runs, unselected()).text.startswith(
+        "T_s = 0.1 s. Experiment 1: holds in this scene"
+    )
     for Ts in (0.09, 0.11):
         assert verdict("6i", sampled(Ts), sampled(0.1), unselected()) == PARTLY
         assert verdict("6i", sampled(0.1), sampled(Ts), unselected()) == PARTLY
     for scenario in SCENARIOS:
         assert (
-            verdict("6i", *runs, without(unselected(), (scenario, CASES[0], "shipped", "satisfactory"), 0.0)) == PARTLY
+            verdict(
+                "6i",
+                *runs,
+                without(unselected(), (scenario, CASES[0], "shipped", "satisfactory"), 0.0),
+            )
+            == PARTLY
         )
         nowhere = unselected()
         for case in CASES:
@@ -292,7 +352,12 @@ def test_6i() -> None:
 )
 def test_6l(fine: str, expected: str) -> None:
     """Experiment 1 at 0.1 and 0.01 s, experiment 2 at 0.1 and 0.01 s: which of them go well."""
-    kinds = ("fov[marker 1]", "fov[marker 1]", "occlusion[area, marker 1]", "occlusion[area, marker 1]")
+    kinds = (
+        "fov[marker 1]",
+        "fov[marker 1]",
+        "occlusion[area, marker 1]",
+        "occlusion[area, marker 1]",
+    )
     for broken in ({"status": "trapped"}, {"clearance": -0.001}):
         runs = [
             Told(
@@ -307,7 +372,9 @@ def test_6l(fine: str, expected: str) -> None:
 
 
 def moving(off: float = 0.0, faster: float = 0.0) -> Told:
-    """q̇ = 2 and q̈ = 10 for a period of 0.01 s: q rises by 0.0205 and q̇ by 0.1; but for what one sample is off."""
+    """q̇ = 2 and q̈ = 10 for a period of 0.01 s: q rises by 0.0205 and q̇ by 0.1; but for what one
+    sample is off.
+    """
     t = 0.01 * np.arange(3)
     q = np.array([[1.0], [1.0205 + off], [1.042 + off]])
     qd = np.array([[2.0], [2.1 + faster], [2.1 + faster]])
@@ -384,12 +451,21 @@ def test_11a(bad: Told, some: bool) -> None:
 
 @pytest.mark.parametrize(
     ("step", "rows", "expected"),
-    [(12e-6, 8e-6, YES), (20e-6, 0.0, YES), (12e-6, 8.1e-6, PARTLY), (3e-3, 2e-3, PARTLY), (3e-3, 2.001e-3, NO)],
+    [
+        (12e-6, 8e-6, YES),
+        (20e-6, 0.0, YES),
+        (12e-6, 8.1e-6, PARTLY),
+        (3e-3, 2e-3, PARTLY),
+        (3e-3, 2.001e-3, NO),
+    ],
 )
 def test_12a(step: float, rows: float, expected: str) -> None:
     """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""
     step_time = at({0: 1.0, 1: 1.0, 2: 1.0}, step)
-    assert verdict("12a", Told(step_time=step_time, rows_time=at({0: 1.0}, rows), compiled=True)) == expected
+    assert (
+        verdict("12a", Told(step_time=step_time, rows_time=at({0: 1.0}, rows), compiled=True))
+        == expected
+    )
 
 
 # --- claim 10 ---
@@ -434,12 +510,17 @@ def above(phi: float = 1.0, clearance: float = 0.0, asked: float = 0.99) -> Shar
 def test_10b(run: Shared, place: int, expected: str) -> None:
     sweep = study(above_bound=3.0, above_bound_allowed=3.0, above_bound_in_band=3.0)
     assert verdict("10b", sweep, *scenes(run, above(), place)) == expected
-    found = CLAIMS["10b"].check(dict(zip(CLAIMS["10b"].needs, (sweep, *scenes(run, above(), place)), strict=True)))
+    found = CLAIMS["10b"].check(
+        dict(zip(CLAIMS["10b"].needs, (sweep, *scenes(run, above(), place)), strict=True))
+    )
     left_out = run.asked >= 1.0 and place != CORNER
     assert found.values["above"] == 3 + len(SCENES) - 1 - left_out
     for lacking, verdict_then in (("above_bound_in_band", PARTLY), ("above_bound_allowed", YES)):
         changed = study(
-            **({"above_bound": 3.0, "above_bound_allowed": 3.0, "above_bound_in_band": 3.0} | {lacking: 2.0})
+            **(
+                {"above_bound": 3.0, "above_bound_allowed": 3.0, "above_bound_in_band": 3.0}
+                | {lacking: 2.0}
+            )
         )
         if expected == YES:
             assert verdict("10b", changed, *scenes(run, above(), place)) == verdict_then
@@ -494,7 +575,9 @@ def test_10c(width: float, excess: float, power: float, expected: str) -> None:
     ],
 )
 def test_10e(first: int, later: float, push: float, expected: str) -> None:
-    """φ starts at 5 and is pushed by u⁺ − L_fφ = 100 − 50: within 0.1 s, and one sample, it is below zero."""
+    """φ starts at 5 and is pushed by u⁺ − L_fφ = 100 − 50: within 0.1 s, and one sample, it is
+    below zero.
+    """
     run = Told({ROW: at({**dict.fromkeys(range(first), 5.0), first + 9: later}, -1.0)})
     run.drift[first - 1, 0] = push
     run.drift[first + 5, 0] = 1e3
@@ -504,7 +587,9 @@ def test_10e(first: int, later: float, push: float, expected: str) -> None:
 def test_10e_that_never_ends() -> None:
     assert verdict("10e", Told({ROW: 5.0})) == NO
     for phi in ({0: 0.0}, {0: 0.0, 1: 5.0}):
-        found = CLAIMS["10e"].check(dict(zip(CLAIMS["10e"].needs, [Told({ROW: at(phi)})], strict=True)))
+        found = CLAIMS["10e"].check(
+            dict(zip(CLAIMS["10e"].needs, [Told({ROW: at(phi)})], strict=True))
+        )
         assert found.verdict == "not measured"
 
 
@@ -515,7 +600,9 @@ def test_10e_is_relative_to_the_period() -> None:
 
 
 class Directions(Told):
-    """A run whose rows are (1, 0) and (1, angle) divided by its length: one of the two active, or both."""
+    """A run whose rows are (1, 0) and (1, angle) divided by its length: one of the two active, or
+    both.
+    """
 
     angle = 1.0
 
@@ -523,7 +610,9 @@ class Directions(Told):
     def setup(self) -> Any:
         A = np.array([[5.0, 0.0], [1.0, self.angle]])
         rows = SimpleNamespace(Lg=A, phi=np.zeros(2))
-        return SimpleNamespace(world=lambda: SimpleNamespace(evaluate=lambda t, q, qd: SimpleNamespace(rows=rows)))
+        return SimpleNamespace(
+            world=lambda: SimpleNamespace(evaluate=lambda t, q, qd: SimpleNamespace(rows=rows))
+        )
 
 
 def directions(angle: float, last: int = 100, both: bool = True, **changed: Any) -> Directions:
@@ -550,7 +639,8 @@ ABORTED = {"status": "aborted", "reason": "dependent: a, b"}
     ],
 )
 def test_10f(run: Directions, expected: str) -> None:
-    lost, well = directions(1e-7, **ABORTED), directions(1.0)
+    lost = directions(1e-7, **ABORTED)
+    well = directions(1.0)
     assert verdict("10f", run, well, lost, well) == expected
 
 

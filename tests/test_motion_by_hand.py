@@ -27,7 +27,9 @@ from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 
 def test_order_filter() -> None:
-    """From q = 1, q̇ = 2: q̈ = 10 for a period gives 1 + 0.2 + 0.05 and 3, q̈ = −30 for the next 1.25 + 0.3 − 0.15."""
+    """From q = 1, q̇ = 2: q̈ = 10 for a period gives 1 + 0.2 + 0.05 and 3, q̈ = −30 for the next
+    1.25 + 0.3 − 0.15.
+    """
     integrator = OrderFilter([1.0], [2.0], 0.1)
     np.testing.assert_allclose(integrator.step(np.array([10.0])), [1.25], rtol=1e-14)
     np.testing.assert_allclose(integrator.qd, [3.0], rtol=1e-14)
@@ -61,7 +63,9 @@ def test_plant(actuation: str) -> None:
 
 
 def test_no_function_moves_a_plant_that_its_transition_moves() -> None:
-    """Compiled loops call what stands there, unless it is 0; what does not compile never reads it."""
+    """Compiled loops call what stands there, unless it is 0; what does not compile never reads
+    it.
+    """
     assert plant().mover == (0, 0)
     assert not plant().follows
 
@@ -72,19 +76,26 @@ def test_plant_that_is_pushed() -> None:
 
 
 def test_plant_that_lags() -> None:
-    """τ = 0.1 s, one period: a = 10 (1 − 1/e), q̇ = 2 + 10 × 0.1/e, q = 1 + 0.2 + 10 × 0.01 (½ − 1/e)."""
+    """τ = 0.1 s, one period: a = 10 (1 − 1/e), q̇ = 2 + 10 × 0.1/e, q = 1 + 0.2 + 10 × 0.01 (½ −
+    1/e).
+    """
     one = plant(time_constant=0.1)
-    np.testing.assert_allclose(stepped(one, 10.0), [1.2132120558828558, 2.367879441171442], rtol=1e-12)
+    np.testing.assert_allclose(
+        stepped(one, 10.0), [1.2132120558828558, 2.367879441171442], rtol=1e-12
+    )
     assert one.x[2, 0] == pytest.approx(6.321205588285577, rel=1e-12)
 
 
 def test_plant_behind_a_position_loop() -> None:
-    """τ = 0.1 s, at rest at 1 and sent to 1 + 5t²: what is behind is e = 0.1 − (0.1 + t) exp(−t/0.1) with ë = 10 at 0.
+    """τ = 0.1 s, at rest at 1 and sent to 1 + 5t²: what is behind is e = 0.1 − (0.1 + t)
+    exp(−t/0.1) with ë = 10 at 0.
 
     At t = 0.1 s q = 1.05 − 0.1 + 0.2/e, q̇ = 1 − 1/e.
     """
     one = Plant(np.array([1.0]), np.array([0.0]), 0.1, "position", Disturbances(time_constant=0.1))
-    np.testing.assert_allclose(stepped(one, 10.0), [1.0235758882342885, 0.6321205588285577], rtol=1e-12)
+    np.testing.assert_allclose(
+        stepped(one, 10.0), [1.0235758882342885, 0.6321205588285577], rtol=1e-12
+    )
 
 
 def test_what_lies_inside_a_period() -> None:
@@ -143,7 +154,9 @@ class Told(Feature):
 
 
 def asked(law: VisualTask, *states: tuple[float, tuple[float, float]]) -> list[Any]:
-    """What the control step of an arm with two joints makes of a task, at times and with joint speeds."""
+    """What the control step of an arm with two joints makes of a task, at times and with joint
+    speeds.
+    """
     arm = Robot.from_dh([[0.0, 0.05, 0.4, np.pi / 2], [0.0, 0.05, 0.4, -np.pi / 2]])
     q = np.array([0.1, -0.2])
     camera = Camera((600.0, 600.0), (640.0, 480.0))
@@ -153,16 +166,24 @@ def asked(law: VisualTask, *states: tuple[float, tuple[float, float]]) -> list[A
     return [step.evaluate(t, q, np.array(qd)).task for t, qd in states]
 
 
-def motion(error: Any, velocity: Any, drift: Any = (0, 0), J: Any = ((1, 0), (0, 1)), partial: Any = (0, 0)) -> Any:
-    return FeatureMotion(*(np.array(value, dtype=float) for value in (error, J, velocity, drift, partial)))
+def motion(
+    error: Any, velocity: Any, drift: Any = (0, 0), J: Any = ((1, 0), (0, 1)), partial: Any = (0, 0)
+) -> Any:
+    return FeatureMotion(
+        *(np.array(value, dtype=float) for value in (error, J, velocity, drift, partial))
+    )
 
 
 GOAL = Goal(0.0, np.zeros((1, 2)), np.zeros((1, 2)))
 
 
 def test_tracking_law() -> None:
-    """‖e‖ = 0.5: K_p = 20 exp(−40/20 × 0.5) = 20/e = 7.3576 and K_v = 3 √K_p = 8.1375; b = −K_p e − K_v ė − drift."""
-    law = VisualTask(Told(motion((0.3, 0.4), (1, -2), (0.5, 0.25))), [GOAL], TrackingGains(20.0, 40.0))
+    """‖e‖ = 0.5: K_p = 20 exp(−40/20 × 0.5) = 20/e = 7.3576 and K_v = 3 √K_p = 8.1375; b = −K_p e −
+    K_v ė − drift.
+    """
+    law = VisualTask(
+        Told(motion((0.3, 0.4), (1, -2), (0.5, 0.25))), [GOAL], TrackingGains(20.0, 40.0)
+    )
     (task,) = asked(law, (0.0, (0.0, 0.0)))
     np.testing.assert_allclose(task.b, [-10.844739360360101, 13.081889897291358], rtol=1e-12)
     np.testing.assert_array_equal(task.J, np.eye(2))
@@ -172,14 +193,17 @@ def test_tracking_law() -> None:
 def test_tracking_law_by_differences() -> None:
     """K_p = 4, K_v = 6, 0.1 s between samples, q̇ = (1, 2).
 
-    First without differences: −4 (1, 0) − 6 (5, 5) = (−34, −30), what drifts being left out. Then ė = (0.2, 0.1)/0.1
-    and J̇ q̇ + ∂ṡ/∂t = ((0.1, 0) · q̇ + 0.03)/0.1 = 1.3 in the first line: −4 (1.2, 0.1) − 6 (2, 1) − (1.3, 0).
+    First without differences: −4 (1, 0) − 6 (5, 5) = (−34, −30), what drifts being left out. Then ė
+    = (0.2, 0.1)/0.1 and J̇ q̇ + ∂ṡ/∂t = ((0.1, 0) · q̇ + 0.03)/0.1 = 1.3 in the first line: −4
+    (1.2, 0.1) − 6 (2, 1) − (1.3, 0).
     """
     feature = Told(
         motion((1.0, 0.0), (5, 5), (9, 9), partial=(0.01, 0)),
         motion((1.2, 0.1), (5, 5), (9, 9), ((1.1, 0), (0, 1)), (0.04, 0)),
     )
-    law = VisualTask(feature, [GOAL], TrackingGains(4.0), drift="differences", velocity="differences")
+    law = VisualTask(
+        feature, [GOAL], TrackingGains(4.0), drift="differences", velocity="differences"
+    )
     first, task = asked(law, (0.0, (1.0, 2.0)), (0.1, (1.0, 2.0)))
     np.testing.assert_allclose(first.b, [-34.0, -30.0], rtol=1e-12)
     np.testing.assert_allclose(task.b, [-18.1, -6.4], rtol=1e-9)
@@ -201,10 +225,17 @@ def test_goals_hold_from_their_times() -> None:
 
 
 def test_joint_range() -> None:
-    """From −1 to 3: half of it is 2. σ is 0 at either end, 0.01 where it is passed by 0.02, −1 in the middle."""
+    """From −1 to 3: half of it is 2. σ is 0 at either end, 0.01 where it is passed by 0.02, −1 in
+    the middle.
+    """
     arm = Robot.from_dh([[0.0, 0.0, 1.0, 0.0]])
     allowed = JointRange(arm, K=0.1, switching_gain=1.0, lower=[-1.0], upper=[3.0])
-    for q, sigma in ((3.0, [0.0, -2.0]), (3.02, [0.01, -2.01]), (-1.0, [-2.0, 0.0]), (1.0, [-1.0, -1.0])):
+    for q, sigma in (
+        (3.0, [0.0, -2.0]),
+        (3.02, [0.01, -2.01]),
+        (-1.0, [-2.0, 0.0]),
+        (1.0, [-1.0, -1.0]),
+    ):
         np.testing.assert_allclose(allowed.sigma(np.array([q])), sigma, atol=1e-14)
     np.testing.assert_array_equal(allowed.gradient(np.array([0.0])), [[0.5], [-0.5]])
     # a tenth of margin: from −0.8 to 2.8

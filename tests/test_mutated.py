@@ -1,4 +1,6 @@
-"""Wrong scenarios and suites are refused, or they are fine: nothing else happens, whatever is wrong with them."""
+"""Wrong scenarios and suites are refused, or they are fine: nothing else happens, whatever is wrong
+with them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def start(path: Path) -> None:
 
 
 def outcomes(path: Path, files: list[mutated.Mutated], use: Callable[[Path], object]) -> list[str]:
-    """What using these files raises, empty where nothing; errors that are not this package's end the test."""
+    """What using these files raises, empty where nothing; errors that are not this package's end
+    the test.
+    """
     found = []
     for file in files:
         path.write_bytes(file.content)
@@ -40,7 +44,9 @@ def outcomes(path: Path, files: list[mutated.Mutated], use: Callable[[Path], obj
     return found
 
 
-@pytest.mark.parametrize(("make", "use"), [(mutated.scenarios, start), (mutated.suites, Suite.load)])
+@pytest.mark.parametrize(
+    ("make", "use"), [(mutated.scenarios, start), (mutated.suites, Suite.load)]
+)
 def test_what_is_wrong_is_refused(
     make: Callable[..., list[mutated.Mutated]], use: Callable[[Path], object], tmp_path: Path
 ) -> None:

@@ -1,4 +1,6 @@
-"""The mutation run itself: which mistakes it makes, and that it sees whether a test notices them."""
+"""The mutation run itself: which mistakes it makes, and that it sees whether a test notices
+them.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,14 @@ def clipped(φ: float, low: int = 3) -> float:
 CHANGES = {
     ("LIMIT = 0.5", "LIMIT = 1.0"),
     ("LIMIT = 0.5", "LIMIT = 0.25"),
-    ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 4) -> float:"),
-    ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 2) -> float:"),
+    (
+        "def clipped(φ: float, low: int = 3) -> float:",
+        "def clipped(φ: float, low: int = 4) -> float:",
+    ),
+    (
+        "def clipped(φ: float, low: int = 3) -> float:",
+        "def clipped(φ: float, low: int = 2) -> float:",
+    ),
     ("if φ > LIMIT and not low:", "if φ >= LIMIT and not low:"),
     ("if φ > LIMIT and not low:", "if φ <= LIMIT and not low:"),
     ("if φ > LIMIT and not low:", "if φ > LIMIT or not low:"),
@@ -100,8 +108,11 @@ def test_every_mistake_is_made_once_and_texts_are_left_alone(tree: Path) -> None
     assert {mutant.function for mutant in made if mutant.line <= 6} == {0}
     for mutant in made:
         assert mutant.old != mutant.new
-        before, after = SOURCE.splitlines(), mutant.source.splitlines()
-        assert [i + 1 for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [mutant.line]
+        before = SOURCE.splitlines()
+        after = mutant.source.splitlines()
+        assert [i + 1 for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [
+            mutant.line
+        ]
 
 
 def test_a_named_mistake_must_be_found(tree: Path) -> None:
@@ -120,7 +131,9 @@ def test_samples_are_repeatable(tree: Path) -> None:
 
 
 def test_a_sample_is_judged_by_what_chance_allows() -> None:
-    """The sum of the binomial distribution's terms, written out: the most misses of 150 with 5 % to spare."""
+    """The sum of the binomial distribution's terms, written out: the most misses of 150 with 5 % to
+    spare.
+    """
     terms = [math.comb(150, k) * 0.05**k * 0.95 ** (150 - k) for k in range(151)]
     most = max(k for k in range(151) if sum(terms[k:]) >= 0.05)
     assert most == 12
@@ -131,18 +144,29 @@ def test_a_sample_is_judged_by_what_chance_allows() -> None:
 
 def test_what_tests_notice(tree: Path) -> None:
     ended = subprocess.run(
-        [sys.executable, "-c", RUN, str(tree), str(tree / "copy")], capture_output=True, text=True, cwd=ROOT, check=True
+        [sys.executable, "-c", RUN, str(tree), str(tree / "copy")],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=True,
     )
     found = {tuple(line.split(" | ")) for line in ended.stdout.splitlines()}
     states = {(old, new): (state, by) for state, old, new, by in found}
     assert len(found) == len(CHANGES) + 1
-    # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one below zero
+    # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one
+    # below zero
     survivors = {key for key, (state, _) in states.items() if state == "survived"}
     assert survivors == {
         ("LIMIT = 0.5", "LIMIT = 1.0"),
         ("LIMIT = 0.5", "LIMIT = 0.25"),
-        ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 4) -> float:"),
-        ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 2) -> float:"),
+        (
+            "def clipped(φ: float, low: int = 3) -> float:",
+            "def clipped(φ: float, low: int = 4) -> float:",
+        ),
+        (
+            "def clipped(φ: float, low: int = 3) -> float:",
+            "def clipped(φ: float, low: int = 2) -> float:",
+        ),
         ('raise ValueError(f"{φ + 1} is too much")', "pass"),
         ("if φ > LIMIT and not low:", "if φ >= LIMIT and not low:"),
         ("if φ > LIMIT and not low:", "if φ > LIMIT and low:"),
@@ -151,17 +175,28 @@ def test_what_tests_notice(tree: Path) -> None:
     }
     assert states["φ += 1", "pass"] == ("timed out", "")
     assert states["while φ < 0:", "while φ < -1:"] == ("killed", "test_loop")
-    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 9][low]"] == ("killed", "test_loop")
-    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [0, 2][low]"] == ("killed", "test_shared")
+    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 9][low]"] == (
+        "killed",
+        "test_loop",
+    )
+    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [0, 2][low]"] == (
+        "killed",
+        "test_shared",
+    )
     assert (tree / "src/module.py").read_text(encoding="utf-8") == SOURCE
 
 
 def test_what_is_listed_is_there() -> None:
     """Every mutant that is called equivalent is one, and every named mistake can be made."""
     every = {mutant.key for file in files_named(ROOT) for mutant in mutants_of(ROOT, file)}
-    lists = {name: tomllib.loads((ROOT / "checks/mutation" / name).read_text("utf-8"))["mutant"] for name in LISTS}
+    lists = {
+        name: tomllib.loads((ROOT / "checks/mutation" / name).read_text("utf-8"))["mutant"]
+        for name in LISTS
+    }
     assert [
-        table for table in lists["equivalent.toml"] if (table["file"], table["old"], table["new"]) not in every
+        table
+        for table in lists["equivalent.toml"]
+        if (table["file"], table["old"], table["new"]) not in every
     ] == []
     for table in lists["named.toml"]:
         edited(ROOT, **table)

@@ -1,4 +1,6 @@
-"""What happens in the scenarios of section 5.4 and of the camera that stands in the room, with the paper's law."""
+"""What happens in the scenarios of section 5.4 and of the camera that stands in the room, with the
+paper's law.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,12 @@ CHALLENGED = {
     "moving-target": ("fov[marker 1]", "fov[marker 4]", "speed[joint 6].lower"),
     "moving-occluder": ("occlusion[circle, marker 2]", "occlusion[circle, marker 3]"),
     "moving-sphere": ("sphere[hand]",),
-    "eye-to-hand-pbvs": ("fov[marker 3]", "occlusion[circle, marker 1]", "sphere[tip]", "speed[joint 6].lower"),
+    "eye-to-hand-pbvs": (
+        "fov[marker 3]",
+        "occlusion[circle, marker 1]",
+        "sphere[tip]",
+        "speed[joint 6].lower",
+    ),
     "eye-to-hand-ibvs": ("occlusion[hyperellipse, marker 2]", "box[tip]", "speed[joint 3].upper"),
 }
 """Rows that tracking alone violates and the sliding mode slides along."""
@@ -62,8 +69,11 @@ def lag(trajectory: Trajectory) -> Array:
 
 
 @pytest.mark.parametrize("name", CHALLENGED)
-def test_tracking_alone_violates_rows_along_which_the_sliding_mode_slides_to_the_goal(name: str) -> None:
-    alone, trajectory = run(name, "tracking"), run(name)
+def test_tracking_alone_violates_rows_along_which_the_sliding_mode_slides_to_the_goal(
+    name: str,
+) -> None:
+    alone = run(name, "tracking")
+    trajectory = run(name)
     lengths = setup(name).constraints.characteristic_length
     for label in CHALLENGED[name]:
         i = trajectory.labels.index(label)
@@ -97,18 +107,24 @@ def test_a_target_of_known_velocity_is_tracked_without_lag() -> None:
 
 
 def test_a_target_of_unknown_velocity_is_followed_with_the_lag_of_the_gains() -> None:
-    known, unknown = run("moving-target", "tracking"), run("moving-target-unknown", "tracking")
-    motion, gains = setup("moving-target").scene.motion, setup("moving-target").task.gains
+    known = run("moving-target", "tracking")
+    unknown = run("moving-target-unknown", "tracking")
+    motion = setup("moving-target").scene.motion
+    gains = setup("moving-target").task.gains
     assert motion is not None
     Kp, Kv = gains.at(np.zeros(6))
     assert 3.0 / np.sqrt(20.0) == pytest.approx(Kv / Kp)
     settled = unknown.t > 4.0
-    greatest = Kv / Kp * max(float(np.linalg.norm(motion.translation.rates(t)[0])) for t in unknown.t)
+    greatest = (
+        Kv / Kp * max(float(np.linalg.norm(motion.translation.rates(t)[0])) for t in unknown.t)
+    )
     assert 0.5 * greatest < lag(unknown)[settled].max() < 1.05 * greatest
     assert lag(unknown)[-1] > 1000.0 * lag(known)[-1]
 
 
-def test_markers_of_a_target_of_unknown_velocity_leave_the_image_by_what_phi_does_not_know() -> None:
+def test_markers_of_a_target_of_unknown_velocity_leave_the_image_by_what_phi_does_not_know() -> (
+    None
+):
     assert clearance(run("moving-target"), "fov") > 0.0
     assert clearance(run("moving-target-unknown"), "fov") == pytest.approx(-18.7, abs=1.0)
 
@@ -127,13 +143,18 @@ def test_markers_give_way_to_the_occluder_one_after_the_other() -> None:
 
 def test_hand_and_wrist_slide_along_the_moving_sphere() -> None:
     trajectory = run("moving-sphere")
-    hand, wrist = sliding(trajectory, "sphere[hand]"), sliding(trajectory, "sphere[wrist]")
+    hand = sliding(trajectory, "sphere[hand]")
+    wrist = sliding(trajectory, "sphere[wrist]")
     assert hand == pytest.approx((0.65, 2.04), abs=0.1)
     assert hand[0] < wrist[0] < wrist[1] < hand[1]
 
 
-@pytest.mark.parametrize(("name", "kind"), [("moving-occluder", "occlusion"), ("moving-sphere", "sphere")])
-def test_an_obstacle_taken_for_static_is_entered_by_less_than_its_speed_times_k(name: str, kind: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "kind"), [("moving-occluder", "occlusion"), ("moving-sphere", "sphere")]
+)
+def test_an_obstacle_taken_for_static_is_entered_by_less_than_its_speed_times_k(
+    name: str, kind: str
+) -> None:
     constraint = setup(name, False).constraints.constraints[0]
     motion = constraint.motion
     reach = constraint.K * float(np.linalg.norm(motion.rates(0.0)[0]))
@@ -151,7 +172,10 @@ def test_eye_to_hand_rows_of_four_kinds_slide_at_once() -> None:
     window = 25
     together = [
         {label.split("[")[0] for label, acts in zip(trajectory.labels, rows, strict=True) if acts}
-        for rows in (trajectory.active[k : k + window].any(axis=0) for k in range(0, len(trajectory.t) - window, 5))
+        for rows in (
+            trajectory.active[k : k + window].any(axis=0)
+            for k in range(0, len(trajectory.t) - window, 5)
+        )
     ]
     assert max(map(len, together)) >= 3
     assert set().union(*together) == {"fov", "occlusion", "sphere", "speed"}
@@ -159,10 +183,13 @@ def test_eye_to_hand_rows_of_four_kinds_slide_at_once() -> None:
 
 @pytest.mark.parametrize("name", ["eye-to-hand-pbvs", "eye-to-hand-ibvs"])
 def test_eye_to_hand_markers_move_with_the_tip_before_a_camera_that_stands_still(name: str) -> None:
-    scene, trajectory = setup(name).scene, run(name)
+    scene = setup(name).scene
+    trajectory = run(name)
     assert scene.camera.fixed is not None
     first, last = (scene.markers_at(trajectory.q[k], trajectory.t[k]) for k in (0, -1))
     assert np.linalg.norm(last - first, axis=1).min() > 0.1
     for k in (0, 500, -1):
         at = scene.camera.fixed.inverse.act(scene.markers_at(trajectory.q[k], trajectory.t[k]))
-        np.testing.assert_allclose(scene.camera.pixels(at[:, :2] / at[:, 2:]), trajectory.features_px[k], atol=1e-6)
+        np.testing.assert_allclose(
+            scene.camera.pixels(at[:, :2] / at[:, 2:]), trajectory.features_px[k], atol=1e-6
+        )

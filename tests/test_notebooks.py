@@ -27,7 +27,14 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import read_table
-from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    Controller,
+    HierarchicalQP,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
 from vsconstraints.reports.notebooks import Comparison, NotebookRun, copies
@@ -40,7 +47,8 @@ from vsconstraints.scenarios import Scenario
 SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)
 """Long enough for tracking to leave the image."""
 
-SINGLE, ROW = "fov[marker 1]", "fov[marker 2]"
+SINGLE = "fov[marker 1]"
+ROW = "fov[marker 2]"
 
 
 class Half(Controller):
@@ -49,7 +57,8 @@ class Half(Controller):
     name = "half"
 
     def __init__(self, *, share: float = 0.5) -> None:
-        self.share, self.tracking = share, Tracking()
+        self.share = share
+        self.tracking = Tracking()
 
     def solve(self, rows: Rows, task: Task) -> Command:
         command = self.tracking.solve(rows, task)
@@ -83,15 +92,21 @@ def sliding() -> NotebookRun:
     return run(SHORT, SlidingMode())
 
 
-def test_the_same_as_the_command_line(comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_as_the_command_line(
+    comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     carried_out = comparisons.compare
     # in this process: that others come to the same is seen where the notebooks run
     monkeypatch.setattr(
-        comparisons, "compare", lambda suite, out, **given: carried_out(suite, out, **(given | {"workers": 0}))
+        comparisons,
+        "compare",
+        lambda suite, out, **given: carried_out(suite, out, **(given | {"workers": 0})),
     )
     laws = ["--controller", "sliding-mode", "--controller", "hierarchical-qp"]
     scene = ["--scenario", "example-2d-fov", "--set", "scenario.duration=3.5"]
-    done = CliRunner().invoke(app, ["compare", *scene, *laws, "--out", str(tmp_path), "--no-figures"])
+    done = CliRunner().invoke(
+        app, ["compare", *scene, *laws, "--out", str(tmp_path), "--no-figures"]
+    )
     assert done.exit_code == 0, done.output
     for name, columns in (("results.csv", RESULT_COLUMNS), ("constraints.csv", CONSTRAINT_COLUMNS)):
         own = getattr(comparison.stored, name.removesuffix(".csv"))
@@ -107,7 +122,13 @@ def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None
     results = comparison.results
     assert tuple(results.columns) == RESULT_COLUMNS
     assert tuple(comparison.constraints.columns) == CONSTRAINT_COLUMNS
-    assert list(results["controller"]) == ["tracking", "sliding-mode", "hierarchical-qp", "half", "failing"]
+    assert list(results["controller"]) == [
+        "tracking",
+        "sliding-mode",
+        "hierarchical-qp",
+        "half",
+        "failing",
+    ]
     assert comparison.to_dataframe() is results
     html = comparison._repr_html_()
     assert html.count("<tr>") == 1 + 4
@@ -125,18 +146,25 @@ def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None
 
 
 def test_which_scenario_is_asked_where_there_are_several() -> None:
-    both = [Scenario.load(name).with_override("duration", 0.05) for name in ("example-2d-fov", "example-2d-fast")]
+    both = [
+        Scenario.load(name).with_override("duration", 0.05)
+        for name in ("example-2d-fov", "example-2d-fast")
+    ]
     of_two = compare(SlidingMode(), both, workers=0, progress=False)
     assert of_two.run("sliding-mode", "example-2d-fast").scenario == "example-2d-fast"
     asked = "several scenarios were compared: name one of example-2d-fov, example-2d-fast"
     for ask in (of_two.plot, of_two.replay, lambda: of_two.run("sliding-mode")):
         with pytest.raises(ConfigurationError, match=asked):
             ask()
-    with pytest.raises(ConfigurationError, match=r"unknown law 'sliding'.*Did you mean 'sliding-mode'"):
+    with pytest.raises(
+        ConfigurationError, match=r"unknown law 'sliding'.*Did you mean 'sliding-mode'"
+    ):
         of_two.run("sliding")
 
 
-def test_a_run_of_a_comparison_is_the_run_by_itself(comparison: Comparison, sliding: NotebookRun) -> None:
+def test_a_run_of_a_comparison_is_the_run_by_itself(
+    comparison: Comparison, sliding: NotebookRun
+) -> None:
     again = comparison.run("sliding-mode")
     assert np.array_equal(again.trajectory.q, sliding.trajectory.q)
     line = next(line for line in comparison.stored.results if line["controller"] == "sliding-mode")
@@ -146,7 +174,11 @@ def test_a_run_of_a_comparison_is_the_run_by_itself(comparison: Comparison, slid
         for name, value in scores.items():
             if name in TIMING_COLUMNS:
                 continue
-            assert value == pytest.approx(line[name], rel=1e-8, nan_ok=True) if value != line[name] else True, name
+            assert (
+                value == pytest.approx(line[name], rel=1e-8, nan_ok=True)
+                if value != line[name]
+                else True
+            ), name
         assert one.row_scores()["challenged"].to_dict() == {SINGLE: False, ROW: True}
 
 
@@ -200,7 +232,8 @@ def test_a_law_that_ends_its_process_where_it_is_copied_is_not_copied() -> None:
 
 
 def test_a_run_as_a_data_frame(sliding: NotebookRun) -> None:
-    frame, run = sliding.to_dataframe(), sliding.trajectory
+    frame = sliding.to_dataframe()
+    run = sliding.trajectory
     assert frame.index.name == "t"
     assert np.array_equal(frame.index, run.t)
     assert np.array_equal(frame["q"].to_numpy(), run.q)
@@ -221,11 +254,16 @@ def test_a_run_draws_itself(sliding: NotebookRun) -> None:
     tracks = sliding.plot.tracks()
     drawn = [line.get_xydata() for line in tracks.axes[0].lines]
     for marker in range(2):
-        assert any(np.array_equal(xy[-1:], sliding.trajectory.features_px[-1:, marker]) for xy in drawn if len(xy))
+        assert any(
+            np.array_equal(xy[-1:], sliding.trajectory.features_px[-1:, marker])
+            for xy in drawn
+            if len(xy)
+        )
     picture, size = tracks._repr_png_()
     assert picture.startswith(b"\x89PNG")
     assert size["width"] == 800
-    errors, command = sliding.plot.errors(), sliding.plot.command()
+    errors = sliding.plot.errors()
+    command = sliding.plot.command()
     assert (len(errors.axes), len(command.axes)) == (2, 2)
     # each shows what it is called by, of all laws: not the other's
     assert "q̈ [rad/s²]" in said(command) - said(errors)
@@ -234,7 +272,10 @@ def test_a_run_draws_itself(sliding: NotebookRun) -> None:
     assert len(sliding.plot.rows(SINGLE, ROW).axes) == 3
     with pytest.raises(ConfigurationError, match=r"unknown row 'fov\[marker 3\]'.*Available"):
         sliding.plot.rows("fov[marker 3]")
-    assert repr(sliding.plot) == "<Plots of tracking, sliding-mode: tracks(), rows(), errors(), command()>"
+    assert (
+        repr(sliding.plot)
+        == "<Plots of tracking, sliding-mode: tracks(), rows(), errors(), command()>"
+    )
 
 
 def test_a_run_shows_itself(sliding: NotebookRun) -> None:
@@ -242,7 +283,9 @@ def test_a_run_shows_itself(sliding: NotebookRun) -> None:
     assert "data:image/png;base64," in html
     assert "<td>acceleration variation [rad/s³]</td>" in html
     assert len(html) < 150_000
-    assert repr(sliding).startswith("<Run of sliding-mode on example-2d-fov: unfinished (still moving")
+    assert repr(sliding).startswith(
+        "<Run of sliding-mode on example-2d-fov: unfinished (still moving"
+    )
 
 
 def test_a_setup_made_in_python_can_be_run_and_scored() -> None:
@@ -257,9 +300,13 @@ def test_a_replay_shows_the_runs_that_are_asked_for(
     """What is handed over; pages have tests of their own."""
     seen: list[Any] = []
     monkeypatch.setattr(replay, "replay_html", lambda runs: seen.append(runs) or "<p>a page</p>")
-    monkeypatch.setattr(replay, "write_replay", lambda runs, path: Path(path).write_text(runs[0].law))
+    monkeypatch.setattr(
+        replay, "write_replay", lambda runs, path: Path(path).write_text(runs[0].law)
+    )
     page = comparison.replay(["sliding-mode", "half"])
-    assert [(one.law, one.title) for one in seen[0]] == [(law, SHORT.title) for law in ("sliding-mode", "half")]
+    assert [(one.law, one.title) for one in seen[0]] == [
+        (law, SHORT.title) for law in ("sliding-mode", "half")
+    ]
     assert "srcdoc=" in page._repr_html_()
     assert page.save(tmp_path / "one.html").read_text() == "<p>a page</p>"
     assert comparison.run("half").replay(path=tmp_path / "two.html").read_text() == "half"
@@ -283,7 +330,9 @@ OPTIONS = (
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("options", OPTIONS)
-def test_laws_behind_others_are_told_by_name_and_options(name: str, options: dict[str, Any]) -> None:
+def test_laws_behind_others_are_told_by_name_and_options(
+    name: str, options: dict[str, Any]
+) -> None:
     law = make_controller(name, options)
     spec, note = spec_of(law, "mine")
     assert not note
@@ -298,10 +347,13 @@ def test_laws_behind_others_are_told_by_name_and_options(name: str, options: dic
     rows=st.sampled_from(["barrier", "active"]),
     alpha=st.floats(0.1, 100.0),
     solver=st.sampled_from(["auto", "daqp", "osqp"]),
-    weights=st.none() | st.dictionaries(st.sampled_from(["fov", "range"]), st.floats(0.1, 10.0), min_size=1),
+    weights=st.none()
+    | st.dictionaries(st.sampled_from(["fov", "range"]), st.floats(0.1, 10.0), min_size=1),
 )
 @settings(max_examples=8)
-def test_options_of_an_instance_are_those_of_the_law_that_is_made(rows: str, alpha: float, solver: str, weights: Any):
+def test_options_of_an_instance_are_those_of_the_law_that_is_made(
+    rows: str, alpha: float, solver: str, weights: Any
+):
     law = HierarchicalQP(rows=rows, alpha=alpha, solver=solver, weights=weights)
     spec, _ = spec_of(law)
     assert not isinstance(spec, InstanceSpec)
@@ -316,7 +368,8 @@ def test_an_instance_is_copied_for_each_run() -> None:
     law = Half(share=0.25)
     spec, note = spec_of(law)
     assert not note
-    made, again = spec.make(), spec.make()
+    made = spec.make()
+    again = spec.make()
     assert made is not again
     assert made is not law
     assert made.share == 0.25
@@ -329,13 +382,17 @@ def test_an_instance_is_copied_for_each_run() -> None:
 
 
 def test_a_law_that_cannot_be_copied_runs_here_and_that_is_said() -> None:
-    with pytest.warns(UserWarning, match=r"closed runs in this process.*TypeError: it holds a camera"):
+    with pytest.warns(
+        UserWarning, match=r"closed runs in this process.*TypeError: it holds a camera"
+    ):
         found = compare(Closed(), SHORT, workers=0)
     assert found.run("closed").trajectory.status == "unfinished"
     assert "closed runs in this process" in found._repr_html_()
 
 
-def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_cloudpickle_a_law_of_the_session_runs_here(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     mine = type("Mine", (Half,), {"__module__": "__main__", "name": "mine"})
     monkeypatch.setattr(sys.modules["__main__"], "Mine", mine, raising=False)
     assert not spec_of(mine())[1]
@@ -347,25 +404,42 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.
 
 
 def test_bad_input_is_named() -> None:
-    with pytest.raises(ConfigurationError, match="two laws have the name 'half'; give each its own"):
+    with pytest.raises(
+        ConfigurationError, match="two laws have the name 'half'; give each its own"
+    ):
         compare([Half(), Half(share=0.3)], SHORT)
-    with pytest.raises(ConfigurationError, match=r"a law is a name, module:Class, or a class or an instance .* not 3"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"a law is a name, module:Class, or a class or an instance .* not 3",
+    ):
         compare([3], SHORT)
-    with pytest.raises(ConfigurationError, match=r"a class or an instance of a Controller, not <class .int.>"):
+    with pytest.raises(
+        ConfigurationError, match=r"a class or an instance of a Controller, not <class .int.>"
+    ):
         compare(int, SHORT)
     with pytest.raises(ConfigurationError, match=r"Needy\(\) cannot be made: .*strength"):
         compare(Needy, SHORT)
-    with pytest.raises(ConfigurationError, match=r"unknown controller 'sliding'.*Did you mean 'sliding-mode'"):
+    with pytest.raises(
+        ConfigurationError, match=r"unknown controller 'sliding'.*Did you mean 'sliding-mode'"
+    ):
         compare("sliding", SHORT)
     with pytest.raises(ConfigurationError, match=r"unknown scenario 'ur5'.*Did you mean 'ur5-fov'"):
         compare(SlidingMode(), "ur5")
-    with pytest.raises(ConfigurationError, match="a scenario is a name, a path, a Scenario or a Setup, not 5"):
+    with pytest.raises(
+        ConfigurationError, match="a scenario is a name, a path, a Scenario or a Setup, not 5"
+    ):
         compare(SlidingMode(), [5])
-    with pytest.raises(ConfigurationError, match="2 trials of example-2d-fov would be the same run"):
+    with pytest.raises(
+        ConfigurationError, match="2 trials of example-2d-fov would be the same run"
+    ):
         compare(SlidingMode(), SHORT, trials=2)
-    with pytest.raises(ConfigurationError, match="scenario 'example-2d-fov' appears more than once"):
+    with pytest.raises(
+        ConfigurationError, match="scenario 'example-2d-fov' appears more than once"
+    ):
         compare(SlidingMode(), [SHORT, SHORT])
-    with pytest.raises(ConfigurationError, match="there is nothing to compare: it has no controller"):
+    with pytest.raises(
+        ConfigurationError, match="there is nothing to compare: it has no controller"
+    ):
         compare([], SHORT)
     nameless = type("Nameless", (Half,), {"name": None})
     with pytest.raises(ConfigurationError, match="Nameless has no name: write name"):
@@ -374,7 +448,9 @@ def test_bad_input_is_named() -> None:
         _ = vsconstraints.comparee
 
 
-def test_an_interrupt_is_heard_and_nothing_is_left(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_interrupt_is_heard_and_nothing_is_left(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     class Interrupted(Closed):
         name = "interrupted"
 
@@ -406,7 +482,9 @@ def test_how_far_a_comparison_is_is_told_in_a_terminal_alone(
     compare("sliding-mode", brief, workers=0)
     assert capfd.readouterr() == ("", "")
     terminal = StringIO()
-    monkeypatch.setattr(session, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
+    monkeypatch.setattr(
+        session, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80)
+    )
     compare("sliding-mode", brief, workers=0, progress=False)
     assert terminal.getvalue() == ""
     compare("sliding-mode", brief, workers=0)
@@ -445,7 +523,9 @@ for name in [name for name in globals() if not name.startswith("_") and name not
 
 
 def test_the_notebooks_run() -> None:
-    """One kernel for all, since a kernel takes seconds to start; names of one are gone before the next."""
+    """One kernel for all, since a kernel takes seconds to start; names of one are gone before the
+    next.
+    """
     paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
     assert len(paths) == 3
     whole = nbformat.v4.new_notebook()
@@ -453,10 +533,14 @@ def test_the_notebooks_run() -> None:
         notebook = nbformat.read(path, as_version=4)
         nbformat.validate(notebook)
         code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-        assert all(not cell.outputs and cell.execution_count is None for cell in code), f"{path.name} has outputs"
+        assert all(not cell.outputs and cell.execution_count is None for cell in code), (
+            f"{path.name} has outputs"
+        )
         if path.stem == "own-law":
             (asks,) = [cell for cell in code if "workers=2" in cell.source]
-            asks.source = WHERE + asks.source.replace("compare(\n    {", 'compare(\n    {"where": Where(), ')
+            asks.source = WHERE + asks.source.replace(
+                "compare(\n    {", 'compare(\n    {"where": Where(), '
+            )
             code.append(told := nbformat.v4.new_code_cell(TOLD))
         whole.cells += [*code, nbformat.v4.new_code_cell(FORGET)]
     NotebookClient(whole, timeout=300, kernel_name="python3").execute()
@@ -469,11 +553,20 @@ def test_the_notebooks_run() -> None:
         for output in cell.outputs:
             assert output.output_type != "error"
             expected = "a constraint of it is defined in this session"
-            assert output.get("name") != "stderr" or expected in output.text or "compiling" in output.text, output.text
+            assert (
+                output.get("name") != "stderr"
+                or expected in output.text
+                or "compiling" in output.text
+            ), output.text
     pictures = [o for cell in whole.cells for o in cell.outputs if "image/png" in o.get("data", {})]
     assert len(pictures) == 6
     # each comparison has told how far it is, and at the end that it is done
-    lines = [o.data["text/plain"] for cell in whole.cells for o in cell.outputs if o.output_type == "display_data"]
+    lines = [
+        o.data["text/plain"]
+        for cell in whole.cells
+        for o in cell.outputs
+        if o.output_type == "display_data"
+    ]
     counts = [re.match(r"comparing: (\d+) of (\d+) runs, \d+ s$", line) for line in lines]
     told_at_end = [(int(found[1]), int(found[2])) for found in counts if found]
     assert told_at_end
@@ -487,7 +580,9 @@ class Needy(Half):
         super().__init__(share=strength)
 
 
-def test_a_law_is_the_same_by_name_by_class_and_as_an_instance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_is_the_same_by_name_by_class_and_as_an_instance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mylaw.py").write_text(
         "from vsconstraints.controllers import SlidingMode\n\n\n"
@@ -510,20 +605,32 @@ def test_setups_made_in_python_are_compared() -> None:
         found = compare([SlidingMode()], setup, progress=False)
     (name,) = found.scenarios
     by_file = compare([SlidingMode()], SHORT, progress=False)
-    np.testing.assert_array_equal(found.run("sliding-mode").trajectory.q, by_file.run("sliding-mode").trajectory.q)
+    np.testing.assert_array_equal(
+        found.run("sliding-mode").trajectory.q, by_file.run("sliding-mode").trajectory.q
+    )
     assert found.plot(name).rows() is not None
     with pytest.raises(ConfigurationError, match="is a Setup, which has one trial"):
         compare([SlidingMode()], setup, trials=2)  # before any warning
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_law_of_ones_own_is_named_on_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_of_ones_own_is_named_on_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ownlaw.py").write_text(
         "from vsconstraints.controllers import SlidingMode\n\n\n"
         'class Law(SlidingMode):\n    """One of one\'s own."""\n\n    name = "own law"\n'
     )
-    chosen = ["--scenario", "example-2d-fov", "--set", "scenario.duration=1.0", "--no-figures", "--out", "out"]
+    chosen = [
+        "--scenario",
+        "example-2d-fov",
+        "--set",
+        "scenario.duration=1.0",
+        "--no-figures",
+        "--out",
+        "out",
+    ]
     said = CliRunner().invoke(app, ["compare", "--controller", "ownlaw:Law", *chosen])
     assert said.exit_code == 0, said.output
     lines = read_table(tmp_path / "out" / "results.csv", RESULT_COLUMNS)

@@ -1,4 +1,6 @@
-"""Loading the package changes nothing outside it: no result of functions of others, no setting of the process."""
+"""Loading the package changes nothing outside it: no result of functions of others, no setting of
+the process.
+"""
 
 from __future__ import annotations
 
@@ -122,7 +124,12 @@ def told() -> Any:
     """What the script says of a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(Path(vsconstraints.__file__).parents[1])}
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, timeout=900, check=False
+        [sys.executable, "-c", SCRIPT],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -135,9 +142,14 @@ def answers() -> Any:
 
 @pytest.mark.parametrize("which", [0, 1], ids=["functions of others", "settings of the process"])
 def test_loading_the_package_changes_nothing_outside_it(answers: Any, which: int) -> None:
-    before, after = answers["before"][which], answers["after"][which]
+    before = answers["before"][which]
+    after = answers["after"][which]
     assert before, "nothing was compared"
-    changed = {name: (text[:300], after[name][:300]) for name, text in before.items() if after[name] != text}
+    changed = {
+        name: (text[:300], after[name][:300])
+        for name, text in before.items()
+        if after[name] != text
+    }
     assert not changed
 
 

@@ -37,21 +37,35 @@ RECORD = np.dtype([("a", "f8", (2,)), ("b", "i8")])
 def outer() -> Outer:
     """One with numbers in it."""
     records = np.zeros(3, RECORD)
-    records["a"][2], records["b"][1] = (7.0, 8.0), 5
-    return Outer(4, np.arange(5.0), np.array([True, False]), Inner(np.arange(6.0).reshape(2, 3), 2.5), records)
+    records["a"][2] = (7.0, 8.0)
+    records["b"][1] = 5
+    return Outer(
+        4,
+        np.arange(5.0),
+        np.array([True, False]),
+        Inner(np.arange(6.0).reshape(2, 3), 2.5),
+        records,
+    )
 
 
 def test_compiled_code_reads_what_is_packed():
-    """The layout of arrays, tuples and records in memory; Python reads the same by the same address."""
-    compiler, parts = load("compiler"), load("parts")
+    """The layout of arrays, tuples and records in memory; Python reads the same by the same
+    address.
+    """
+    compiler = load("compiler")
+    parts = load("parts")
     load_outer = parts.struct_loader(outer())
 
     def read(address: int) -> float:
         there = load_outer(address)
         there.inner.matrix[1, 2] = 50.0
         there.records[0].b = there.count
-        total = there.inner.number + there.vector[3] + there.inner.matrix[1, 0] + there.records[2].a[1]
-        return total + there.records[1].b + (100.0 if there.flags[0] and not there.flags[1] else 0.0)
+        total = (
+            there.inner.number + there.vector[3] + there.inner.matrix[1, 0] + there.records[2].a[1]
+        )
+        return (
+            total + there.records[1].b + (100.0 if there.flags[0] and not there.flags[1] else 0.0)
+        )
 
     compiled_read = compiler.numba.njit("float64(int64)")(read)
     for function in (compiled_read, read):
@@ -62,8 +76,11 @@ def test_compiled_code_reads_what_is_packed():
 
 
 def test_functions_are_called_by_their_address():
-    """By numba's convention of calls, with numbers, arrays and whole structures; in Python through a registry."""
-    compiler, parts = load("compiler"), load("parts")
+    """By numba's convention of calls, with numbers, arrays and whole structures; in Python through
+    a registry.
+    """
+    compiler = load("compiler")
+    parts = load("parts")
     numba = compiler.numba
     load_outer = parts.struct_loader(outer())
 
@@ -76,14 +93,21 @@ def test_functions_are_called_by_their_address():
         return parts.call_int_pointer(function, (x, load_outer(address).inner))
 
     packed = outer()
-    workspace, x = Workspace(packed), np.zeros(3)
-    assert numba.njit("int64(int64, int64, float64[::1])")(use)(parts.address(add), workspace.address, x) == 3
+    workspace = Workspace(packed)
+    x = np.zeros(3)
+    assert (
+        numba.njit("int64(int64, int64, float64[::1])")(use)(
+            parts.address(add), workspace.address, x
+        )
+        == 3
+    )
     assert use(parts.address(add), workspace.address, x) == 3
     assert x[0] == 5.0
 
 
 def test_parts_of_a_vector_are_matrices_and_tuples():
-    compiler, parts = load("compiler"), load("parts")
+    compiler = load("compiler")
+    parts = load("parts")
     count = 3
 
     def read(numbers: Any) -> Any:
@@ -98,7 +122,8 @@ def test_parts_of_a_vector_are_matrices_and_tuples():
 
 
 def test_the_clock_goes_forward():
-    compiler, parts = load("compiler"), load("parts")
+    compiler = load("compiler")
+    parts = load("parts")
     scratch = np.zeros(2, dtype=np.int64)
     clock = compiler.numba.njit(lambda scratch: parts.monotonic(scratch))
     times = [parts.monotonic(scratch), clock(scratch), parts.monotonic(scratch), clock(scratch)]
@@ -119,9 +144,14 @@ def test_functions_for_loops_take_a_workspace_once():
 
 @pytest.mark.parametrize("what", [0, 8, None, "address", "rows", "tuple"])
 def test_functions_take_nothing_but_workspaces_of_their_kind(what):
-    """No number, not even the address of a workspace that is there, and no workspace of another structure."""
-    there, rows = Workspace(Size(n=1).step()[0]), RowArrays(np.zeros(1), np.zeros((1, 1)), *(np.zeros(1),) * 8)
-    given = {"address": there.address, "rows": Workspace(rows), "tuple": there.structure}.get(what, what)
+    """No number, not even the address of a workspace that is there, and no workspace of another
+    structure.
+    """
+    there = Workspace(Size(n=1).step()[0])
+    rows = RowArrays(np.zeros(1), np.zeros((1, 1)), *(np.zeros(1),) * 8)
+    given = {"address": there.address, "rows": Workspace(rows), "tuple": there.structure}.get(
+        what, what
+    )
     for call in (
         lambda: load("step").evaluate_step(given, 0.0, np.zeros(1), np.zeros(1)),
         lambda: load("step").measure(given, np.zeros((1, 2)), np.ones(1), 0.0, 0.0),
@@ -135,7 +165,9 @@ def test_functions_take_nothing_but_workspaces_of_their_kind(what):
 
 
 def test_every_declared_array_is_made_with_its_type_and_shape():
-    """By hand, for a step of two joints, three markers, four rows and six features, whose q̈ has a box."""
+    """By hand, for a step of two joints, three markers, four rows and six features, whose q̈ has a
+    box.
+    """
     step, out = Size(n=2, M=3, m=4, k=6, parts=1, parameters=5, limited=True).step()
     shapes = {
         "joints": (2,),
@@ -146,8 +178,13 @@ def test_every_declared_array_is_made_with_its_type_and_shape():
         "last_J": (6, 2),
     }
     assert {name: getattr(step, name).shape for name in shapes} == shapes
-    assert (step.rows.qdd_max.shape, step.task.rest.shape, step.which.dtype) == ((2,), (0,), np.int64)
+    assert (step.rows.qdd_max.shape, step.task.rest.shape, step.which.dtype) == (
+        (2,),
+        (0,),
+        np.int64,
+    )
     assert step.parts.dtype["motion"]["velocity"].shape == (3,)
     assert out.size == 2 * 2 + 4 * (1 + 2 + 1 + 1 + 1) + 6 * 2 + 6 * 3 + 0 + 3 * 2 + 0 + 9 + 3
-    step.rows.Lg[3, 1], step.camera_t[2] = 5.0, 7.0
+    step.rows.Lg[3, 1] = 5.0
+    step.camera_t[2] = 7.0
     assert (out[4 + 4 + 7], out[-1]) == (5.0, 7.0), "outputs are parts of one array"

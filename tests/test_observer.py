@@ -1,4 +1,6 @@
-"""Observers of drift: what unknown motion adds to rows is found, by any law, and no more than that."""
+"""Observers of drift: what unknown motion adds to rows is found, by any law, and no more than
+that.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
-PERIOD, K, DRIFT = 0.01, 0.2, 0.7
+PERIOD = 0.01
+K = 0.2
+DRIFT = 0.7
 TASK = Task(np.eye(1, 2), np.zeros(1))
 
 
@@ -37,8 +41,11 @@ class Listening(Controller):
 
 
 def rows_at(t: float, noise: float = 0.0) -> Rows:
-    """A row with σ = −1 + 0.3 t² + DRIFT t of which the model knows all but the drift, and a speed."""
-    sigma, rate = -1.0 + 0.3 * t * t + DRIFT * t + noise, 0.6 * t
+    """A row with σ = −1 + 0.3 t² + DRIFT t of which the model knows all but the drift, and a
+    speed.
+    """
+    sigma = -1.0 + 0.3 * t * t + DRIFT * t + noise
+    rate = 0.6 * t
     return Rows(
         phi=np.array([sigma + K * rate, -0.5]),
         Lg=np.array([[K, 0.0], [0.0, 1.0]]),
@@ -51,9 +58,13 @@ def rows_at(t: float, noise: float = 0.0) -> Rows:
     )
 
 
-def asked(observer: float, dead_time: float = 0.0, samples: int = 200, noise: float = 0.0) -> list[Rows]:
+def asked(
+    observer: float, dead_time: float = 0.0, samples: int = 200, noise: float = 0.0
+) -> list[Rows]:
     """Rows that a law with an observer gets."""
-    law, rng, rows = Listening(), np.random.default_rng(1), []
+    law = Listening()
+    rng = np.random.default_rng(1)
+    rows = []
     observed = Observed(law, observer=observer, dead_time=dead_time)
     observed.reset(period=PERIOD)
     for k in range(samples):
@@ -64,7 +75,8 @@ def asked(observer: float, dead_time: float = 0.0, samples: int = 200, noise: fl
 
 @pytest.mark.parametrize("dead_time", [0.0, 0.035])
 def test_a_constant_drift_is_found_and_belongs_to_every_part_of_the_row(dead_time: float) -> None:
-    true, found = rows_at(199 * PERIOD), asked(0.05, dead_time)[-1]
+    true = rows_at(199 * PERIOD)
+    found = asked(0.05, dead_time)[-1]
     sigma = true.sigma[0] + dead_time * DRIFT
     assert found.sigma_dot[0] == pytest.approx(true.sigma_dot[0] + DRIFT, rel=1e-9)
     assert found.sigma[0] == pytest.approx(sigma, rel=1e-9)
@@ -76,14 +88,20 @@ def test_a_constant_drift_is_found_and_belongs_to_every_part_of_the_row(dead_tim
 
 def test_it_is_approached_with_the_time_constant() -> None:
     tau = 0.2
-    drift = np.array([rows.sigma_dot[0] for rows in asked(tau, samples=100)]) - 0.6 * PERIOD * np.arange(100)
+    drift = np.array(
+        [rows.sigma_dot[0] for rows in asked(tau, samples=100)]
+    ) - 0.6 * PERIOD * np.arange(100)
     k = np.arange(100)
     assert drift == pytest.approx(DRIFT * (1.0 - (tau / (tau + PERIOD)) ** k), abs=1e-9)
 
 
 def test_noise_passes_as_promised() -> None:
-    tau, s = 0.2, 1e-3
-    drift = [rows.sigma_dot[0] - 0.6 * k * PERIOD for k, rows in enumerate(asked(tau, samples=4000, noise=s))][400:]
+    tau = 0.2
+    s = 1e-3
+    drift = [
+        rows.sigma_dot[0] - 0.6 * k * PERIOD
+        for k, rows in enumerate(asked(tau, samples=4000, noise=s))
+    ][400:]
     assert np.std(drift) == pytest.approx(s / tau, rel=0.1)
 
 
@@ -99,9 +117,14 @@ def test_a_jump_counts_as_no_more_than_the_gain() -> None:
 
 @pytest.mark.parametrize("bound", [(False,), (True,), (True, False)])
 def test_a_law_with_an_observer_is_that_law_told_the_drift(bound: tuple[bool, ...]) -> None:
-    """Half of what is missing more in every sample, as τ = T_s: by calls, compiled on fixed arrays, and by turns."""
-    dead_time, task = 0.1, Task(np.eye(1, 2), np.array([500.0]))
-    law, rows, qdd = Observed(HierarchicalQP(), observer=PERIOD, dead_time=dead_time), rows_at(0.0), np.zeros(2)
+    """Half of what is missing more in every sample, as τ = T_s: by calls, compiled on fixed arrays,
+    and by turns.
+    """
+    dead_time = 0.1
+    task = Task(np.eye(1, 2), np.array([500.0]))
+    law = Observed(HierarchicalQP(), observer=PERIOD, dead_time=dead_time)
+    rows = rows_at(0.0)
+    qdd = np.zeros(2)
     law.reset(period=PERIOD)
     whole = law.bind(rows, task, np.zeros(2, dtype=np.bool_), qdd)
     assert whole is not None
@@ -119,11 +142,14 @@ def test_a_law_with_an_observer_is_that_law_told_the_drift(bound: tuple[bool, ..
         assert qdd[0] < 200.0  # the row holds the task back
 
 
-@pytest.mark.parametrize("law", ["hierarchical-qp", "sliding-mode", "potential-field", "cbf-filter"])
+@pytest.mark.parametrize(
+    "law", ["hierarchical-qp", "sliding-mode", "potential-field", "cbf-filter"]
+)
 def test_compiled_and_by_calls_alike(law: str) -> None:
     """Where the sphere moves unknown to the model, so that what is observed changes the command."""
     unknown = Scenario.load("moving-sphere").with_override("constraints.0.motion.known", False)
-    setup, options = unknown.with_override("duration", 1.0).setup(), {"observer": 0.1, "dead_time": 0.01}
+    setup = unknown.with_override("duration", 1.0).setup()
+    options = {"observer": 0.1, "dead_time": 0.01}
     whole = simulate(setup, make_controller(law, options))
     by_calls = simulate(setup, make_controller(law, options), by_public_call=True)
     assert whole.compiled
@@ -141,7 +167,9 @@ def test_it_forgets_at_a_reset() -> None:
     assert law.law.rows.sigma_dot[0] == 0.0  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("options", [{"observer": 0.0}, {"observer": -1.0}, {"observer": np.nan}, {"dead_time": 0.01}])
+@pytest.mark.parametrize(
+    "options", [{"observer": 0.0}, {"observer": -1.0}, {"observer": np.nan}, {"dead_time": 0.01}]
+)
 def test_options_that_cannot_be_used_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(ConfigurationError, match="observer"):
         make_controller("hierarchical-qp", options)
@@ -167,14 +195,23 @@ UNKNOWN = Scenario.load("moving-sphere").with_override("constraints.0.motion.kno
 
 @pytest.mark.parametrize(
     ("name", "parts"),
-    [*((name, {}) for name in CONTROLLERS), *(("law", part) for part in PARTS), ("goal-governor", PARTS[0])],
+    [
+        *((name, {}) for name in CONTROLLERS),
+        *(("law", part) for part in PARTS),
+        ("goal-governor", PARTS[0]),
+    ],
 )
-def test_options_that_change_no_command_are_said_and_no_others(name: str, parts: dict[str, str]) -> None:
+def test_options_that_change_no_command_are_said_and_no_others(
+    name: str, parts: dict[str, str]
+) -> None:
     setup = UNKNOWN.with_override("duration", 1.0).setup()
     plain = simulate(setup, make_controller(name, parts))
     for options in ({"K": 2.0}, {"observer": 0.2}, {"observer": 0.2, "dead_time": 0.05}):
         run = simulate(setup, make_controller(name, {**parts, **options}))
-        said = f"no command of the law depends on {' or '.join(options)}, which it is given" in run.reason
+        said = (
+            f"no command of the law depends on {' or '.join(options)}, which it is given"
+            in run.reason
+        )
         assert said is np.array_equal(run.qdd_command, plain.qdd_command)
 
 
@@ -191,27 +228,36 @@ def test_options_that_change_no_command_are_said_and_no_others(name: str, parts:
         ("hierarchical-qp", {"K": 2.0, "observer": 0.1}, ""),
     ],
 )
-def test_options_that_change_no_command_by_name(name: str, options: dict[str, Any], names: str) -> None:
+def test_options_that_change_no_command_by_name(
+    name: str, options: dict[str, Any], names: str
+) -> None:
     said = f"no command of the law depends on {names}, which it is given" if names else ""
     assert make_controller(name, options).unused() == said
 
 
 def test_a_plan_foresees_what_moves_unknown_to_the_model() -> None:
-    """The hand's depth in a sphere of which no law knows that it moves [m]; where it is known, there is no drift."""
+    """The hand's depth in a sphere of which no law knows that it moves [m]; where it is known,
+    there is no drift.
+    """
     laws = [("predictive", {}), ("predictive", {"observer": 0.1}), ("robust-predictive", {})]
     runs = [simulate(UNKNOWN.setup(), make_controller(name, options)) for name, options in laws]
-    blind, observing, robust = (run.sigma[:, run.labels.index("sphere[hand]")].max() for run in runs)
+    blind, observing, robust = (
+        run.sigma[:, run.labels.index("sphere[hand]")].max() for run in runs
+    )
     assert blind > 5e-3
     assert 0.0 < observing < 1e-4
     assert robust < -1e-3
     known = Scenario.load("moving-sphere").with_override("duration", 2.5).setup()
-    plain, observed = (simulate(known, make_controller(name, options)) for name, options in laws[:2])
+    plain, observed = (
+        simulate(known, make_controller(name, options)) for name, options in laws[:2]
+    )
     np.testing.assert_allclose(observed.q, plain.q, atol=1e-4)
 
 
 def test_a_law_observes_nothing_once_it_has_been_behind_an_observer() -> None:
     """It is used by itself before and after, also on rows that give no σ̇."""
-    setup, law = UNKNOWN.with_override("duration", 1.0).setup(), make_controller("predictive")
+    setup = UNKNOWN.with_override("duration", 1.0).setup()
+    law = make_controller("predictive")
     before = simulate(setup, law).qdd_command
     observed = Observed(law, observer=0.2)
     assert not np.array_equal(simulate(setup, observed).qdd_command, before)
@@ -235,7 +281,10 @@ def test_what_the_law_behind_it_is_told_and_uses() -> None:
     law.reset(period=PERIOD)
     law.reset(model="a model")
     law.reset()
-    assert told == [{"period": p, "model": m} for p, m in ((None, None), (PERIOD, None), *[(PERIOD, "a model")] * 2)]
+    assert told == [
+        {"period": p, "model": m}
+        for p, m in ((None, None), (PERIOD, None), *[(PERIOD, "a model")] * 2)
+    ]
     assert law.uses == ("K", "L_fφ", "σ", "σ̇", "T_s", "memory", "model")
     assert Observed(Tracking()).uses == ("σ", "σ̇", "K", "T_s", "memory")
     assert (law.observer, law.dead_time) == (0.1, 0.0)

@@ -68,55 +68,84 @@ from vsconstraints.simulation import Setup, simulate
 from vsconstraints.vision.measurement import INNOVATIONS, Measurement
 
 Ts = 0.002
-UR5 = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue")
+UR5 = (
+    Scenario.load("ur5-fov")
+    .with_override("duration", 0.3)
+    .with_override("on_hidden_markers", "continue")
+)
 SETUP = UR5.setup()
 FAST = Supervision(hang_s=0.1)
 
 
-def limits(n: int, acceleration: float = 5.0, jerk: float = np.inf, reach: float = np.inf) -> Envelope:
+def limits(
+    n: int, acceleration: float = 5.0, jerk: float = np.inf, reach: float = np.inf
+) -> Envelope:
     every = np.ones(n)
-    return Envelope(-reach * every, reach * every, 3.0 * every, acceleration * every, jerk * every, Ts)
+    return Envelope(
+        -reach * every, reach * every, 3.0 * every, acceleration * every, jerk * every, Ts
+    )
 
 
 def on(address: str, law: Controller | None = None, **options: Any) -> ArmLog:
     setup = options.pop("setup", SETUP)
-    driver = SocketArm(Address.parse(address), setup) if address.startswith("socket") else driver_for(address, setup)
+    driver = (
+        SocketArm(Address.parse(address), setup)
+        if address.startswith("socket")
+        else driver_for(address, setup)
+    )
     job = Job(setup, law or HierarchicalQP(), driver, supervision=FAST)
     return run_on_arm(replace(job, **options))[1]
 
 
 def assert_stopped(log: ArmLog, envelope: Envelope | None = None) -> None:
-    """What was sent ends at rest, and never leaves the limits, checked by differences of what was sent."""
+    """What was sent ends at rest, and never leaves the limits, checked by differences of what was
+    sent.
+    """
     own = envelope or Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
-    q, qd = log.column("sent_q"), log.column("sent_qd")
+    q = log.column("sent_q")
+    qd = log.column("sent_qd")
     assert log.at_rest
     assert (qd[-1] == 0.0).all()
     changes = np.diff(qd, axis=0, prepend=0.0 * qd[:1]) / Ts
     assert (np.abs(changes) <= own.acceleration * (1.0 + 1e-9)).all()
-    np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * Ts * (qd[1:] + qd[:-1]), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.diff(q, axis=0), 0.5 * Ts * (qd[1:] + qd[:-1]), rtol=0.0, atol=1e-12
+    )
 
 
 def assert_told(log: ArmLog, told: str) -> None:
-    """The run was ended for this reason, on a machine that was late by a period or more perhaps for another one.
+    """The run was ended for this reason, on a machine that was late by a period or more perhaps for
+    another one.
 
-    Then the test is skipped, and says how late. That the arm stands in the end is asserted all the same.
+    Then the test is skipped, and says how late. That the arm stands in the end is asserted all the
+    same.
     """
     assert log.ended == "failed"
-    assert not log.periods or (log.column("sent_qd")[-1] == 0.0).all() or log.stop.endswith("by its own means")
+    assert (
+        not log.periods
+        or (log.column("sent_qd")[-1] == 0.0).all()
+        or log.stop.endswith("by its own means")
+    )
     late = max((period.late + period.busy for period in log.periods), default=0.0)
     if told not in log.cause and late >= Ts:
-        pytest.skip(f"this machine took {1e3 * late:.3g} ms for a period of {1e3 * Ts:g} ms: {log.cause}")
+        pytest.skip(
+            f"this machine took {1e3 * late:.3g} ms for a period of {1e3 * Ts:g} ms: {log.cause}"
+        )
     assert told in log.cause
 
 
 # --- the stop ---
 
 
-def stopped(qd: Array, qdd: Array, envelope: Envelope, q: Array | None = None) -> tuple[Array, Array]:
+def stopped(
+    qd: Array, qdd: Array, envelope: Envelope, q: Array | None = None
+) -> tuple[Array, Array]:
     """(N, n) positions and accelerations of a stop, the present one first."""
     n = len(qd)
-    filter_, brake = OrderFilter(np.zeros(n) if q is None else q, qd, Ts), Brake(qdd, envelope)
-    places, accelerations = [filter_.q], [qdd]
+    filter_ = OrderFilter(np.zeros(n) if q is None else q, qd, Ts)
+    brake = Brake(qdd, envelope)
+    places = [filter_.q]
+    accelerations = [qdd]
     while not brake.at_rest(filter_.qd):
         accelerations.append(brake.step(filter_.q, filter_.qd))
         places.append(filter_.step(accelerations[-1]))
@@ -130,7 +159,8 @@ speeds = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
 @settings(max_examples=25, deadline=None)
 @given(speeds, speeds, st.floats(1.0, 40.0), st.sampled_from([np.inf, 5000.0, 200.0]))
 def test_a_stop_keeps_its_limits_and_ends(qd: Array, qdd: Array, a: float, jerk: float) -> None:
-    envelope, qdd = limits(3, a, jerk), np.clip(qdd, -a, a)
+    envelope = limits(3, a, jerk)
+    qdd = np.clip(qdd, -a, a)
     _, accelerations = stopped(qd, qdd, envelope)
     assert np.abs(accelerations).max() <= a * (1.0 + 1e-9)
     if np.isfinite(jerk):
@@ -147,7 +177,9 @@ def test_a_stop_is_straight_and_as_short_as_the_slowest_joint_can() -> None:
 
 
 def test_with_little_jerk_a_stop_takes_what_a_double_ramp_takes() -> None:
-    v, a, jerk = 1.0, 5.0, 50.0
+    v = 1.0
+    a = 5.0
+    jerk = 50.0
     places, accelerations = stopped(np.array([v]), np.zeros(1), limits(1, a, jerk))
     # trapezoid of acceleration: v/a + a/j, and a distance of half the time at v
     duration = v / a + a / jerk
@@ -157,7 +189,8 @@ def test_with_little_jerk_a_stop_takes_what_a_double_ramp_takes() -> None:
 
 
 def test_a_stop_leaves_the_line_where_that_would_leave_a_range() -> None:
-    qd, q = np.array([2.0, 1.0]), np.array([0.0, 0.85])
+    qd = np.array([2.0, 1.0])
+    q = np.array([0.0, 0.85])
     places, _ = stopped(qd, np.zeros(2), limits(2, 5.0, reach=1.0), q)
     # on the line the second joint would end at 0.85 + 0.2; alone it takes 0.1
     assert places[:, 1].max() == pytest.approx(0.95, abs=0.003)
@@ -176,7 +209,8 @@ def test_deceleration_ends_at_rest_by_adding_up() -> None:
 
 
 def test_what_is_sent_is_looked_at_by_itself() -> None:
-    envelope, n = limits(2, 5.0, 1000.0, reach=1.0), np.zeros(2)
+    envelope = limits(2, 5.0, 1000.0, reach=1.0)
+    n = np.zeros(2)
     rest = Setpoint(n, n, n)
 
     def after(qdd: float, q: float = 0.0, qd: float = 0.0, before: Setpoint = rest) -> str:
@@ -198,7 +232,9 @@ def test_an_arm_without_a_limit_of_acceleration_is_refused() -> None:
     robot = Scenario.load("example-2d-fov").setup().scene.robot
     with pytest.raises(ConfigurationError, match="no limit of acceleration"):
         Envelope.of(robot, ActuatorLimits(), Ts)
-    own = Envelope.of(SETUP.scene.robot, ActuatorLimits(acceleration=(50.0, 3.0, 50.0, 50.0, 50.0, 50.0)), Ts)
+    own = Envelope.of(
+        SETUP.scene.robot, ActuatorLimits(acceleration=(50.0, 3.0, 50.0, 50.0, 50.0, 50.0)), Ts
+    )
     assert own.acceleration.tolist() == [40.0, 3.0, 40.0, 40.0, 40.0, 40.0]
 
 
@@ -208,15 +244,37 @@ def test_an_arm_without_a_limit_of_acceleration_is_refused() -> None:
 @pytest.mark.parametrize("images", ["simulated", "model"])
 def test_a_dry_run_is_what_is_simulated(images: str) -> None:
     setup, log = run_on_arm(
-        Job(SETUP, HierarchicalQP(), driver_for("simulated://", SETUP), image_source(images, SETUP), supervision=FAST)
+        Job(
+            SETUP,
+            HierarchicalQP(),
+            driver_for("simulated://", SETUP),
+            image_source(images, SETUP),
+            supervision=FAST,
+        )
     )
     assert (log.ended, log.cause, log.missed, log.remarks) == ("done", "", 0, ())
     assert_stopped(log)
-    ours, theirs = trajectory_of(setup, log, "simulated://"), simulate(SETUP, HierarchicalQP())
-    for name in ("q", "qd", "qdd_command", "phi", "sigma", "clearance", "features_px", "camera_error"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-8, err_msg=name)
+    ours = trajectory_of(setup, log, "simulated://")
+    theirs = simulate(SETUP, HierarchicalQP())
+    for name in (
+        "q",
+        "qd",
+        "qdd_command",
+        "phi",
+        "sigma",
+        "clearance",
+        "features_px",
+        "camera_error",
+    ):
+        np.testing.assert_allclose(
+            getattr(ours, name), getattr(theirs, name), atol=1e-8, err_msg=name
+        )
     assert (ours.active == theirs.active).all()
-    assert (ours.labels, ours.status, ours.compiled) == (theirs.labels, theirs.status, theirs.compiled)
+    assert (ours.labels, ours.status, ours.compiled) == (
+        theirs.labels,
+        theirs.status,
+        theirs.compiled,
+    )
 
 
 @pytest.mark.parametrize("name", ["goal-governor", "implicit-switch-with-drift"])
@@ -224,7 +282,9 @@ def test_a_law_that_uses_a_model_or_the_period_is_told(name: str) -> None:
     setup = replace(SETUP, duration=5 * Ts)
     log = on("simulated://", make_controller(name), setup=setup)
     assert log.ended == "done"
-    np.testing.assert_allclose(log.column("q")[:6], simulate(setup, make_controller(name)).q, atol=1e-7)
+    np.testing.assert_allclose(
+        log.column("q")[:6], simulate(setup, make_controller(name)).q, atol=1e-7
+    )
 
 
 def test_spoilt_gradients_are_for_simulations() -> None:
@@ -233,7 +293,9 @@ def test_spoilt_gradients_are_for_simulations() -> None:
 
 
 def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
-    heavy = UR5.with_override("plant", {"type": "dynamics", "controller": "position", "payload": {"mass": 1.0}})
+    heavy = UR5.with_override(
+        "plant", {"type": "dynamics", "controller": "position", "payload": {"mass": 1.0}}
+    )
     setup = heavy.with_override("duration", 0.1).setup()
     log = on("simulated://", SlidingMode(), setup=setup)
     theirs = simulate(setup, SlidingMode())
@@ -248,7 +310,11 @@ def test_images_of_a_dry_run_come_late_and_rarely() -> None:
     assert eye is not None
     seen = [eye(k * Ts, setup.q0) for k in range(35)]
     assert all(one is not None for one in seen)
-    ages = [k * Ts - one.taken for k, one in enumerate(seen) if one is not None and one.taken is not None]
+    ages = [
+        k * Ts - one.taken
+        for k, one in enumerate(seen)
+        if one is not None and one.taken is not None
+    ]
     np.testing.assert_allclose(ages[20:30], 0.02 + Ts * np.arange(10), atol=1e-12)
     wrong = UR5.with_override("disturbances", {"focal_factor": [1.1, 1.1]}).setup()
     with pytest.raises(ConfigurationError, match="disturbances of calibration"):
@@ -260,16 +326,25 @@ def test_images_of_a_dry_run_come_late_and_rarely() -> None:
 
 def test_a_dry_run_sees_rendered_images() -> None:
     setup = Scenario.load("ur5-images").with_override("duration", 0.08).setup()
-    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup), image_source("simulated", setup))
+    job = Job(
+        setup, HierarchicalQP(), driver_for("simulated://", setup), image_source("simulated", setup)
+    )
     started, log = run_on_arm(job)
     theirs = simulate(setup, HierarchicalQP())
     np.testing.assert_allclose(trajectory_of(started, log, "simulated://").q, theirs.q, atol=1e-6)
     assert np.abs(log.column("pixels")[~log.braking] - theirs.features_px).max() > 1e-3
     assert log.remarks == ()
-    other = Scenario.load("ur5-images").with_override("sensor", {"type": "images", "printed": [0, 1, 2, 17]})
+    other = Scenario.load("ur5-images").with_override(
+        "sensor", {"type": "images", "printed": [0, 1, 2, 17]}
+    )
     setup = other.with_override("duration", 0.01).setup()
     log = run_on_arm(
-        replace(job, setup=setup, driver=driver_for("simulated://", setup), images=SimulatedImages(setup))
+        replace(
+            job,
+            setup=setup,
+            driver=driver_for("simulated://", setup),
+            images=SimulatedImages(setup),
+        )
     )[1]
     assert log.remarks == ("tags were seen that are not the board's: 17",)
     with pytest.raises(ConfigurationError, match="rendered only where time is simulated"):
@@ -277,8 +352,12 @@ def test_a_dry_run_sees_rendered_images() -> None:
 
 
 def test_a_camera_that_leaves_is_told(tmp_path: Path) -> None:
-    (tmp_path / "leaving_camera.py").write_text("import sys\n\n\ndef eye(setup):\n    sys.exit('no camera')\n")
-    with pytest.raises(ConfigurationError, match="images by leaving_camera:eye: SystemExit: no camera"):
+    (tmp_path / "leaving_camera.py").write_text(
+        "import sys\n\n\ndef eye(setup):\n    sys.exit('no camera')\n"
+    )
+    with pytest.raises(
+        ConfigurationError, match="images by leaving_camera:eye: SystemExit: no camera"
+    ):
         image_source("leaving_camera:eye", SETUP, tmp_path)
 
 
@@ -288,7 +367,9 @@ class Own(Controller):
     name = "own"
 
     def __init__(self, happens: Any, at: int = 60) -> None:
-        self._law, self._happens, self._left = HierarchicalQP(), happens, at
+        self._law = HierarchicalQP()
+        self._happens = happens
+        self._left = at
 
     def solve(self, rows: Rows, task: Task) -> Command:
         self._left -= 1
@@ -343,14 +424,20 @@ def test_lost_images_end_in_a_braked_stop() -> None:
         pixels = SETUP.scene.glance(q)[0] if t < 0.05 else np.full_like(seen, np.nan)
         return Measurement(pixels, None, t)
 
-    log = on("loopback://?time=simulated&patience=5", images=eye, supervision=Supervision(image_s=0.04))
+    log = on(
+        "loopback://?time=simulated&patience=5", images=eye, supervision=Supervision(image_s=0.04)
+    )
     assert log.cause == "t = 0.09 s: no image shows a marker since t = 0.048 s"
     assert_stopped(log)
     # by the system's clock an image would never be old
     for taken in (1.7e9, np.nan):
         ahead = on("simulated://", images=lambda t, q, taken=taken: Measurement(seen, None, taken))
         assert "which is not yet: by another clock?" in ahead.cause
-    never = on("loopback://?time=simulated&patience=5", images=lambda t, q: None, supervision=Supervision(image_s=0.04))
+    never = on(
+        "loopback://?time=simulated&patience=5",
+        images=lambda t, q: None,
+        supervision=Supervision(image_s=0.04),
+    )
     assert "no image shows a marker" in never.cause
     nothing: Any = np.zeros(3)
     odd = on("simulated://", images=lambda t, q: nothing)
@@ -367,10 +454,15 @@ class Unpunctual(SimulatedClock):
 
 
 @pytest.mark.parametrize(
-    ("ahead", "told"), [(0.0, ""), (5e-4, ""), (0.0011, "which is not yet"), (0.5, "which is not yet")]
+    ("ahead", "told"),
+    [(0.0, ""), (5e-4, ""), (0.0011, "which is not yet"), (0.5, "which is not yet")],
 )
-def test_a_stamp_is_judged_against_now(ahead: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A thread stamps images as they arrive: later than the period was to begin, and than the state was read."""
+def test_a_stamp_is_judged_against_now(
+    ahead: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A thread stamps images as they arrive: later than the period was to begin, and than the state
+    was read.
+    """
     clock = Unpunctual()
     monkeypatch.setattr(stream, "SimulatedClock", lambda: clock)
 
@@ -385,7 +477,9 @@ def test_a_stamp_is_judged_against_now(ahead: float, told: str, monkeypatch: pyt
     if not told:
         # the law is told the time at which the state was read, to which the image counts
         own = ~log.braking
-        np.testing.assert_allclose(log.column("taken")[own] - log.column("scheduled")[own], 0.75 * Ts, atol=1e-3)
+        np.testing.assert_allclose(
+            log.column("taken")[own] - log.column("scheduled")[own], 0.75 * Ts, atol=1e-3
+        )
 
 
 def test_a_camera_that_stamps_in_a_thread_is_by_no_other_clock() -> None:
@@ -406,7 +500,9 @@ def test_a_camera_that_stamps_in_a_thread_is_by_no_other_clock() -> None:
     thread = threading.Thread(target=camera, daemon=True)
     thread.start()
     address, end = fake_arm_server()
-    patient = Supervision(late_s=10.0, hang_s=10.0, image_s=10.0, speed_rad_s=100.0, following_rad=10.0)
+    patient = Supervision(
+        late_s=10.0, hang_s=10.0, image_s=10.0, speed_rad_s=100.0, following_rad=10.0
+    )
     log = on(f"{address}?patience=20", images=eye, supervision=patient)
     over.set()
     thread.join()
@@ -438,7 +534,8 @@ def test_an_image_that_is_masked_shows_what_is_not_masked() -> None:
 
 def test_a_camera_can_tell_its_pose_alone() -> None:
     """A pose that is said to be elsewhere bends the way there, as pixels would."""
-    straight, camera_pose = on("simulated://", images=None), SETUP.scene.camera_pose
+    straight = on("simulated://", images=None)
+    camera_pose = SETUP.scene.camera_pose
     as_is, elsewhere = (
         on("simulated://", images=lambda t, q, by=by: Measurement(camera=by @ camera_pose(q, t)))
         for by in (Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.array([0.0, 0.02, 0.0])))
@@ -475,7 +572,10 @@ HALF = 0.5 * np.asarray(SETUP.scene.camera.size)
             lambda t, seen: SETUP.scene.camera.normalised(seen),
             "it fits coordinates in metres, or normalised, in place of pixels",
         ),
-        (lambda t, seen: seen + np.array([0.0, 60.0]), "a camera that was moved, or a target that is elsewhere"),
+        (
+            lambda t, seen: seen + np.array([0.0, 60.0]),
+            "a camera that was moved, or a target that is elsewhere",
+        ),
     ],
 )
 def test_an_image_that_cannot_be_right_moves_nothing(eye: Eyes, told: str) -> None:
@@ -487,7 +587,9 @@ def test_an_image_that_cannot_be_right_moves_nothing(eye: Eyes, told: str) -> No
 
 
 def test_an_image_that_becomes_wrong_brakes_and_is_named() -> None:
-    """Frozen from 0.1 s on; the arm goes on until a marker should be beyond the bound, which is told with the log."""
+    """Frozen from 0.1 s on; the arm goes on until a marker should be beyond the bound, which is
+    told with the log.
+    """
     frozen: list[Array] = []
 
     def eye(t: float, seen: Array) -> Array:
@@ -532,7 +634,9 @@ def test_depths_in_millimetres_move_nothing() -> None:
     assert log.ended == "failed"
     assert "are depths in millimetres, not metres?" in log.cause
     assert not log.column("sent_qd").any()
-    right = on("simulated://", setup=replace(SETUP, duration=0.1), images=lambda t, q: eye(t, q, 1.0))
+    right = on(
+        "simulated://", setup=replace(SETUP, duration=0.1), images=lambda t, q: eye(t, q, 1.0)
+    )
     assert right.ended == "done"
     assert right.column("innovation").shape[1:] == (len(INNOVATIONS),)
 
@@ -547,10 +651,13 @@ def test_a_pose_that_cannot_be_right_brakes() -> None:
     assert "the camera is measured 0.25 m and " in log.cause
 
 
-@pytest.mark.parametrize("wrong", [lambda qd: qd + 100.0, lambda qd: 57.3 * qd, lambda qd: 0.0 * qd])
+@pytest.mark.parametrize(
+    "wrong", [lambda qd: qd + 100.0, lambda qd: 57.3 * qd, lambda qd: 0.0 * qd]
+)
 def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
     driver = driver_for("simulated://", SETUP)
-    read, begun = driver.read, []
+    read = driver.read
+    begun = []
 
     def mistaken() -> Joints:
         state = read()
@@ -558,7 +665,9 @@ def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
         return state._replace(qd=wrong(state.qd)) if 0.05 < state.t < 0.2 else state
 
     driver.read = mistaken  # type: ignore[method-assign]
-    log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=replace(FAST, speed_rad_s=0.2)))[1]
+    log = run_on_arm(
+        Job(SETUP, HierarchicalQP(), driver, supervision=replace(FAST, speed_rad_s=0.2))
+    )[1]
     assert "rad/s from the change of its measured positions (allowed are 0.2)" in log.cause
     assert_stopped(log)
 
@@ -570,7 +679,11 @@ def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
         ("drop", "the arm closed the connection", False),
         ("jump", "is 0.5 from where it was sent", True),
         ("refuse", "the arm stopped by itself: protective stop", False),
-        ("freeze", "the arm's clock stands still at 0.12 s: the same state was read for 10 periods", False),
+        (
+            "freeze",
+            "the arm's clock stands still at 0.12 s: the same state was read for 10 periods",
+            False,
+        ),
     ],
 )
 def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool) -> None:
@@ -606,7 +719,11 @@ def test_what_slips_through_the_first_check_is_not_sent(monkeypatch: pytest.Monk
         return (qdd if (qdd == 41.0).all() else np.clip(qdd, -40.0, 40.0)), False
 
     monkeypatch.setattr(stream.Stream, "within_limits", careless)
-    log = on("simulated://", Own(lambda command: replace(command, qdd=np.full(6, 41.0))), setup=without_limits())
+    log = on(
+        "simulated://",
+        Own(lambda command: replace(command, qdd=np.full(6, 41.0))),
+        setup=without_limits(),
+    )
     assert "not sent, joint 1 exceeds its acceleration: 41" in log.cause
     assert_stopped(log)
 
@@ -623,13 +740,21 @@ def test_a_switch_that_would_exceed_a_speed_by_a_period_is_kept_from_it() -> Non
 
 
 def test_commands_beyond_the_arm_are_brought_to_its_limits() -> None:
-    log = on("simulated://", Own(lambda command: replace(command, qdd=np.full(6, 45.0))), setup=without_limits())
+    log = on(
+        "simulated://",
+        Own(lambda command: replace(command, qdd=np.full(6, 45.0))),
+        setup=without_limits(),
+    )
     assert "commands were brought to the arm's limits" in log.remarks[0]
     assert_stopped(log)
 
 
-@pytest.mark.parametrize("interrupt", [signal.default_int_handler, signal.SIG_IGN], ids=["heard", "ignored"])
-def test_a_loop_that_hangs_is_braked_by_the_watchdog(interrupt: Any, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(
+    "interrupt", [signal.default_int_handler, signal.SIG_IGN], ids=["heard", "ignored"]
+)
+def test_a_loop_that_hangs_is_braked_by_the_watchdog(
+    interrupt: Any, request: pytest.FixtureRequest
+) -> None:
     """Also where a shell has started it in the background, which ignores Ctrl-C."""
     before = signal.signal(signal.SIGINT, interrupt)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
@@ -650,16 +775,19 @@ def test_an_arm_brakes_by_itself_where_python_is_held() -> None:
     def hold(command: Command) -> Command:
         if law._left == -10:
             ctypes.PyDLL(None).usleep(400_000)  # in C, without letting go of the interpreter
-        return replace(command, qdd=np.zeros(6))  # on a slow machine setpoints come late, and motion would be refused
+        # on a slow machine setpoints come late, and motion would be refused
+        return replace(command, qdd=np.zeros(6))
 
-    law, patient = Own(hold, at=0), Supervision(late_s=10.0, hang_s=10.0)
+    law = Own(hold, at=0)
+    patient = Supervision(late_s=10.0, hang_s=10.0)
     log = on("loopback://?patience=20", law, supervision=patient)
     assert log.ended == "failed"
     assert "the arm stopped by itself: its watchdog received nothing for 100 ms" in log.cause
 
 
 def test_a_stop_after_silence_begins_where_the_arm_is() -> None:
-    driver, n = driver_for("simulated://", SETUP), np.zeros(6)
+    driver = driver_for("simulated://", SETUP)
+    n = np.zeros(6)
     line = stream.Stream(driver, limits(6), n, 4)
     line.clock = Late(*(0.0,) * 1000)  # type: ignore[assignment]
     line.begin()
@@ -687,14 +815,17 @@ def test_a_stop_that_is_held_up_makes_up_for_nothing() -> None:
     moving = Setpoint(np.zeros(6), np.full(6, 0.5), np.zeros(6))
     for held, beside in ((0.007, 0.0), (0.05, 0.003)):
         driver = driver_for("simulated://", SETUP)
-        line, sent = stream.Stream(driver, limits(6), moving.q, 4), []
+        line = stream.Stream(driver, limits(6), moving.q, 4)
+        sent = []
         line.clock = clock = Late(*(0.0,) * 10, held, *(0.0,) * 200)  # type: ignore[assignment]
 
         def send(q: Array, qd: Array, sent: list[Any] = sent, clock: Late = clock) -> None:
             sent.append((clock.t, q, qd))
 
         # it follows, and is held for as long as nothing is sent
-        driver.read = lambda sent=sent, clock=clock: Joints(clock.t, sent[-1][1] + 0.003, sent[-1][2])  # type: ignore[misc,method-assign]
+        driver.read = lambda sent=sent, clock=clock: Joints(
+            clock.t, sent[-1][1] + 0.003, sent[-1][2]
+        )  # type: ignore[misc,method-assign]
         driver.send = send  # type: ignore[method-assign]
         line.begin()
         line.send(moving)
@@ -707,19 +838,25 @@ def test_a_stop_that_is_held_up_makes_up_for_nothing() -> None:
 
 
 def test_a_stop_that_is_held_up_again_and_again_is_the_arms_own() -> None:
-    driver, told = driver_for("simulated://", SETUP), []
+    driver = driver_for("simulated://", SETUP)
+    told = []
     line = stream.Stream(driver, limits(6, jerk=50.0), SETUP.q0, 4)
     line.clock = Late(*(0.02,) * 9)  # type: ignore[assignment]
     driver.read = lambda: Joints(line.clock.now(), SETUP.q0, np.full(6, 0.5))  # type: ignore[method-assign]
     driver.send, driver.halt = lambda q, qd: None, told.append  # type: ignore[method-assign]
     line.begin()
     line.bring_to_rest(False, lambda: None)
-    assert line.stop[0] == "while braking, setpoints came too late 4 times; told to stop by its own means"
+    assert (
+        line.stop[0]
+        == "while braking, setpoints came too late 4 times; told to stop by its own means"
+    )
     assert told
 
 
 def test_a_stop_does_not_begin_at_a_state_that_is_not_finite() -> None:
-    driver, sent, told = driver_for("simulated://", SETUP), [], []
+    driver = driver_for("simulated://", SETUP)
+    sent = []
+    told = []
     line = stream.Stream(driver, limits(6), SETUP.q0, 4)
     line.clock = clock = Late(*(0.0,) * 100)  # type: ignore[assignment]
     line.begin()
@@ -727,7 +864,10 @@ def test_a_stop_does_not_begin_at_a_state_that_is_not_finite() -> None:
     driver.read = lambda: Joints(0.0, SETUP.q0, np.full(6, np.nan))  # type: ignore[method-assign]
     driver.send, driver.halt = lambda q, qd: sent.append(qd), told.append  # type: ignore[method-assign]
     line.bring_to_rest(False, lambda: None)
-    assert line.stop[0] == "while braking, the arm's state is not finite; told to stop by its own means"
+    assert (
+        line.stop[0]
+        == "while braking, the arm's state is not finite; told to stop by its own means"
+    )
     assert told
     assert not sent
 
@@ -742,7 +882,8 @@ def test_an_arm_that_goes_on_after_its_stop_is_told_to_stop_by_itself() -> None:
     line.begin()
     line.bring_to_rest(False, lambda: None)
     assert line.stop == (
-        "while braking, joint 3 still moves at -0.3 rad/s, 0.5 s after it was sent to rest; told to stop by its own "
+        "while braking, joint 3 still moves at -0.3 rad/s, 0.5 s after it was sent to rest; told "
+        "to stop by its own "
         "means",
         False,
     )
@@ -751,12 +892,15 @@ def test_an_arm_that_goes_on_after_its_stop_is_told_to_stop_by_itself() -> None:
 
 def test_a_drivers_own_mistake_does_not_keep_an_arm_from_its_stop() -> None:
     driver = driver_for("simulated://", SETUP)
-    line, told = stream.Stream(driver, limits(6), SETUP.q0, 4), []
+    line = stream.Stream(driver, limits(6), SETUP.q0, 4)
+    told = []
 
     def mistaken() -> Joints:
         raise KeyError("joint 7")
 
-    driver.read, driver.halt = mistaken, told.append  # type: ignore[method-assign]
+    # type: ignore[method-assign]
+    driver.read = mistaken
+    driver.halt = told.append
     line.bring_to_rest(False, lambda: None)
     assert line.stop[0].startswith("while braking, KeyError: 'joint 7'")
     assert line.stop[0].endswith("told to stop by its own means")
@@ -774,8 +918,12 @@ def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None
     assert log.stop.endswith("told to stop by its own means")
 
 
-@pytest.mark.parametrize(("allowed", "told"), [(2.0, ""), (0.2, "the loop has not gone on for 300 ms")])
-def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("allowed", "told"), [(2.0, ""), (0.2, "the loop has not gone on for 300 ms")]
+)
+def test_an_arm_may_take_its_time_to_be_ready(
+    allowed: float, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Longer than the loop may later say nothing, while it stands."""
     monkeypatch.setattr(SocketArm, "begin", lambda arm: time.sleep(0.5))
     address, end = fake_arm_server()
@@ -790,7 +938,9 @@ def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeyp
 
 def fake_arm_server(stalls: bool = False) -> tuple[str, Any]:
     own = Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
-    arm = FakeArm(SETUP.q0, replace(own, qd_max=10.0 * own.qd_max, acceleration=100.0 * own.acceleration), 2.0)
+    arm = FakeArm(
+        SETUP.q0, replace(own, qd_max=10.0 * own.qd_max, acceleration=100.0 * own.acceleration), 2.0
+    )
     port, end = in_thread(arm, stalls)
     return f"socket://127.0.0.1:{port}", end
 
@@ -804,14 +954,25 @@ def test_missed_periods_of_a_real_loop_are_a_column(tmp_path: Path) -> None:
 
     address, end = fake_arm_server()
     setup = replace(SETUP, duration=0.08)
-    log = on(f"{address}?patience=5", images=eye, setup=setup, supervision=Supervision(late_s=10.0, hang_s=10.0))
+    log = on(
+        f"{address}?patience=5",
+        images=eye,
+        setup=setup,
+        supervision=Supervision(late_s=10.0, hang_s=10.0),
+    )
     end()
     assert log.missed >= 1
     log = replace(log, missed=17)  # what the law took cannot be as many by chance
-    suite = Suite.load().select(["ur5-fov"], ["hierarchical-qp"], settings=["scenario.duration=0.08"])
+    suite = Suite.load().select(
+        ["ur5-fov"], ["hierarchical-qp"], settings=["scenario.duration=0.08"]
+    )
     with folder.locked(tmp_path, "a comparison"):
         record.store(tmp_path, suite, setup, log, "loopback://")
-    line = next(line for line in StoredComparison.load(tmp_path).results if line["controller"] == "hierarchical-qp")
+    line = next(
+        line
+        for line in StoredComparison.load(tmp_path).results
+        if line["controller"] == "hierarchical-qp"
+    )
     assert int(line["missed_periods"]) == 17
     assert log.real_time
     assert not on("simulated://", setup=setup).real_time
@@ -843,7 +1004,8 @@ def test_a_period_that_is_much_too_late_ends_in_a_braked_stop() -> None:
 )
 def test_an_arm_that_is_not_ready_does_not_start(change: dict[str, float], told: str) -> None:
     driver = driver_for("simulated://", SETUP)
-    q, qd = SETUP.q0.copy(), np.zeros(6)
+    q = SETUP.q0.copy()
+    qd = np.zeros(6)
     q[0] += change.get("off", 0.0)
     qd[2] = change.get("moving", 0.0)
     n = int(change.get("joints", 6))
@@ -856,7 +1018,8 @@ def test_an_arm_that_is_not_ready_does_not_start(change: dict[str, float], told:
 
 
 def test_a_run_can_start_where_the_arm_stands() -> None:
-    address, near = "loopback://?time=simulated&patience=5&off=0.005", Supervision(start_rad=0.004)
+    address = "loopback://?time=simulated&patience=5&off=0.005"
+    near = Supervision(start_rad=0.004)
     with pytest.raises(ConfigurationError, match="--from-arm"):
         on(address, supervision=near)
     job = Job(SETUP, HierarchicalQP(), driver_for(address, SETUP), supervision=near, from_arm=True)
@@ -879,7 +1042,10 @@ def test_a_law_without_a_command_at_the_start_moves_nothing() -> None:
         ("192.168.0.2", "is like ur-rtde://"),
         ("loopbak://", "unknown kind of arm 'loopbak'. Did you mean 'loopback'"),
         ("loopback://?fault=stal", "unknown fault of loopback 'stal'. Did you mean 'stall'"),
-        ("loopback://?patiense=1", "unknown option of loopback 'patiense'. Did you mean 'patience'"),
+        (
+            "loopback://?patiense=1",
+            "unknown option of loopback 'patiense'. Did you mean 'patience'",
+        ),
         ("loopback://?at=soon", "must be a number"),
         ("loopback://host:port", "cannot be read"),
         ("loopback://host/path", "SCHEME://HOST:PORT"),
@@ -922,7 +1088,9 @@ def test_the_fake_arm_follows_then_goes_on_then_brakes() -> None:
     np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01], [0.01]])
     assert not arm.stopped
     arm.advance(1.0)
-    np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15)
+    np.testing.assert_allclose(
+        arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15
+    )
     assert arm.stopped == "its watchdog received nothing for 100 ms"
 
 
@@ -994,7 +1162,9 @@ def ur(monkeypatch: pytest.MonkeyPatch) -> FakeUr:
     return fake
 
 
-def test_an_arm_of_universal_robots_is_streamed_positions(ur: FakeUr, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_arm_of_universal_robots_is_streamed_positions(
+    ur: FakeUr, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(ur_rtde.UrRtde, "simulated_time", True)
     log = on("ur-rtde://192.168.0.2?lookahead=0.05&gain=500", setup=replace(SETUP, duration=0.1))
     assert log.ended == "done"
@@ -1011,7 +1181,9 @@ def test_an_arm_of_universal_robots_is_streamed_positions(ur: FakeUr, monkeypatc
     assert ur.names()[-5:] == ["servoStop", "stopScript", "disconnect", "disconnect", "disconnect"]
 
 
-def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_arm_of_universal_robots_is_streamed_speeds(
+    ur: FakeUr, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(ur_rtde.UrRtde, "simulated_time", True)
     log = on("ur-rtde://192.168.0.2?send=speed", setup=replace(SETUP, duration=0.02))
     sent = [arguments for name, arguments in ur.calls if name == "speedJ"]
@@ -1026,8 +1198,14 @@ def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: 
         ({"servoJ": False}, "the arm did not take servoJ"),
         ({"servoJ": RuntimeError("lost")}, "servoJ: lost"),
         ({"isConnected": False}, "the connection to the arm broke"),
-        ({"getSafetyStatusBits": 0b10000000101}, "the arm stopped by itself: protective stop, stopped due to safety"),
-        ({"getSafetyStatusBits": 0b10000010001}, "the arm stopped by itself: safeguard stop, stopped due to safety"),
+        (
+            {"getSafetyStatusBits": 0b10000000101},
+            "the arm stopped by itself: protective stop, stopped due to safety",
+        ),
+        (
+            {"getSafetyStatusBits": 0b10000010001},
+            "the arm stopped by itself: safeguard stop, stopped due to safety",
+        ),
         ({"getActualQd": RuntimeError("no state")}, "getActualQd: no state"),
         ({"getTimestamp": None}, "the arm's clock stands still at 5 s"),
     ],
@@ -1041,7 +1219,9 @@ def test_an_arm_of_universal_robots_that_fails_is_stopped(
         ur.answers.update(answer)
         if "getTimestamp" in answer:
             ur.t = -Ts  # stands still from now on
-            monkeypatch.setattr(FakeUr, "t", property(lambda self: 5.0, lambda self, t: None), raising=False)
+            monkeypatch.setattr(
+                FakeUr, "t", property(lambda self: 5.0, lambda self, t: None), raising=False
+            )
         return command
 
     log = on("ur-rtde://192.168.0.2", Own(later, at=20))
@@ -1055,12 +1235,16 @@ def test_the_package_of_universal_robots_takes_what_is_sent() -> None:
     receive = pytest.importorskip("rtde_receive").RTDEReceiveInterface
     dashboard = pytest.importorskip("dashboard_client").DashboardClient
     assert "arg5: float) -> bool" in control.servoJ.__doc__
-    assert "qd: list[float], acceleration: float = 0.5, time: float = 0.0) -> bool" in control.speedJ.__doc__
+    assert (
+        "qd: list[float], acceleration: float = 0.5, time: float = 0.0) -> bool"
+        in control.speedJ.__doc__
+    )
     for kind, names in (
         (control, "setWatchdog servoStop speedStop stopScript disconnect"),
         (
             receive,
-            "getActualQ getActualQd getTimestamp isConnected getSafetyStatusBits getTargetSpeedFraction disconnect",
+            "getActualQ getActualQd getTimestamp isConnected getSafetyStatusBits "
+            "getTargetSpeedFraction disconnect",
         ),
         (dashboard, "connect stop disconnect"),
     ):
@@ -1074,7 +1258,9 @@ def ur_controller() -> Iterator[tuple[str, Any]]:
     """A stand-in for an arm's controller in a process of its own: where it is, and what asks it."""
     pytest.importorskip("rtde_control")
     words = [sys.executable, str(Path(__file__).with_name("universal_robots.py")), "127.0.0.78"]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         if process.stdout.readline() != "ready\n":
@@ -1094,7 +1280,9 @@ def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
     address, ask = ur_controller
     # on a slow machine both wait for each other
     monkeypatch.setattr(ur_rtde, "WATCHDOG", 0.5)
-    patient = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0, stalled_s=10.0, speed_rad_s=100.0)
+    patient = Supervision(
+        late_s=10.0, hang_s=10.0, following_rad=10.0, stalled_s=10.0, speed_rad_s=100.0
+    )
     ask("setattr(arm, 'slider', 0.5)")
     with pytest.raises(ArmError, match="the arm's speed slider is at 50 %"):
         on(address)
@@ -1185,7 +1373,8 @@ class Late:
     simulated = False
 
     def __init__(self, *late: float) -> None:
-        self.t, self.late = 10.0, list(late)
+        self.t = 10.0
+        self.late = list(late)
 
     def now(self) -> float:
         return self.t
@@ -1199,8 +1388,12 @@ def test_a_missed_period_moves_the_schedule_and_a_late_one_does_not() -> None:
     line.clock = Late(0.0, 0.0015, 0.0, 0.005, 0.0, 0.0)  # type: ignore[assignment]
     line.begin()
     begun = [line.wait(k) for k in range(6)]
-    np.testing.assert_allclose([due for due, _ in begun], [0.0, 0.002, 0.004, 0.006, 0.013, 0.015], atol=1e-12)
-    np.testing.assert_allclose([late for _, late in begun], [0.0, 0.0015, 0.0, 0.005, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        [due for due, _ in begun], [0.0, 0.002, 0.004, 0.006, 0.013, 0.015], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        [late for _, late in begun], [0.0, 0.0015, 0.0, 0.005, 0.0, 0.0], atol=1e-12
+    )
     assert (line.missed, line.shift) == (1, pytest.approx(0.005))
 
 
@@ -1228,14 +1421,23 @@ def say(*words: str) -> Result:
 
 def test_a_real_arm_does_not_move_without_being_asked_for_twice(ur: FakeUr, tmp_path: Path) -> None:
     for words, told in (((), "give --yes"), (("--yes",), "say what sees the markers")):
-        result = say("ur5-fov", "--robot", "ur-rtde://192.168.0.2", "--out", str(tmp_path / "x"), *words)
+        result = say(
+            "ur5-fov", "--robot", "ur-rtde://192.168.0.2", "--out", str(tmp_path / "x"), *words
+        )
         assert told in str(result.exception)
     assert not ur.calls
     assert not (tmp_path / "x").exists()
 
 
-def test_numbers_in_another_unit_are_asked_about_before_an_arm_moves(ur: FakeUr, tmp_path: Path) -> None:
-    words = ("--set", "scenario.constraints.2.upper=[180, 180, 180, 180, 180, 180]", "--out", str(tmp_path / "x"))
+def test_numbers_in_another_unit_are_asked_about_before_an_arm_moves(
+    ur: FakeUr, tmp_path: Path
+) -> None:
+    words = (
+        "--set",
+        "scenario.constraints.2.upper=[180, 180, 180, 180, 180, 180]",
+        "--out",
+        str(tmp_path / "x"),
+    )
     result = say("ur5-fov", "--robot", "ur-rtde://192.168.0.2", *words)
     assert "give --yes" in str(result.exception)
     assert "are these degrees per second, not rad/s?" in " ".join(result.output.split())
@@ -1247,7 +1449,15 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     short = ("--set", "scenario.duration=0.1")
     address = "loopback://?time=simulated&patience=5&fault=drop&at=0.06"
     result = say(
-        "ur5-fov", "--controller", "sliding-mode", "--robot", address, "--no-figures", "--out", str(out), *short
+        "ur5-fov",
+        "--controller",
+        "sliding-mode",
+        "--robot",
+        address,
+        "--no-figures",
+        "--out",
+        str(out),
+        *short,
     )
     assert result.exit_code == 1, result.output
     assert "nothing moves" in result.output
@@ -1269,12 +1479,20 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     demand_nothing_lost(out, suite.with_baseline())
     # which goes no further than that: what an arm has done is never simulated in its place
     demand_arm_kept(out, suite.with_baseline().runs())
-    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
+    with pytest.raises(
+        ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"
+    ):
         compare(suite, out, workers=0, fresh=True)
-    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
-        compare(Suite.load().select(["example-2d-fov"], ["sliding-mode"]), out, workers=0, fresh=True)
+    with pytest.raises(
+        ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"
+    ):
+        compare(
+            Suite.load().select(["example-2d-fov"], ["sliding-mode"]), out, workers=0, fresh=True
+        )
     run_file(out, "ur5-fov", "sliding-mode", 0).unlink()
-    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
+    with pytest.raises(
+        ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"
+    ):
         compare(suite, out, workers=0)
     with pytest.raises(ConfigurationError, match="each run needs its own --out"):
         record.demand_own_folder(out)
@@ -1295,7 +1513,9 @@ def command_line(monkeypatch: pytest.MonkeyPatch, *words: str) -> object:
 def test_where_the_disk_is_full_afterwards_the_record_is_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, elsewhere, write = tmp_path / "out", tmp_path / "elsewhere", record.write_arrays
+    out = tmp_path / "out"
+    elsewhere = tmp_path / "elsewhere"
+    write = record.write_arrays
     elsewhere.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
 

@@ -1,4 +1,6 @@
-"""Campaigns whose own laws load or read files: results of other contents are never taken for these."""
+"""Campaigns whose own laws load or read files: results of other contents are never taken for
+these.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,15 @@ import numpy as np
 import pytest
 
 from campaigns import FAMILY
-from vsconstraints.comparisons.evidence import Campaign, Evidence, Plan, Shard, collect, merge, processes
+from vsconstraints.comparisons.evidence import (
+    Campaign,
+    Evidence,
+    Plan,
+    Shard,
+    collect,
+    merge,
+    processes,
+)
 from vsconstraints.comparisons.evidence.folder import shards
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tuning import Budget, Problem, tune
@@ -78,7 +88,9 @@ def plan(shard: str = "1/1") -> Plan:
     return Plan(Shard.parsed(shard), workers=here)
 
 
-def campaign(folder: Path, law: str, controllers: str = '[controllers.own]\ntype = "law:Own"') -> Campaign:
+def campaign(
+    folder: Path, law: str, controllers: str = '[controllers.own]\ntype = "law:Own"'
+) -> Campaign:
     """The campaign's files in a folder, read as a new process reads them."""
     folder.mkdir(exist_ok=True)
     (folder / "law.py").write_text(law)
@@ -100,7 +112,11 @@ def edit(path: Path) -> None:
 
 
 def _forget() -> None:
-    for table in (provenance.read_by_imports, provenance._read_by_runs, provenance._written_by_runs):
+    for table in (
+        provenance.read_by_imports,
+        provenance._read_by_runs,
+        provenance._written_by_runs,
+    ):
         table.clear()
     for name in [name for name in sys.modules if "own file" in name or name == "helper"]:
         del sys.modules[name]
@@ -114,7 +130,9 @@ def _imports_are_forgotten() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_campaign_does_not_go_on_with_another_content_of_a_file(kind: str, tmp_path: Path) -> None:
+def test_a_campaign_does_not_go_on_with_another_content_of_a_file(
+    kind: str, tmp_path: Path
+) -> None:
     law, file = KINDS[kind]
     collect(campaign(tmp_path, law), tmp_path / "out", plan())
     # every shard depends on the file, also where the process had it already
@@ -122,7 +140,9 @@ def test_a_campaign_does_not_go_on_with_another_content_of_a_file(kind: str, tmp
     assert all(f"law/{file}" in files for files in found), found
     assert collect(reread(tmp_path), tmp_path / "out", plan()).progress.runs == 0
     edit(tmp_path / file)
-    with pytest.raises(ConfigurationError, match=rf"another campaign: the content of law/{file} is another one now"):
+    with pytest.raises(
+        ConfigurationError, match=rf"another campaign: the content of law/{file} is another one now"
+    ):
         collect(reread(tmp_path), tmp_path / "out", plan())
 
 
@@ -135,19 +155,24 @@ def test_shards_of_different_files_are_not_merged(kind: str, tmp_path: Path) -> 
     assert merge(tmp_path / "whole", [tmp_path / "first", tmp_path / "same"]).scenes == 4
     edit(tmp_path / "two" / file)
     collect(reread(tmp_path / "two"), tmp_path / "second", plan("2/2"))
-    with pytest.raises(ConfigurationError, match=f"were made with different contents of law/{file}, which own parts"):
+    with pytest.raises(
+        ConfigurationError,
+        match=f"were made with different contents of law/{file}, which own parts",
+    ):
         merge(tmp_path / "out", [tmp_path / "first", tmp_path / "second"])
     assert not (tmp_path / "out").exists()
 
 
 def test_a_policy_depends_on_its_weights(tmp_path: Path) -> None:
     weights = tmp_path / "weights.npz"
-    # 2 m + m n + k n + k + 2 n numbers of m rows, n joints and k features; a run that fails depends on them, too
+    # 2 m + m n + k n + k + 2 n numbers of m rows, n joints and k features; a run that fails depends
+    # on them, too
     np.savez(weights, W0=np.zeros((3, 40)), b0=np.zeros(3))
     collect(campaign(tmp_path, "", POLICY.format(weights)), tmp_path / "out", plan())
     np.savez(weights, W0=np.ones((3, 40)), b0=np.zeros(3))
     with pytest.raises(
-        ConfigurationError, match=r"the content of vsconstraints\.learning/weights\.npz is another one now"
+        ConfigurationError,
+        match=r"the content of vsconstraints\.learning/weights\.npz is another one now",
     ):
         collect(reread(tmp_path), tmp_path / "out", plan())
 
@@ -160,7 +185,10 @@ def test_a_file_that_is_edited_while_a_campaign_runs_ends_it(tmp_path: Path) -> 
         if progress.done == 2:
             edit(tmp_path / file)
 
-    with pytest.raises(ConfigurationError, match=f"the file law/{file}, which own parts have loaded or read, was cha"):
+    with pytest.raises(
+        ConfigurationError,
+        match=f"the file law/{file}, which own parts have loaded or read, was cha",
+    ):
         collect(small, tmp_path / "out", plan(), on_progress=edited)
     assert [shard.facts.scenes for shard in shards(tmp_path / "out")] == [(0,), (1,)]
 
@@ -179,7 +207,9 @@ def test_results_of_different_files_in_one_folder_are_noticed(tmp_path: Path) ->
         Evidence.load(tmp_path / "first")
 
 
-def test_what_results_depend_on_at_each_machine_includes_files_that_laws_load(tmp_path: Path) -> None:
+def test_what_results_depend_on_at_each_machine_includes_files_that_laws_load(
+    tmp_path: Path,
+) -> None:
     law, file = KINDS["an imported helper"]
     asked = campaign(tmp_path, law).on_each_machine()
     expected = asked()
@@ -202,5 +232,8 @@ def test_a_tuning_does_not_go_on_with_another_content_of_a_file(tmp_path: Path) 
     tune(problem, tmp_path / "tuned", workers=1)
     edit(tmp_path / file)
     problem = Problem(reread(tmp_path), Budget(evaluations=1, seeds=1, scenes=1))
-    with pytest.raises(ConfigurationError, match=f"holds another tuning: the content of law/{file} is another one now"):
+    with pytest.raises(
+        ConfigurationError,
+        match=f"holds another tuning: the content of law/{file} is another one now",
+    ):
         tune(problem, tmp_path / "tuned", workers=1)

@@ -29,9 +29,14 @@ class Everything(ImageConstraint):
 
 
 def test_a_formula_with_the_curvature_of_another_is_refused():
-    with pytest.raises(ConfigurationError, match="Line has a formula of its own, but the curvature_formula of Circle"):
+    with pytest.raises(
+        ConfigurationError,
+        match="Line has a formula of its own, but the curvature_formula of Circle",
+    ):
         Curve(Line(10.0))
-    np.testing.assert_allclose(Curve(FlatLine(10.0)).curvature(np.ones((2, 2)), np.ones((2, 2))), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        Curve(FlatLine(10.0)).curvature(np.ones((2, 2)), np.ones((2, 2))), 0.0, atol=1e-9
+    )
 
 
 def test_a_class_that_says_nothing_is_refused():

@@ -1,4 +1,6 @@
-"""A metric is two files: a function and a line. The example of docs/results.md, put into a copy of the package."""
+"""A metric is two files: a function and a line. The example of docs/results.md, put into a copy of
+the package.
+"""
 
 from __future__ import annotations
 
@@ -35,15 +37,21 @@ def test_one_small_file_and_one_line_are_a_metric(tmp_path: Path) -> None:
         tmp_path / "src" / "vsconstraints",
         ignore=shutil.ignore_patterns("__pycache__"),
     )
-    function, line = [block.code for block in blocks(DOCS / "results.md") if "camera_path" in block.code]
+    function, line = [
+        block.code for block in blocks(DOCS / "results.md") if "camera_path" in block.code
+    ]
     folder = package / "comparisons"
     (folder / "camera_path.py").write_text(function, encoding="utf-8")
     table = (folder / "metrics.py").read_text(encoding="utf-8")
     entry = "    " + line.partition("line = ")[2].rstrip() + ",\n"
     table = table.replace("))  # fmt: skip\n", f"{entry}))  # fmt: skip\n", 1)
-    table = table.replace("from .record import", "from .camera_path import camera_path\nfrom .record import")
+    table = table.replace(
+        "from .record import", "from .camera_path import camera_path\nfrom .record import"
+    )
     (folder / "metrics.py").write_text(table, encoding="utf-8")
     paths = os.pathsep.join(map(str, (package.parent, ROOT / "tests")))
     check = [sys.executable, "-c", CHECK, str(tmp_path / "report")]
-    done = subprocess.run(check, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        check, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,8 @@
-"""Every event that the paper prints of its simulations happens, with its law, in the shipped scenarios.
+"""Every event that the paper prints of its simulations happens, with its law, in the shipped
+scenarios.
 
-The numbers are those of ``data/reconstruction.json``: measured by an independent prototype, with their tolerances.
+The numbers are those of ``data/reconstruction.json``: measured by an independent prototype, with
+their tolerances.
 """
 
 from __future__ import annotations
@@ -20,8 +22,11 @@ from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, intervals, simulate
 
-DATA = json.loads((Path(__file__).parent / "data" / "reconstruction.json").read_text(encoding="utf-8"))
-EXAMPLE, CASE = DATA["example_2d"], DATA["case_study_6r"]
+DATA = json.loads(
+    (Path(__file__).parent / "data" / "reconstruction.json").read_text(encoding="utf-8")
+)
+EXAMPLE = DATA["example_2d"]
+CASE = DATA["case_study_6r"]
 EVENTS: dict[str, dict[str, Any]] = EXAMPLE["events"]
 
 
@@ -41,7 +46,9 @@ def phi(trajectory: Trajectory, label: str) -> Array:
 
 
 def sigma_max(trajectory: Trajectory, kind: str) -> float:
-    """Greatest σ of the rows of a kind: speeds have none of their own, their φ may be above zero by its band."""
+    """Greatest σ of the rows of a kind: speeds have none of their own, their φ may be above zero by
+    its band.
+    """
     return float(trajectory.sigma[:, [label.startswith(kind) for label in trajectory.labels]].max())
 
 
@@ -54,7 +61,9 @@ def longest_positive_run(values: Array) -> int:
     return longest
 
 
-def settling_time(trajectory: Trajectory, translation: float = 0.005, rotation: float = 0.005) -> float:
+def settling_time(
+    trajectory: Trajectory, translation: float = 0.005, rotation: float = 0.005
+) -> float:
     """From when on the error stays within 5 mm and 5 mrad [s]."""
     outside = np.flatnonzero((trajectory.camera_error > (translation, rotation)).any(axis=1))
     assert outside[-1] < len(trajectory.t) - 1, "never settles"
@@ -67,9 +76,13 @@ def band(name: str, label: str) -> float:
     return setup(name).Ts * float(constraints.switching_gain[constraints.labels.index(label)])
 
 
-def assert_intervals(found: list[tuple[float, float]], expected: list[list[float]], tolerance: float) -> None:
+def assert_intervals(
+    found: list[tuple[float, float]], expected: list[list[float]], tolerance: float
+) -> None:
     assert len(found) == len(expected), f"{found}, expected {expected}"
-    np.testing.assert_allclose(np.array(found).ravel(), np.array(expected).ravel(), rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(
+        np.array(found).ravel(), np.array(expected).ravel(), rtol=0.0, atol=tolerance
+    )
 
 
 # --- the scenarios are the paper's ---
@@ -81,9 +94,15 @@ def test_the_first_examples_scenarios_are_the_reconstructed_ones(name: str) -> N
     assert list(scene.camera.size) == EXAMPLE["image_px"]
     assert list(scene.camera.focal) == EXAMPLE["focal_px"]
     np.testing.assert_array_equal(setup(name).q0, EXAMPLE["q0"])
-    np.testing.assert_allclose(scene.markers[:, :2], EXAMPLE["markers_in_base_frame_xy"], atol=1e-12)
-    np.testing.assert_allclose(scene.markers[:, 2], -EXAMPLE["camera_height_above_marker_plane"], atol=1e-12)
-    np.testing.assert_allclose(scene.glance(setup(name).q0)[0], EXAMPLE["markers_px_at_start"], atol=0.06)
+    np.testing.assert_allclose(
+        scene.markers[:, :2], EXAMPLE["markers_in_base_frame_xy"], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        scene.markers[:, 2], -EXAMPLE["camera_height_above_marker_plane"], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        scene.glance(setup(name).q0)[0], EXAMPLE["markers_px_at_start"], atol=0.06
+    )
     (goal,) = setup(name).task.goals
     assert goal.camera is not None
     # the paper: zero error of position and π of orientation
@@ -115,14 +134,20 @@ def test_the_case_studys_scenario_is_the_reconstructed_one() -> None:
 
 
 def test_fig_4_the_second_marker_slides_along_the_border_twice() -> None:
-    event, trajectory = EVENTS["example-2d-fov"], run("example-2d-fov")
-    measured, tolerance = event["measured"], event["tolerance"]
+    event = EVENTS["example-2d-fov"]
+    trajectory = run("example-2d-fov")
+    measured = event["measured"]
+    tolerance = event["tolerance"]
     for label in ("fov[marker 1]", "fov[marker 2]"):
-        assert_intervals(trajectory.active_intervals(label), measured[label], tolerance["interval_ends"])
+        assert_intervals(
+            trajectory.active_intervals(label), measured[label], tolerance["interval_ends"]
+        )
     assert trajectory.phi.max() == pytest.approx(measured["phi_max"], abs=tolerance["phi_max"])
     assert trajectory.phi.max() <= band("example-2d-fov", "fov[marker 2]")
     assert trajectory.sigma.max() <= 0.0
-    assert settling_time(trajectory) == pytest.approx(measured["settling_5mm_5mrad"], abs=tolerance["settling"])
+    assert settling_time(trajectory) == pytest.approx(
+        measured["settling_5mm_5mrad"], abs=tolerance["settling"]
+    )
     assert trajectory.status == "converged"
 
 
@@ -138,7 +163,9 @@ def test_fig_4_a_position_error_arises_while_the_constraint_acts_and_then_vanish
 
 
 def test_fig_4_the_border_is_reached_smoothly_and_used_fully() -> None:
-    """φ approaches zero from below without a jump, and the marker comes within a pixel of the border."""
+    """φ approaches zero from below without a jump, and the marker comes within a pixel of the
+    border.
+    """
     trajectory = run("example-2d-fov")
     values = phi(trajectory, "fov[marker 2]")
     first = int(np.argmax(values >= 0.0))
@@ -148,8 +175,10 @@ def test_fig_4_the_border_is_reached_smoothly_and_used_fully() -> None:
 
 
 def test_fig_5_the_gain_of_the_slow_motion_is_not_enough_for_the_fast_one() -> None:
-    event, trajectory = EVENTS["example-2d-fast"], run("example-2d-fast")
-    label, Ts = "fov[marker 2]", setup("example-2d-fast").Ts
+    event = EVENTS["example-2d-fast"]
+    trajectory = run("example-2d-fast")
+    label = "fov[marker 2]"
+    Ts = setup("example-2d-fast").Ts
     measured = event["measured"]
     allowed = band("example-2d-fast", label)
     assert allowed == pytest.approx(measured["band"])
@@ -158,16 +187,23 @@ def test_fig_5_the_gain_of_the_slow_motion_is_not_enough_for_the_fast_one() -> N
     assert settling_time(trajectory) <= 0.4 * settling_time(run("example-2d-fov"))
     # and the measured numbers, within the tolerances of the slow example
     tolerance = EVENTS["example-2d-fov"]["tolerance"]
-    assert_intervals(trajectory.active_intervals(label, gap=0.3), measured[label], tolerance["interval_ends"])
-    assert phi(trajectory, label).max() == pytest.approx(measured["phi_max"], abs=tolerance["phi_max"])
+    assert_intervals(
+        trajectory.active_intervals(label, gap=0.3), measured[label], tolerance["interval_ends"]
+    )
+    assert phi(trajectory, label).max() == pytest.approx(
+        measured["phi_max"], abs=tolerance["phi_max"]
+    )
     run_length = longest_positive_run(phi(trajectory, label))
     assert run_length * Ts == pytest.approx(measured["longest_positive_run"], abs=3 * Ts)
-    assert settling_time(trajectory) == pytest.approx(measured["settling_5mm_5mrad"], abs=tolerance["settling"])
+    assert settling_time(trajectory) == pytest.approx(
+        measured["settling_5mm_5mrad"], abs=tolerance["settling"]
+    )
     assert trajectory.sigma.max() == pytest.approx(measured["sigma_max"], abs=0.01)
 
 
 def test_fig_5_five_times_the_gain_is_enough_and_chatters_more() -> None:
-    event, trajectory = EVENTS["example-2d-fast-high-gain"], run("example-2d-fast-high-gain")
+    event = EVENTS["example-2d-fast-high-gain"]
+    trajectory = run("example-2d-fast-high-gain")
     label = "fov[marker 2]"
     allowed = band("example-2d-fast-high-gain", label)
     assert allowed == pytest.approx(event["measured"]["band"])
@@ -177,7 +213,9 @@ def test_fig_5_five_times_the_gain_is_enough_and_chatters_more() -> None:
     slow = run("example-2d-fov")
 
     def while_sliding(trajectory: Trajectory) -> Array:
-        """φ from the first to the last sample of each time the row acts, without the time between."""
+        """φ from the first to the last sample of each time the row acts, without the time
+        between.
+        """
         inside = np.zeros(len(trajectory.t), dtype=bool)
         for first, last in trajectory.active_intervals(label, gap=0.1):
             inside |= (trajectory.t >= first) & (trajectory.t <= last)
@@ -191,7 +229,8 @@ def test_fig_5_five_times_the_gain_is_enough_and_chatters_more() -> None:
 
 
 def test_fig_6_the_first_marker_is_trapped_in_the_bowl() -> None:
-    measured, trajectory = EVENTS["example-2d-bowl"]["measured"], run("example-2d-bowl")
+    measured = EVENTS["example-2d-bowl"]["measured"]
+    trajectory = run("example-2d-bowl")
     label = "occlusion[bowl, marker 1]"
     assert trajectory.status == "trapped"
     assert trajectory.t[-1] == pytest.approx(30.0)
@@ -200,7 +239,9 @@ def test_fig_6_the_first_marker_is_trapped_in_the_bowl() -> None:
     assert np.hypot(x, y) > 0.1
     np.testing.assert_allclose([x, y, turn], measured["end_error_t_t_rot_at_30s"], atol=0.01)
     last = trajectory.t >= trajectory.t[-1] - 2.0
-    moved = np.linalg.norm(trajectory.camera_position[last] - trajectory.camera_position[-1], axis=1)
+    moved = np.linalg.norm(
+        trajectory.camera_position[last] - trajectory.camera_position[-1], axis=1
+    )
     assert moved.max() < 0.005
     expected = measured["occlusion[marker 1]"]
     assert_intervals(trajectory.active_intervals(label), expected, 0.15)
@@ -208,7 +249,8 @@ def test_fig_6_the_first_marker_is_trapped_in_the_bowl() -> None:
 
 
 def test_fig_7_the_convex_corner_is_passed() -> None:
-    measured, trajectory = EVENTS["example-2d-heart-convex"]["measured"], run("example-2d-heart-convex")
+    measured = EVENTS["example-2d-heart-convex"]["measured"]
+    trajectory = run("example-2d-heart-convex")
     label = "occlusion[heart, marker 1]"
     assert trajectory.status == "converged"
     assert trajectory.sigma.max() <= 0.0
@@ -221,7 +263,8 @@ def test_fig_7_the_convex_corner_is_passed() -> None:
 
 
 def test_fig_8_the_constraint_is_not_fulfilled_at_the_concave_corner() -> None:
-    measured, trajectory = EVENTS["example-2d-heart-concave"]["measured"], run("example-2d-heart-concave")
+    measured = EVENTS["example-2d-heart-concave"]["measured"]
+    trajectory = run("example-2d-heart-concave")
     label = "occlusion[heart, marker 1]"
     values = phi(trajectory, label)
     assert values.max() > 5.0 * band("example-2d-heart-concave", label)
@@ -241,9 +284,15 @@ SWITCH = float(CASE["reference_2"]["from_time"])
 
 
 def rows_of(trajectory: Trajectory, event: str) -> list[int]:
-    """Rows that an event is about: one-sided rows count as one, and the sphere's row names its point."""
+    """Rows that an event is about: one-sided rows count as one, and the sphere's row names its
+    point.
+    """
     name = "sphere[tip]" if event == "sphere" else event
-    return [i for i, label in enumerate(trajectory.labels) if label in (name, f"{name}.upper", f"{name}.lower")]
+    return [
+        i
+        for i, label in enumerate(trajectory.labels)
+        if label in (name, f"{name}.upper", f"{name}.lower")
+    ]
 
 
 def phase_intervals(trajectory: Trajectory, event: str) -> dict[str, list[tuple[float, float]]]:
@@ -271,16 +320,20 @@ def test_fig_11_phi_stays_in_its_band(event: str) -> None:
     found = trajectory.phi[:, rows].max()
     allowed = 2.0 * band("case-study-6r", trajectory.labels[rows[0]])
     assert found <= allowed
-    # and it is the prototype's: to its last printed digit and a little rounding of a switching system
+    # and it is the prototype's: to its last printed digit and a little rounding of a switching
+    # system
     assert found == pytest.approx(CASE_EVENTS["measured"][event]["phi_max"], abs=5e-4)
 
 
 def test_fig_10_the_errors_vanish_in_both_phases() -> None:
-    trajectory, tolerance = run("case-study-6r"), CASE_EVENTS["tolerance"]
+    trajectory = run("case-study-6r")
+    tolerance = CASE_EVENTS["tolerance"]
     before_switch = int(np.argmax(trajectory.t >= SWITCH - 1e-9)) - 1
     assert np.abs(trajectory.error[before_switch]).max() < tolerance["error_at_4s"]
     assert np.abs(trajectory.error[-1]).max() < tolerance["error_at_10s"]
-    np.testing.assert_allclose(trajectory.error[before_switch], CASE_EVENTS["error_at_4s"], atol=2e-3)
+    np.testing.assert_allclose(
+        trajectory.error[before_switch], CASE_EVENTS["error_at_4s"], atol=2e-3
+    )
     np.testing.assert_allclose(trajectory.error[-1], CASE_EVENTS["error_at_10s"], atol=1e-3)
     assert np.abs(trajectory.error[0]).max() > 0.1
     assert np.abs(trajectory.error[before_switch + 1]).max() > 0.1
@@ -299,9 +352,15 @@ def test_fig_11_all_constraints_are_fulfilled() -> None:
 def test_fig_11_up_to_three_constraints_act_at_a_time() -> None:
     """As overlapping intervals: the second marker's border, joint 6's range and joint 2's speed."""
     trajectory = run("case-study-6r")
-    spans = [span for event in CASE_EVENTS["measured"] for span in phase_intervals(trajectory, event)["phase_1"]]
+    spans = [
+        span
+        for event in CASE_EVENTS["measured"]
+        for span in phase_intervals(trajectory, event)["phase_1"]
+    ]
     at_once = [sum(first <= t <= last for first, last in spans) for t in trajectory.t]
     assert max(at_once) == 3
     three = trajectory.t[np.array(at_once) == 3]
     # printed with the events: 0.64 to 0.81 s
-    np.testing.assert_allclose([three[0], three[-1]], [0.64, 0.81], atol=CASE_EVENTS["tolerance"]["interval_ends"])
+    np.testing.assert_allclose(
+        [three[0], three[-1]], [0.64, 0.81], atol=CASE_EVENTS["tolerance"]["interval_ends"]
+    )

@@ -1,4 +1,6 @@
-"""Model predictive path integral control: what many samples come to by a program of others, repetition, refusals."""
+"""Model predictive path integral control: what many samples come to by a program of others,
+repetition, refusals.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
-H, T, DAMPING = 2, 0.1, 1e-3
+H = 2
+T = 0.1
+DAMPING = 1e-3
 
 
 def problem(rows: Rows | None = None, **options: Any) -> tuple[PathIntegralControl, Linear, Task]:
@@ -27,26 +31,32 @@ def problem(rows: Rows | None = None, **options: Any) -> tuple[PathIntegralContr
     task = Task(np.eye(2) + 0.3 * rng.normal(size=(2, 2)), 0.5 * rng.normal(size=2))
     rows = Rows.none(2) if rows is None else rows
     model = Linear(rows, task, rng.normal(size=2), 0.3 * rng.normal(size=2), 0.2)
-    law = PathIntegralControl(**{"horizon": H, "block": 10, "damping": DAMPING, "noise": 0.5, **options})
+    law = PathIntegralControl(
+        **{"horizon": H, "block": 10, "damping": DAMPING, "noise": 0.5, **options}
+    )
     law.reset(period=0.01, model=cast(Model, model))
     return law, model, task
 
 
 def best(model: Linear, task: Task, pull: float = 0.0, last: Array | float = 0.0) -> Array:
     """The plan of least c(u) + pull ‖u − last‖² without rows, by Clarabel."""
-    u, J = cvxpy.Variable((H, 2)), task.J
+    u = cvxpy.Variable((H, 2))
+    J = task.J
     q = qd = cvxpy.Constant(np.zeros(2))
     cost = pull * cvxpy.sum_squares(u - last)
     for k in range(H):
         b = task.b - 4.0 * J @ q - 3.0 * J @ qd
         cost += cvxpy.sum_squares(J @ u[k] - b) / np.sum(J**2) + DAMPING * cvxpy.sum_squares(u[k])
-        q, qd = q + T * (model.present.qd + qd) + T**2 / 2 * u[k], qd + T * u[k]
+        q = q + T * (model.present.qd + qd) + T**2 / 2 * u[k]
+        qd = qd + T * u[k]
     cvxpy.Problem(cvxpy.Minimize(cost)).solve(solver="CLARABEL")
     return np.asarray(u.value)
 
 
 def test_many_samples_make_the_step_of_the_quadratic_program() -> None:
-    """Errors of the first step fall as 1/√S: 0.12 noise with 300 samples on average, 0.01 with 100,000."""
+    """Errors of the first step fall as 1/√S: 0.12 noise with 300 samples on average, 0.01 with
+    100,000.
+    """
     errors = {}
     for samples in (300, 100_000):
         found = []
@@ -54,7 +64,9 @@ def test_many_samples_make_the_step_of_the_quadratic_program() -> None:
             law, model, task = problem(samples=samples, seed=seed)
             law.command(Rows.none(2), task)
             assert law.plan is not None
-            found.append(np.sqrt(np.mean((law.plan.qdd - best(model, task, pull=1.0)) ** 2)) / law.noise)
+            found.append(
+                np.sqrt(np.mean((law.plan.qdd - best(model, task, pull=1.0)) ** 2)) / law.noise
+            )
         errors[samples] = float(np.mean(found))
     assert errors[300] < 0.12
     assert errors[100_000] < 0.01
@@ -69,7 +81,9 @@ def test_sample_by_sample_it_comes_to_the_linear_quadratic_optimum() -> None:
         assert law.plan is not None
         np.testing.assert_array_equal(command.qdd, law.plan.qdd[0])
         plans.append(law.plan.qdd)
-    np.testing.assert_allclose(np.mean(plans[200:], axis=0), best(model, task), atol=0.02 * law.noise)
+    np.testing.assert_allclose(
+        np.mean(plans[200:], axis=0), best(model, task), atol=0.02 * law.noise
+    )
 
 
 def test_rows_are_kept_by_penalties_and_marked() -> None:
@@ -154,8 +168,13 @@ class Curved(Straight):
 
 
 def test_costs_are_those_of_the_formula() -> None:
-    """Plan by plan and block by block, with what rows and task say of now otherwise than the model."""
-    rng, n, H, T = np.random.default_rng(4), 2, 3, 0.05
+    """Plan by plan and block by block, with what rows and task say of now otherwise than the
+    model.
+    """
+    rng = np.random.default_rng(4)
+    n = 2
+    H = 3
+    T = 0.05
     rows = Rows(
         phi=np.array([0.3, -0.2]), Lg=np.eye(2), Lf=np.zeros(2), switching_gain=np.ones(2), labels=("place", "speed"),
         scale=np.array([0.5, 2.0]), sigma=np.array([-0.01, -0.2]), sigma_dot=np.zeros(2), K=np.array([0.2, 0.0]),
@@ -165,7 +184,13 @@ def test_costs_are_those_of_the_formula() -> None:
     model.K, q0, qd0 = rows.K, rng.normal(size=n), rng.normal(size=n)
     model.present = model.present._replace(t=2.0, q=q0, qd=qd0)
     law = PathIntegralControl(
-        samples=6, block=5, penalty=0.7, damping=0.4, margin=0.05, approach=2.0, weights={"place": 3.0}
+        samples=6,
+        block=5,
+        penalty=0.7,
+        damping=0.4,
+        margin=0.05,
+        approach=2.0,
+        weights={"place": 3.0},
     )
     law.reset(period=0.01, model=cast(Model, model))
     u = 30.0 * rng.normal(size=(6, H, n))
@@ -179,14 +204,22 @@ def test_costs_are_those_of_the_formula() -> None:
     counted = np.zeros(2)
     given = np.array([rows.sigma[0], rows.phi[1]]), task.J, task.b, task.rest
     for plan, cost in zip(u, found, strict=True):
-        expected, q, qd = 0.0, q0.copy(), qd0.copy()
-        (x, J, b, rest), t = given, 2.0
+        expected = 0.0
+        q = q0.copy()
+        qd = qd0.copy()
+        x, J, b, rest = given
+        t = 2.0
         for block in plan:
-            expected += np.sum((J @ block - b) ** 2) / np.sum(task.J**2) + 0.4 * np.sum((block - rest) ** 2)
+            expected += np.sum((J @ block - b) ** 2) / np.sum(task.J**2) + 0.4 * np.sum(
+                (block - rest) ** 2
+            )
             before = x + 0.05 * rows.scale
-            q, qd, t = q + T * qd + T**2 / 2 * block, qd + T * block, t + T
+            q = q + T * qd + T**2 / 2 * block
+            qd = qd + T * block
+            t = t + T
             x, J, b, rest = (
-                is_now + (then - was) for is_now, then, was in zip(given, seen(t, q, qd), now, strict=True)
+                is_now + (then - was)
+                for is_now, then, was in zip(given, seen(t, q, qd), now, strict=True)
             )
             over = np.maximum(x + 0.05 * rows.scale - np.exp(-0.5) * before, 0.0)
             counted += over > 0.0
@@ -201,15 +234,23 @@ def test_plans_move_on_in_time() -> None:
     planner = law.planner((2, 2))
     # the first plan is the last one, without noise
     np.testing.assert_array_equal(planner.solve(Rows.none(2), task).qdd, 0.0)
-    planner.mean[:, 0], planner.mean[:, 1] = [1.0, 3.0, 5.0], 0.0
-    for after, means in ((0.0, [1.0, 3.0, 5.0]), (0.025, [1.5, 3.5, 5.0]), (0.15, [4.0, 5.0, 5.0]), (0.31, [0.0] * 3)):
+    planner.mean[:, 0] = [1.0, 3.0, 5.0]
+    planner.mean[:, 1] = 0.0
+    for after, means in (
+        (0.0, [1.0, 3.0, 5.0]),
+        (0.025, [1.5, 3.5, 5.0]),
+        (0.15, [4.0, 5.0, 5.0]),
+        (0.31, [0.0] * 3),
+    ):
         np.testing.assert_allclose(planner.carry_on(after)[:, 0], means, atol=1e-12)
 
 
 def test_runs_repeat_bit_by_bit() -> None:
     setup = Scenario.load("example-2d-fov").with_override("duration", 0.5).setup()
     law = make_controller("mppi")
-    one, two, other = simulate(setup, law), simulate(setup, law), simulate(setup, make_controller("mppi", {"seed": 2}))
+    one = simulate(setup, law)
+    two = simulate(setup, law)
+    other = simulate(setup, make_controller("mppi", {"seed": 2}))
     copied = simulate(setup, pickle.loads(pickle.dumps(law)))
     for run in (two, copied):
         np.testing.assert_array_equal(one.qdd_command, run.qdd_command)
@@ -223,7 +264,14 @@ def test_it_reaches_a_goal_at_the_boundary_of_the_image() -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("samples", 0), ("samples", 2.5), ("seed", 0), ("noise", 0.0), ("temperature", -1.0), ("penalty", np.nan)],
+    [
+        ("samples", 0),
+        ("samples", 2.5),
+        ("seed", 0),
+        ("noise", 0.0),
+        ("temperature", -1.0),
+        ("penalty", np.nan),
+    ],
 )
 def test_options_that_cannot_be_used_are_refused(option: str, value: Any) -> None:
     with pytest.raises((InvalidInput, ConfigurationError), match=option):

@@ -1,4 +1,6 @@
-"""Prescribed performance as rows: by hand, at changes of the goal, in the loop; derivatives are in the contracts."""
+"""Prescribed performance as rows: by hand, at changes of the goal, in the loop; derivatives are in
+the contracts.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ from numpy_form import define, evaluate_rows, evaluate_task
 from scenes import camera, robot
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
 from vsconstraints.control import ControlStep
-from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, make_controller
+from vsconstraints.controllers import (
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
@@ -36,7 +44,8 @@ def test_a_turn_about_the_optical_axis_by_hand() -> None:
     scene, q0 = planar()
     goal = Goal(1.0, np.zeros((2, 2)), np.zeros((2, 2)), scene.camera_pose(q0))
     constraint = PerformanceFunnel([goal], rotation_rad=2.0, **GAINS)
-    q, qd = q0 + np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.3])
+    q = q0 + np.array([0.0, 0.0, 0.5])
+    qd = np.array([0.0, 0.0, 0.3])
     rows, sigma = evaluate_rows(ConstraintSet([constraint], scene), scene.evaluate(3.0, q, qd))
     assert rows.labels[2] == "funnel[rotation z].upper"
     assert rows.labels[5] == "funnel[rotation z].lower"
@@ -44,11 +53,15 @@ def test_a_turn_about_the_optical_axis_by_hand() -> None:
     turned = float(np.sign(rows.Lg[2, 2])) * 0.5
     width = 0.9 * exp(-0.5 * 2.0) + 0.1
     narrowing = -0.5 * 0.9 * exp(-0.5 * 2.0)
-    np.testing.assert_allclose(sigma[[2, 5]], [turned / 2.0 - width, -turned / 2.0 - width], atol=1e-12)
+    np.testing.assert_allclose(
+        sigma[[2, 5]], [turned / 2.0 - width, -turned / 2.0 - width], atol=1e-12
+    )
     rate = np.sign(turned) * 0.3
     sigma_dot = np.array([rate / 2.0 - narrowing, -rate / 2.0 - narrowing])
     np.testing.assert_allclose(rows.phi[[2, 5]], sigma[[2, 5]] + 0.2 * sigma_dot, atol=1e-12)
-    np.testing.assert_allclose(rows.Lf[[2, 5]], sigma_dot - 0.2 * 0.25 * 0.9 * exp(-1.0), atol=1e-12)
+    np.testing.assert_allclose(
+        rows.Lf[[2, 5]], sigma_dot - 0.2 * 0.25 * 0.9 * exp(-1.0), atol=1e-12
+    )
     assert abs(rows.Lg[2, 2]) == pytest.approx(0.2 / 2.0)
 
 
@@ -72,9 +85,23 @@ def test_clearance_is_what_is_left_of_the_funnel() -> None:
     pose = scene.camera_pose(q0)
     pixels = scene.project(pose)
     first = Goal(0.0, pixels, scene.camera.normalised(pixels), pose)
-    second = Goal(2.0, pixels + 30.0, scene.camera.normalised(pixels + 30.0), pose @ Pose(np.eye(3), np.ones(3)))
-    t, q = np.array([0.0, 1.0, 2.0, 3.0]), np.tile(q0, (4, 1))
-    trace = Trace(t, q, 0.0 * q, np.tile(pixels + 5.0, (4, 1, 1)), np.empty((4, 0, 3)), scene.camera.size, scene)
+    second = Goal(
+        2.0,
+        pixels + 30.0,
+        scene.camera.normalised(pixels + 30.0),
+        pose @ Pose(np.eye(3), np.ones(3)),
+    )
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    q = np.tile(q0, (4, 1))
+    trace = Trace(
+        t,
+        q,
+        0.0 * q,
+        np.tile(pixels + 5.0, (4, 1, 1)),
+        np.empty((4, 0, 3)),
+        scene.camera.size,
+        scene,
+    )
     width = 0.9 * np.exp(-0.5 * np.array([0.0, 1.0, 0.0, 1.0])) + 0.1
 
     of_image = PerformanceFunnel([first, second], feature_px=100.0, **GAINS)
@@ -134,19 +161,38 @@ def test_laws_hold_what_tracking_does_not(law) -> None:
 
 
 def test_image_funnel_of_an_image_task() -> None:
-    table = {"type": "performance-funnel", "feature_px": 500.0, "final": 0.01, "decay": 1.5, "K": 0.1}
+    table = {
+        "type": "performance-funnel",
+        "feature_px": 500.0,
+        "final": 0.01,
+        "decay": 1.5,
+        "K": 0.1,
+    }
     scenario = Scenario.load("ur5-fov")
     keep = scenario.tables["constraints"]
-    setup = scenario.with_override("constraints", [*keep, {**table, "switching_gain": 10.0}]).setup()
-    run, alone = simulate(setup, HierarchicalQP(rows="barrier")), simulate(setup, Tracking())
+    setup = scenario.with_override(
+        "constraints", [*keep, {**table, "switching_gain": 10.0}]
+    ).setup()
+    run = simulate(setup, HierarchicalQP(rows="barrier"))
+    alone = simulate(setup, Tracking())
     funnel = [label.startswith("funnel") for label in run.labels]
     assert alone.sigma[:, funnel].max() > 0.0
     assert run.sigma[:, funnel].max() < 1e-3
 
 
 def test_a_new_goal_opens_the_funnel_again() -> None:
-    table = {"type": "performance-funnel", "translation_m": 2.0, "final": 0.1, "decay": 1.0, "K": 0.1}
-    setup = Scenario.load("case-study-6r").with_override("constraints", [{**table, "switching_gain": 1.0}]).setup()
+    table = {
+        "type": "performance-funnel",
+        "translation_m": 2.0,
+        "final": 0.1,
+        "decay": 1.0,
+        "K": 0.1,
+    }
+    setup = (
+        Scenario.load("case-study-6r")
+        .with_override("constraints", [{**table, "switching_gain": 1.0}])
+        .setup()
+    )
     state = {t: setup.scene.evaluate(t, setup.q0, setup.qd0) for t in (0.0, 3.99, 4.0)}
     sigma = {t: evaluate_rows(setup.constraints, one)[1] for t, one in state.items()}
     width = {t: -0.5 * (sigma[t][:3] + sigma[t][3:]) for t in sigma}
@@ -161,7 +207,9 @@ def test_a_start_outside_is_refused_before_anything_moves() -> None:
     with pytest.raises(ConfigurationError, match=message):
         simulate(scenario.setup(), SlidingMode())
     # on the boundary is outside
-    exact = Scenario.load("example-2d-funnel").with_override("constraints.1.rotation_rad", float(np.pi))
+    exact = Scenario.load("example-2d-funnel").with_override(
+        "constraints.1.rotation_rad", float(np.pi)
+    )
     with pytest.raises(ConfigurationError, match="outside its funnel"):
         exact.setup().check_start()
 
@@ -172,12 +220,28 @@ def test_a_start_outside_is_refused_before_anything_moves() -> None:
         ({}, ConfigurationError, "give feature_px, or translation_m, rotation_rad or both"),
         ({"feature_px": 1.0, "rotation_rad": 1.0}, ConfigurationError, "give feature_px, or"),
         ({"rotation_rad": 1.0}, ConfigurationError, "needs goals with one; give feature_px"),
-        ({"feature_px": 0.0}, InvalidInput, "feature_px of funnel must be a positive number, not 0.0"),
+        (
+            {"feature_px": 0.0},
+            InvalidInput,
+            "feature_px of funnel must be a positive number, not 0.0",
+        ),
         ({"feature_px": 1.0, "final": 1.5}, ConfigurationError, "final is at most 1"),
-        ({"feature_px": 1.0, "final": 0.0}, InvalidInput, "final of funnel must be a positive number"),
+        (
+            {"feature_px": 1.0, "final": 0.0},
+            InvalidInput,
+            "final of funnel must be a positive number",
+        ),
         ({"feature_px": 1.0, "decay": 5.0}, ConfigurationError, "decay below 1/K = 5 1/s"),
-        ({"feature_px": 1.0, "decay": float("nan")}, InvalidInput, "decay of funnel must be a positive number"),
-        ({"feature_px": 1.0, "markers": [1, 1]}, ConfigurationError, "markers of funnel are counted from 1"),
+        (
+            {"feature_px": 1.0, "decay": float("nan")},
+            InvalidInput,
+            "decay of funnel must be a positive number",
+        ),
+        (
+            {"feature_px": 1.0, "markers": [1, 1]},
+            ConfigurationError,
+            "markers of funnel are counted from 1",
+        ),
         ({"feature_px": 1.0, "goals": []}, ConfigurationError, "there is none"),
     ],
 )

@@ -13,14 +13,21 @@ from vsconstraints.comparisons.runs.pool import Failure
 
 
 class Mortal:
-    """Workers that die of several scenes, and of one law in one scene; the last call is answered first."""
+    """Workers that die of several scenes, and of one law in one scene; the last call is answered
+    first.
+    """
 
     def __init__(self, scene: int, law: str) -> None:
-        self.scene, self.law = scene, law
+        self.scene = scene
+        self.law = law
         self.asked: list[tuple[list[Batch], Mapping[Any, float] | None, bool]] = []
 
     def run(
-        self, calls: Mapping[Any, tuple[Any, ...]], limits: Mapping[Any, float] | None = None, *, again: bool = True
+        self,
+        calls: Mapping[Any, tuple[Any, ...]],
+        limits: Mapping[Any, float] | None = None,
+        *,
+        again: bool = True,
     ) -> Iterator[tuple[Any, Any]]:
         """See :class:`vsconstraints.comparisons.runs.pool.Workers`."""
         self.asked.append(([task for (task,) in calls.values()], limits, again))

@@ -12,40 +12,69 @@ from vsconstraints.compiled.plan_program import Cost, Factor, Limits, Space
 from vsconstraints.compiled.workspace import RELAXED_ROWS, SOLVED
 from vsconstraints.rows import Array
 
-T, PERIOD = 0.05, 0.01
+T = 0.05
+PERIOD = 0.01
 
 
 class Problem:
-    """A random program of H blocks for n joints and m rows, one of them on φ itself, and its dense matrices.
+    """A random program of H blocks for n joints and m rows, one of them on φ itself, and its dense
+    matrices.
 
-    Without any acceleration rows begin at about ``value`` and rise from instant to instant; |q̈| is at most ``most``.
-    The first row is ``steep`` times as large, and its shares as much smaller, as the program is told.
+    Without any acceleration rows begin at about ``value`` and rise from instant to instant; |q̈| is
+    at most ``most``. The first row is ``steep`` times as large, and its shares as much smaller, as
+    the program is told.
     """
 
     def __init__(self, seed: int, value: float, most: float, steep: float = 1.0) -> None:
-        H, n, m = 4, 3, 5
+        H = 4
+        n = 3
+        m = 5
         rng = np.random.default_rng(seed)
-        J, b = rng.normal(size=(H, 4, n)), 5.0 * rng.normal(size=(H, 4))
-        gains, rest, free = rng.uniform(1.0, 5.0, (H, 2)), rng.uniform(0.0, 3.0, (H, 2)), rng.normal(size=(H, n))
-        self.cost = Cost(T, 0.01, gains, rest, np.einsum("hki,hkj->hij", J, J), np.einsum("hki,hk->hi", J, b), free)
+        J = rng.normal(size=(H, 4, n))
+        b = 5.0 * rng.normal(size=(H, 4))
+        gains = rng.uniform(1.0, 5.0, (H, 2))
+        rest = rng.uniform(0.0, 3.0, (H, 2))
+        free = rng.normal(size=(H, n))
+        self.cost = Cost(
+            T,
+            0.01,
+            gains,
+            rest,
+            np.einsum("hki,hkj->hij", J, J),
+            np.einsum("hki,hk->hi", J, b),
+            free,
+        )
         block = np.array([0, 0, *range(H), H])
         since = np.array([0.0, PERIOD, *[T] * H, 0.0])
-        N, stop = len(block), 0.3
-        values = np.cumsum(rng.uniform(-0.005, 0.005, (N, m)), axis=0) + value * rng.uniform(0.5, 1.5, m)
-        gradient, by_speed = rng.normal(size=(N, m, n)), np.array([*[0] * (m - 1), 1])
-        falls, left = np.array([*rng.uniform(0.7, 0.95, N - 2), 0.0]), np.zeros((N - 1, m))
+        N = len(block)
+        stop = 0.3
+        values = np.cumsum(rng.uniform(-0.005, 0.005, (N, m)), axis=0) + value * rng.uniform(
+            0.5, 1.5, m
+        )
+        gradient = rng.normal(size=(N, m, n))
+        by_speed = np.array([*[0] * (m - 1), 1])
+        falls = np.array([*rng.uniform(0.7, 0.95, N - 2), 0.0])
+        left = np.zeros((N - 1, m))
         left[-1, by_speed > 0] = np.inf
-        scale, self.weights = rng.uniform(0.5, 2.0, m), rng.uniform(0.5, 2.0, m)
-        low, high = -most * rng.uniform(0.5, 1.0, (H, n)), most * rng.uniform(0.5, 1.0, (H, n))
-        share, larger = rng.uniform(0.2, 1.0, (N - 1, m)), np.array([steep, *[1.0] * (m - 1)])
+        scale = rng.uniform(0.5, 2.0, m)
+        self.weights = rng.uniform(0.5, 2.0, m)
+        low = -most * rng.uniform(0.5, 1.0, (H, n))
+        high = most * rng.uniform(0.5, 1.0, (H, n))
+        share = rng.uniform(0.2, 1.0, (N - 1, m))
+        larger = np.array([steep, *[1.0] * (m - 1)])
         rows = values * larger, gradient * larger[:, None], by_speed, falls, left, share / larger
         self.limits = Limits(N, block, since, stop, *rows, scale, low, high)
-        factor = Factor(*map(np.zeros, ((H, n, 2 * n), (H, n), (H, n, n), (H, n), (2 * n + 1, 2 * n))))
+        factor = Factor(
+            *map(np.zeros, ((H, n, 2 * n), (H, n), (H, n, n), (H, n), (2 * n + 1, 2 * n)))
+        )
         self.space = Space.of(H, N, n, m)
-        self.code, self.active = plan_program.plan_best(self.cost, factor, self.limits, self.space, self.weights)
+        self.code, self.active = plan_program.plan_best(
+            self.cost, factor, self.limits, self.space, self.weights
+        )
         # how q and q̇ at each instant change with the plan
         eye = np.eye(n)
-        Q, V = np.zeros((N, n, H, n)), np.zeros((N, n, H, n))
+        Q = np.zeros((N, n, H, n))
+        V = np.zeros((N, n, H, n))
         ends = T * np.arange(H + 1)
         for t in range(1, N - 1):
             now = ends[block[t]] + since[t]
@@ -56,14 +85,20 @@ class Problem:
         Q[-1] = Q[-2] + 0.5 * stop * V[-2]
         size = H * n
         rows = np.einsum("tmi,tij->tmj", gradient, Q.reshape(N, n, size))
-        rows[:, by_speed > 0] = np.einsum("tmi,tij->tmj", gradient, V.reshape(N, n, size))[:, by_speed > 0]
+        rows[:, by_speed > 0] = np.einsum("tmi,tij->tmj", gradient, V.reshape(N, n, size))[
+            :, by_speed > 0
+        ]
         G = rows[1:] - falls[:, None, None] * rows[:-1]
         h = left - values[1:] + falls[:, None] * values[:-1]
         bounded = np.isfinite(h)
-        G, h = share[:, :, None] * G, share * h
-        self.G, self.h, self.row = G[bounded], h[bounded], np.tile(np.arange(m), (N - 1, 1))[bounded]
+        G = share[:, :, None] * G
+        h = share * h
+        self.G = G[bounded]
+        self.h = h[bounded]
+        self.row = np.tile(np.arange(m), (N - 1, 1))[bounded]
         begins = np.array([0, *range(2, H + 1)])
-        residuals, sides = [], []
+        residuals = []
+        sides = []
         for k, t in enumerate(begins):
             own = np.zeros((n, H, n))
             own[:, k] = eye
@@ -71,7 +106,8 @@ class Problem:
             still = own + rest[k, 0] * Q[t] + rest[k, 1] * V[t]
             residuals += [J[k] @ task.reshape(n, size), 0.1 * still.reshape(n, size)]
             sides += [b[k], 0.1 * free[k]]
-        self.M, self.y = np.vstack(residuals), np.concatenate(sides)
+        self.M = np.vstack(residuals)
+        self.y = np.concatenate(sides)
 
     @property
     def u(self) -> Array:
@@ -87,7 +123,9 @@ class Problem:
 @pytest.mark.parametrize("seed", range(60))
 def test_plans_are_those_of_a_dense_program(seed: int) -> None:
     problem = Problem(seed, value=-0.3, most=20.0 / (1.0 + seed % 8))
-    P, q, (low, high) = problem.M.T @ problem.M, -problem.M.T @ problem.y, problem.box
+    P = problem.M.T @ problem.M
+    q = -problem.M.T @ problem.y
+    low, high = problem.box
     best = solve_qp(P, q, problem.G, problem.h, lb=low, ub=high, solver="quadprog")
     assert problem.code == SOLVED
     np.testing.assert_allclose(problem.u, best, atol=1e-9 * max(1.0, np.abs(best).max()))
@@ -112,9 +150,13 @@ def test_some_programs_have_no_rows_in_the_way_and_some_many() -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_rows_that_contradict_each_other_are_violated_least(seed: int) -> None:
-    """Σ wᵢ sᵢ / scaleᵢ is that of a linear program, and rows are exceeded by no more than their slack."""
+    """Σ wᵢ sᵢ / scaleᵢ is that of a linear program, and rows are exceeded by no more than their
+    slack.
+    """
     problem = Problem(seed, value=0.1, most=0.5)
-    price, m, size = problem.weights / problem.limits.scale, len(problem.weights), len(problem.u)
+    price = problem.weights / problem.limits.scale
+    m = len(problem.weights)
+    size = len(problem.u)
     A = np.hstack((problem.G, -np.eye(m)[problem.row]))
     bounds = [*zip(*problem.box, strict=True), *[(0.0, None)] * m]
     least = linprog(np.append(np.zeros(size), price), A, problem.h, bounds=bounds).fun
@@ -122,7 +164,8 @@ def test_rows_that_contradict_each_other_are_violated_least(seed: int) -> None:
     assert problem.code == (RELAXED_ROWS if least > 1e-9 else SOLVED)
     assert price @ slack == pytest.approx(least, rel=1e-3, abs=1e-6)
     assert (problem.G @ problem.u - problem.h - slack[problem.row]).max() < 1e-5
-    # with slacks, rows and bounds are met up to a millionth of their scale; commands are brought into the box behind it
+    # with slacks, rows and bounds are met up to a millionth of their scale; commands are brought
+    # into the box behind it
     low, high = problem.box
     beyond = np.maximum(problem.u - high, low - problem.u) / (high - low)
     assert beyond.max() <= 1.1e-6

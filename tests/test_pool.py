@@ -1,4 +1,6 @@
-"""Calls in other processes: what dies, hangs or is interrupted costs only its own call, and nothing is left."""
+"""Calls in other processes: what dies, hangs or is interrupted costs only its own call, and nothing
+is left.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool, processes_k
 
 
 def do(what: str, file: str = "") -> object:
-    """What a call is told to do; it notes in the file when it begins and ends, and in which process."""
+    """What a call is told to do; it notes in the file when it begins and ends, and in which
+    process.
+    """
     begun = time.monotonic()
     if what == "raise":
         raise ValueError("on purpose")
@@ -44,7 +48,9 @@ def _noted(file: str) -> bool:
     return False
 
 
-def answers(calls: dict[str, tuple[str, ...]], processes: int = 2, **limits: float) -> dict[str, object]:
+def answers(
+    calls: dict[str, tuple[str, ...]], processes: int = 2, **limits: float
+) -> dict[str, object]:
     with Pool(do, processes) as pool:
         return dict(pool.run(calls, limits))
 
@@ -96,11 +102,15 @@ def test_processes_are_handed_on_only_where_they_are_kept_and_end_with_the_block
             assert dict(pool.run({"dies": ("die",)})) == {"dies": Failure(DIED)}
         # one that died is not handed on
         with Pool(process_and, 2) as pool:
-            assert all(isinstance(answer, tuple) for _, answer in pool.run({"a": ("x",), "b": ("y",)}))
+            assert all(
+                isinstance(answer, tuple) for _, answer in pool.run({"a": ("x",), "b": ("y",)})
+            )
     assert with_mark(mark) == []
 
 
-def test_a_process_that_dies_costs_its_call_and_the_others_go_on_in_parallel(tmp_path: Path) -> None:
+def test_a_process_that_dies_costs_its_call_and_the_others_go_on_in_parallel(
+    tmp_path: Path,
+) -> None:
     calls = {f"{k}": ("work",) for k in range(6)}
     calls = {"dies": ("die",), "once": ("die once", str(tmp_path / "died")), **calls}
     found = answers(calls)
@@ -117,7 +127,9 @@ def test_a_process_that_dies_costs_its_call_and_the_others_go_on_in_parallel(tmp
 
 def test_a_call_beyond_its_limit_is_ended_and_the_others_are_answered() -> None:
     begun = time.monotonic()
-    found = answers({"hangs": ("hang",), "a": ("work",), "b": ("work",), "c": ("work",)}, hangs=1.5, a=60.0)
+    found = answers(
+        {"hangs": ("hang",), "a": ("work",), "b": ("work",), "c": ("work",)}, hangs=1.5, a=60.0
+    )
     assert time.monotonic() - begun < 60.0
     assert found["hangs"] == Failure("it took longer than its limit of 1.5 s and was ended")
     assert not [key for key in "abc" if isinstance(found[key], Failure)]
@@ -183,11 +195,15 @@ print("done")
 
 @needs_proc
 @pytest.mark.parametrize("script", [POOL, STEPS], ids=["pool", "steps"])
-def test_a_machine_or_a_batch_system_that_stops_all_processes_ends_no_call(script: str, tmp_path: Path) -> None:
+def test_a_machine_or_a_batch_system_that_stops_all_processes_ends_no_call(
+    script: str, tmp_path: Path
+) -> None:
     (tmp_path / "script.py").write_text(script)
     file = tmp_path / "begun"
     command = [sys.executable, str(tmp_path / "script.py"), str(file)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
         while not file.exists():
             assert process.poll() is None
             time.sleep(0.01)
@@ -201,7 +217,11 @@ def test_a_machine_or_a_batch_system_that_stops_all_processes_ends_no_call(scrip
 
 @pytest.mark.parametrize(
     "hang",
-    ["time.sleep(1000.0)", "sum(range(10**13))", "threading.Thread(target=time.sleep, args=(1000,)).run()"],
+    [
+        "time.sleep(1000.0)",
+        "sum(range(10**13))",
+        "threading.Thread(target=time.sleep, args=(1000,)).run()",
+    ],
     ids=["waits", "computes and lets no other thread run", "waits for a thread"],
 )
 def test_a_step_that_never_ends_is_ended_whatever_it_does(hang: str) -> None:
@@ -213,12 +233,17 @@ def test_a_step_that_never_ends_is_ended_whatever_it_does(hang: str) -> None:
 
 def test_steps_within_their_limit_may_together_take_longer_than_it() -> None:
     code = "import time\nfrom vsconstraints.plugins.processes import SLACK, deadline\n"
-    code += "with deadline(0.5) as step:\n    for _ in range(8):\n        step()\n        time.sleep(0.4)\n"
+    code += (
+        "with deadline(0.5) as step:\n    for _ in range(8):\n        step()\n        "
+        "time.sleep(0.4)\n"
+    )
     assert subprocess.run([sys.executable, "-c", code], timeout=120).returncode == 0
 
 
 @needs_proc
-def test_processes_end_at_once_where_the_block_is_left_by_an_exception(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_end_at_once_where_the_block_is_left_by_an_exception(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     environment, mark = marked()
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
@@ -239,7 +264,9 @@ def test_processes_that_cannot_start_are_an_error_and_no_endless_loop(tmp_path: 
         "from vsconstraints.comparisons.runs.pool import Pool\n"
         "with Pool(abs, 1) as p:\n    print(dict(p.run({1: (1,)})))"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 1
     assert "VsconstraintsError" in done.stderr
     assert "__main__" in done.stderr
@@ -263,7 +290,9 @@ def test_processes_end_with_their_parent_whatever_ends_it(tmp_path: Path, number
     script = tmp_path / "parent.py"
     script.write_text(STARTS_WORKERS.format(tests=str(Path(__file__).parent)))
     environment, mark = marked()
-    process = subprocess.Popen([sys.executable, str(script)], env=environment, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, str(script)], env=environment, stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     assert process.stdout.readline() == "under way\n"
     assert len(with_mark(mark)) >= 3
@@ -273,7 +302,9 @@ def test_processes_end_with_their_parent_whatever_ends_it(tmp_path: Path, number
     assert left_over(mark) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Linux binds processes to cores")
+@pytest.mark.skipif(
+    not hasattr(os, "sched_setaffinity"), reason="only Linux binds processes to cores"
+)
 def test_no_more_processes_than_cores_that_may_be_used() -> None:
     code = (
         "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
@@ -295,5 +326,7 @@ def test_no_more_processes_than_memory_holds(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_limit_of_a_run_grows_with_its_samples() -> None:
     short = resources.run_limit({"duration": 1.0, "sampling_time": 0.01})
-    assert resources.run_limit({"duration": 101.0, "sampling_time": 0.01}) == pytest.approx(short + 1000.0)
+    assert resources.run_limit({"duration": 101.0, "sampling_time": 0.01}) == pytest.approx(
+        short + 1000.0
+    )
     assert resources.run_limit({"duration": "long"}) > 0.0

@@ -67,8 +67,24 @@ def test_everything_can_be_imported(tmp_path: Path) -> None:
 
 
 def test_a_comparison_of_one_scene_runs(tmp_path: Path) -> None:
-    command = ["-m", "vsconstraints.cli", "compare", "--scenario", "example-2d-fov", "--controller", "sliding-mode"]
-    settings = ["--set", "scenario.duration=0.5", "--no-figures", "--jobs", "2", "--out", str(tmp_path / "out")]
+    command = [
+        "-m",
+        "vsconstraints.cli",
+        "compare",
+        "--scenario",
+        "example-2d-fov",
+        "--controller",
+        "sliding-mode",
+    ]
+    settings = [
+        "--set",
+        "scenario.duration=0.5",
+        "--no-figures",
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     done = elsewhere(tmp_path, *command, *settings)
     assert done.returncode == 0, done.stderr
     with (tmp_path / "out" / "results.csv").open(newline="") as file:

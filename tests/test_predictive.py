@@ -1,4 +1,6 @@
-"""The predictive law: its predictions, its QP stated otherwise, and what it keeps where others act too late."""
+"""The predictive law: its predictions, its QP stated otherwise, and what it keeps where others act
+too late.
+"""
 
 from __future__ import annotations
 
@@ -45,16 +47,22 @@ def standing(n: int, most: float | Array = np.inf, **options: Any) -> Planner:
 
 @pytest.mark.parametrize(("blocks", "block"), [(1, 1), (4, 1), (3, 5)])
 def test_states_along_a_plan_are_those_of_a_double_integrator(blocks: int, block: int) -> None:
-    rng, Ts, n = np.random.default_rng(1), 0.01, 2
+    rng = np.random.default_rng(1)
+    Ts = 0.01
+    n = 2
     plans = standing(n, horizon=blocks, block=block).plans
     plans.plan[:], plans.now[1:] = rng.normal(size=(blocks, n)), rng.normal(size=2 * n)
     count = predictive.walk(plans)
     assert count == blocks + 1 + (block > 1) == len(set(plans.times[:count]))
-    x, v, t = plans.now[1 : 1 + n].copy(), plans.now[1 + n :].copy(), 0.0
+    x = plans.now[1 : 1 + n].copy()
+    v = plans.now[1 + n :].copy()
+    t = 0.0
     found = {0.0: (x, v)}
     for k in range(blocks * block):
         u = plans.plan[k // block]
-        x, v, t = x + Ts * v + Ts**2 / 2 * u, v + Ts * u, t + Ts
+        x = x + Ts * v + Ts**2 / 2 * u
+        v = v + Ts * u
+        t = t + Ts
         found[round(t, 9)] = x, v
     for i, tau in enumerate(plans.times[:count]):
         np.testing.assert_allclose(plans.states[:, i], found[round(float(tau), 9)], atol=1e-14)
@@ -76,7 +84,9 @@ def test_a_plan_that_goes_on_is_the_mean_of_what_comes() -> None:
     plans = standing(1, 100.0, horizon=3, block=4).plans
     predictive.set_box(plans, Rows.none(1))
     for after, means in ((0.01, [1.5, 3.5, 6.0]), (0.06, [4.0, 7.0, 9.0]), (0.0, [1.0, 3.0, 5.0])):
-        plans.plan[:, 0], plans.then[:], plans.made[:] = [1.0, 3.0, 5.0], 9.0, 2.0
+        plans.plan[:, 0] = [1.0, 3.0, 5.0]
+        plans.then[:] = 9.0
+        plans.made[:] = 2.0
         plans.now[0] = 2.0 + after
         predictive.carry_on(plans)
         np.testing.assert_allclose(plans.plan[:, 0], means)
@@ -97,7 +107,8 @@ class Linear(Straight):
 
     def along(self, t: Array, q: Array, qd: Array) -> Any:
         """See :class:`Straight`."""
-        a, J = self.rows.Lg / self.K[:, None], self.now.J
+        a = self.rows.Lg / self.K[:, None]
+        J = self.now.J
         seen = super().along(t, q, qd)
         sigma = self.rows.sigma + (q - self.present.q) @ a.T
         away = (q - self.present.q) @ J.T, (qd - self.present.qd) @ J.T
@@ -107,7 +118,10 @@ class Linear(Straight):
 
 
 def linear_problem(seed: int, most: float) -> tuple[PredictiveControl, Linear, Rows, Task]:
-    rng, n, m, K = np.random.default_rng(seed), 3, 4, 0.2
+    rng = np.random.default_rng(seed)
+    n = 3
+    m = 4
+    K = 0.2
     rows = Rows(
         phi=np.zeros(m),
         Lg=K * rng.normal(size=(m, n)),
@@ -129,10 +143,17 @@ def test_the_condensed_program_is_the_one_with_states(seed: int) -> None:
     # the model is linear, so that one iteration is exact, but for the time of braking
     for _ in range(20):
         command = law.command(rows, task)
-    H, T, n = 4, 0.05, 3
-    q, qd, u = cvxpy.Variable((H + 2, n)), cvxpy.Variable((H + 1, n)), cvxpy.Variable((H, n))
-    a, J, kappa = rows.Lg / model.K[:, None], task.J, 2.0 * T
-    q0, qd0 = model.present.q, model.present.qd
+    H = 4
+    T = 0.05
+    n = 3
+    q = cvxpy.Variable((H + 2, n))
+    qd = cvxpy.Variable((H + 1, n))
+    u = cvxpy.Variable((H, n))
+    a = rows.Lg / model.K[:, None]
+    J = task.J
+    kappa = 2.0 * T
+    q0 = model.present.q
+    qd0 = model.present.qd
     asked: list[Any] = [q[0] == q0, qd[0] == qd0, cvxpy.abs(u) <= 8.0]
     after = q0 + 0.01 * qd0 + 0.01**2 / 2 * u[0]
     residuals = []
@@ -176,18 +197,21 @@ def test_rows_that_contradict_each_other_are_violated_least_and_named() -> None:
 @pytest.mark.parametrize("name", ["panda-fov", "moving-sphere"])
 def test_what_python_predicts_is_planned_alike(name: str) -> None:
     scene = setup(name)
-    step, other = scene.control(), scene.control()
+    step = scene.control()
+    other = scene.control()
     model = other.model()
     model.step = None  # as with a constraint in NumPy
     commands = []
     for control, of in ((step, step.model()), (other, model)):
         law = PredictiveControl()
         law.reset(period=scene.Ts, model=of)
-        q, qd = scene.q0.copy(), scene.qd0.copy()
+        q = scene.q0.copy()
+        qd = scene.qd0.copy()
         for k in range(5):
             seen = control.evaluate(k * scene.Ts, q, qd)
             commands.append(law.command(seen.rows, seen.task).qdd)
-            q, qd = q + scene.Ts * qd, qd + scene.Ts * commands[-1]
+            q = q + scene.Ts * qd
+            qd = qd + scene.Ts * commands[-1]
     np.testing.assert_allclose(commands[:5], commands[5:], rtol=1e-9, atol=1e-9)
 
 
@@ -213,9 +237,12 @@ def test_it_holds_the_case_study() -> None:
 
 
 def test_a_safety_filter_lets_a_motion_pass_that_is_safe() -> None:
-    """Wabersich and Zeilinger (2021): nothing is changed, to the last bit, until the horizon meets a row."""
+    """Wabersich and Zeilinger (2021): nothing is changed, to the last bit, until the horizon meets
+    a row.
+    """
     scene = setup("example-2d-fov", duration=3.2)
-    filtered, tracking = simulate(scene, PredictiveControl()), simulate(scene, Tracking())
+    filtered = simulate(scene, PredictiveControl())
+    tracking = simulate(scene, Tracking())
     horizon = PredictiveControl().horizon * PredictiveControl().block
     contact = int(np.argmax(tracking.sigma.max(axis=1) > 0.0))
     first = int(np.argmax((filtered.qdd_command != tracking.qdd_command).any(axis=1)))
@@ -238,21 +265,32 @@ RECORDED = dict(np.load(Path(__file__).parent / "data" / "predictive-plans.npz")
 
 @pytest.mark.parametrize("key", sorted({name.rpartition("--")[0] for name in RECORDED}))
 def test_plans_are_those_of_a_dense_program_with_states_eliminated(key: str) -> None:
-    """A thousand samples of runs, planned by a Cholesky factorisation of all blocks and DAQP: the same to 1e-9."""
+    """A thousand samples of runs, planned by a Cholesky factorisation of all blocks and DAQP: the
+    same to 1e-9.
+    """
     t, q, qd, plan, then, made, wanted = (RECORDED[f"{key}--{name}"] for name in FIELDS)
     name, horizon, block = key.split("--")
     scene = setup(name)
-    step, law = scene.control(), PredictiveControl(horizon=int(horizon), block=int(block))
+    step = scene.control()
+    law = PredictiveControl(horizon=int(horizon), block=int(block))
     planner = Planner(law, step.model(), scene.Ts, step.evaluate(t[0], q[0], qd[0]).task.J.shape)
     for k in range(len(t)):
         seen = step.evaluate(t[k], q[k], qd[k])
-        planner.plans.plan[:], planner.plans.then[:], planner.plans.made[:] = plan[k], then[k], made[k]
+        planner.plans.plan[:], planner.plans.then[:], planner.plans.made[:] = (
+            plan[k],
+            then[k],
+            made[k],
+        )
         # begun with the rows that held another plan, some of them far away
         command = planner.solve(seen.rows, seen.task)
-        np.testing.assert_allclose(command.qdd, wanted[k], atol=1e-9 * max(1.0, np.abs(wanted[k]).max()))
+        np.testing.assert_allclose(
+            command.qdd, wanted[k], atol=1e-9 * max(1.0, np.abs(wanted[k]).max())
+        )
 
 
-@pytest.mark.parametrize("options", [{"horizon": 1, "block": 1}, {"horizon": 1}, {"horizon": 30, "block": 5}])
+@pytest.mark.parametrize(
+    "options", [{"horizon": 1, "block": 1}, {"horizon": 1}, {"horizon": 30, "block": 5}]
+)
 def test_both_extremes_of_the_horizon(options: dict[str, Any]) -> None:
     run = simulate(setup("example-2d-fov", duration=0.3), PredictiveControl(**options))
     assert run.status == "unfinished"
@@ -273,14 +311,17 @@ def test_a_marker_behind_the_camera_shortens_the_horizon() -> None:
 
 
 def test_a_long_plan_may_lead_far_outside_the_image() -> None:
-    """There the rows of markers are 10¹² times their scale: the program has its answer all the same, and keeps rows."""
+    """There the rows of markers are 10¹² times their scale: the program has its answer all the
+    same, and keeps rows.
+    """
     (family,) = TestSet.load().chosen(("ur5",), "held-out", 1, None)["families"]
     setup = replace(family.scene(0).setup(), duration=0.4)
     law = PredictiveControl(horizon=20)
     run = simulate(setup, law, by_public_call=True)
     assert run.status != "failed"
     assert run.phi.max() < 0.0
-    step, answers = setup.control(), []
+    step = setup.control()
+    answers = []
     law.reset(setup.Ts, step.model())
     for state in zip(run.t.tolist(), run.q, run.qd, strict=True):
         answers.append(step.command(law, *state)[1].status)
@@ -290,7 +331,8 @@ def test_a_long_plan_may_lead_far_outside_the_image() -> None:
 def test_the_same_twice_and_after_a_reset() -> None:
     scene = setup("example-2d-fov", duration=0.1)
     law = PredictiveControl()
-    first, again = simulate(scene, law), simulate(scene, law)
+    first = simulate(scene, law)
+    again = simulate(scene, law)
     np.testing.assert_array_equal(first.qdd_command, again.qdd_command)
     law.reset()
     assert law.plan is None
@@ -300,7 +342,9 @@ def test_the_same_twice_and_after_a_reset() -> None:
 
 def test_disturbed_scenes_run() -> None:
     scene = setup(
-        "case-study-6r", duration=0.02, **{"disturbances.pixel_noise": 0.3, "disturbances.focal_factor": [1.02, 1.02]}
+        "case-study-6r",
+        duration=0.02,
+        **{"disturbances.pixel_noise": 0.3, "disturbances.focal_factor": [1.02, 1.02]},
     )
     run = simulate(scene, PredictiveControl(horizon=3))
     assert run.status == "unfinished"
@@ -310,7 +354,8 @@ def test_disturbed_scenes_run() -> None:
 
 
 def test_without_a_model_it_says_what_to_do() -> None:
-    rows, task = Rows.none(2), Task(np.eye(2), np.zeros(2))
+    rows = Rows.none(2)
+    task = Task(np.eye(2), np.zeros(2))
     law = PredictiveControl()
     with pytest.raises(InvalidInput, match=r"uses a model.*reset\(model=step\.model\(\)\)"):
         law.command(rows, task)
@@ -357,21 +402,41 @@ def asked(law: PredictiveControl, name: str, k: int) -> tuple[Rows, Task]:
     return evaluation.rows, evaluation.task
 
 
-@pytest.mark.parametrize(("name", "k"), [("case-study-6r", 0), ("example-2d-fov", 400), ("example-2d-bowl", 300)])
+@pytest.mark.parametrize(
+    ("name", "k"), [("case-study-6r", 0), ("example-2d-fov", 400), ("example-2d-bowl", 300)]
+)
 def test_a_command_is_the_one_that_all_checks_in_numpy_let_pass(name: str, k: int) -> None:
     laws = PredictiveControl(), PredictiveControl()
-    (rows, task), _ = asked(laws[0], name, k), asked(laws[1], name, k)
-    plain, checked = laws[0].command(rows, task), laws[1].define(rows, task)
+    rows, task = asked(laws[0], name, k)
+    _ = asked(laws[1], name, k)
+    plain = laws[0].command(rows, task)
+    checked = laws[1].define(rows, task)
     np.testing.assert_array_equal(plain.qdd, checked.qdd)
     np.testing.assert_array_equal(plain.acted, checked.acted)
-    assert (plain.status, plain.reason, plain.remark) == (checked.status, checked.reason, checked.remark)
+    assert (plain.status, plain.reason, plain.remark) == (
+        checked.status,
+        checked.reason,
+        checked.remark,
+    )
 
 
 @pytest.mark.parametrize(
-    "part", ["rows.phi", "rows.Lg", "rows.Lf", "rows.switching_gain", "rows.scale", "rows.sigma", "task.J", "task.b"]
+    "part",
+    [
+        "rows.phi",
+        "rows.Lg",
+        "rows.Lf",
+        "rows.switching_gain",
+        "rows.scale",
+        "rows.sigma",
+        "task.J",
+        "task.b",
+    ],
 )
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_bad_input_is_refused_by_name_though_the_compiled_law_is_asked_first(part: str, bad: float) -> None:
+def test_bad_input_is_refused_by_name_though_the_compiled_law_is_asked_first(
+    part: str, bad: float
+) -> None:
     law = PredictiveControl()
     given = dict(zip(("rows", "task"), asked(law, "case-study-6r", 0), strict=True))
     of, _, name = part.partition(".")
@@ -397,7 +462,10 @@ def test_what_the_compiled_law_has_not_checked_is_checked(monkeypatch: pytest.Mo
     law = PredictiveControl()
     rows, task = asked(law, "case-study-6r", 0)
     lost = Command(
-        np.full(task.J.shape[1], np.nan), "suboptimal", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels
+        np.full(task.J.shape[1], np.nan),
+        "suboptimal",
+        np.zeros(len(rows.labels), dtype=np.bool_),
+        rows.labels,
     )
     monkeypatch.setattr(Planner, "solve", lambda planner, rows, task: replace(lost))
     command = law.command(rows, task)

@@ -1,4 +1,6 @@
-"""Previews: where things are by hand and by other code, what is warned of, and that everything can be drawn."""
+"""Previews: where things are by hand and by other code, what is warned of, and that everything can
+be drawn.
+"""
 
 from __future__ import annotations
 
@@ -43,14 +45,17 @@ def say(*words: str) -> Result:
 
 
 def assert_in_picture(preview: Preview, aspect: float) -> None:
-    """Everything that a view is fitted to is seen in it, from where matplotlib looks with those angles."""
+    """Everything that a view is fitted to is seen in it, from where matplotlib looks with those
+    angles.
+    """
     instants = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     view = viewpoint_of(preview.setup, instants, aspect)
     e, a = np.deg2rad([view.elevation, view.azimuth])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     up = np.array([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)])
     away = np.concatenate([points_in_view(preview.setup, q, t) for q, t in instants]) - view.centre
-    across, height = np.abs(away @ right).max(), np.abs(away @ up).max()
+    across = np.abs(away @ right).max()
+    height = np.abs(away @ up).max()
     assert across < view.half * IN_VIEW * aspect
     assert height < view.half * IN_VIEW
     # and it is not lost there
@@ -77,7 +82,9 @@ def test_every_scenario_can_be_previewed(name: str) -> None:
     np.testing.assert_allclose(preview.moments[0].phi, start.rows.phi, rtol=1e-7, atol=1e-9)
     rows = {row.label: row for row in preview.rows}
     assert set(setup.constraints.labels) <= set(rows)
-    assert [row.greatest for row in preview.rows] == sorted((row.greatest for row in preview.rows), reverse=True)
+    assert [row.greatest for row in preview.rows] == sorted(
+        (row.greatest for row in preview.rows), reverse=True
+    )
     assert_in_picture(preview, 1.3)
     text = list(lines(preview))
     assert all(any(row.label in line for line in text) for row in preview.near)
@@ -117,7 +124,8 @@ def test_pixels_and_rows_by_hand(tmp_path: Path) -> None:
     np.testing.assert_allclose(start.pixels, np.array([[0.0, 20.0], [50.0, 60.0]]) / 1.7, atol=1e-9)
     np.testing.assert_allclose(goal.pixels, [[0.0, -15.0], [25.0, 5.0]], atol=1e-9)
     rows = {row.label: row for row in preview.rows}
-    upper, lower = rows["range[joint 1].upper"], rows["range[joint 1].lower"]
+    upper = rows["range[joint 1].upper"]
+    lower = rows["range[joint 1].lower"]
     np.testing.assert_allclose(upper.clearance, [0.7, 1.0])
     np.testing.assert_allclose(lower.clearance, [1.3, 1.0])
     # σ = q₁ − 1, σ̇ = 0.5 at the start
@@ -147,7 +155,8 @@ def test_the_edge_of_a_sensor_behind_a_lens_is_bent() -> None:
         "camera.distortion", {"model": "brown-conrady", "coefficients": [-0.25, 0.08, 0.001, 0.002]}
     )
     setup = changed.setup()
-    plane, camera = Plane.of(setup), setup.scene.camera
+    plane = Plane.of(setup)
+    camera = setup.scene.camera
     assert plane.outline is not None
     np.testing.assert_array_equal(plane.outline[0], plane.outline[-1])
     edge = np.abs(camera.distort(plane.outline)) / (0.5 * np.asarray(camera.size))
@@ -167,7 +176,8 @@ def test_the_edge_of_a_sensor_behind_a_lens_is_bent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "missed"), [("camera_pose", False), ("exactly", False), ("rounded", False), ("inexact", True)]
+    ("given", "missed"),
+    [("camera_pose", False), ("exactly", False), ("rounded", False), ("inexact", True)],
 )
 def test_goals_given_by_pose_or_image_get_a_configuration(given: str, missed: bool) -> None:
     goal = Scenario.load(UR5).setup().task.goals[0]
@@ -178,16 +188,25 @@ def test_goals_given_by_pose_or_image_get_a_configuration(given: str, missed: bo
         "inexact": goal.pixels + np.array([[25.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]),
     }
     pose = {"xyz": goal.camera.t.tolist(), "rpy": _rpy(goal.camera.R)}
-    table = {"camera_pose": pose} if given == "camera_pose" else {"markers_px": image[given].tolist()}
+    table = (
+        {"camera_pose": pose} if given == "camera_pose" else {"markers_px": image[given].tolist()}
+    )
     preview = seen(
         UR5,
-        task={"feature": "camera-pose" if given == "camera_pose" else "image-points", "Kp0": 20.0, "goals": [table]},
+        task={
+            "feature": "camera-pose" if given == "camera_pose" else "image-points",
+            "Kp0": 20.0,
+            "goals": [table],
+        },
     )
     moment = preview.moments[1]
     assert moment.q is not None
     away = np.abs(moment.pixels - goal.pixels).max()
     assert away < {"camera_pose": 1e-4, "exactly": 1e-3, "rounded": 1.0, "inexact": 25.0}[given]
-    assert any("no pose shows the markers just so" in warning for warning in preview.warnings) == missed
+    assert (
+        any("no pose shows the markers just so" in warning for warning in preview.warnings)
+        == missed
+    )
 
 
 def _rpy(R: np.ndarray) -> list[float]:
@@ -200,7 +219,8 @@ def _rpy(R: np.ndarray) -> list[float]:
 
 def test_a_goal_moves_with_its_target() -> None:
     preview = seen("moving-target")
-    setup, goal = preview.setup, preview.moments[1]
+    setup = preview.setup
+    goal = preview.moments[1]
     assert setup.scene.motion is not None
     assert goal.q is not None
     assert goal.t == pytest.approx(setup.duration)
@@ -224,15 +244,21 @@ IMAGE_AT_EDGE = {"feature": "image-points", "Kp0": 9.0, "goals": [NO_SQUARE]}
 @pytest.mark.parametrize(
     ("changes", "words", "refused"),
     [
-        ({"q0": [0.664, -7.0, 1.729, -1.729, -1.935, -0.151]}, "start: joint 2 (shoulder_lift_joint) is at -7", True),
-        ({"q0": [0.664, -1.778, 1.729, 0.6, -1.935, -0.151]}, "start: marker 1 is behind the camera", True),
-        ({"q0": [0.664, -1.2, 1.2, -1.729, -1.935, -0.151]}, "start: marker 1 is outside the image", True),
+        ({"q0": [0.664, -7.0, 1.729, -1.729, -1.935, -0.151]}, "start: joint 2 "
+                                                               "(shoulder_lift_joint) is at "
+                                                               "-7", True),
+        ({"q0": [0.664, -1.778, 1.729, 0.6, -1.935, -0.151]}, "start: marker 1 is behind the "
+                                                              "camera", True),
+        ({"q0": [0.664, -1.2, 1.2, -1.729, -1.935, -0.151]}, "start: marker 1 is outside the "
+                                                             "image", True),
         ({"constraints.0.margin": 0.3}, "start: fov[marker 2] is violated", False),
         ({"constraints.0.margin": 0.3}, "goal: fov[marker 3] is violated", False),
-        ({"task__goals": [POSE_AFAR]}, "goal: no configuration within the joints' ranges was found", False),
+        ({"task__goals": [POSE_AFAR]}, "goal: no configuration within the joints' ranges was "
+                                       "found", False),
         ({"task__goals": [POSE_AFAR]}, "goal: fov[marker 1] is violated", False),
         ({"task__goals": [BEHIND]}, "goal: marker 4 is behind the camera", True),
-        ({"task__goals": [BEHIND]}, "no run would start: ur5-fov.task.goals[0]: at the goal, not in front", True),
+        ({"task__goals": [BEHIND]}, "no run would start: ur5-fov.task.goals[0]: at the goal, not "
+                                    "in front", True),
         ({"task": IMAGE_AT_EDGE}, "goal: no pose of the camera was found", False),
         ({"task__goals": [{}]}, "goal: where the robot is there is not known", True),
     ],
@@ -257,8 +283,14 @@ def test_a_robot_without_ranges_and_a_scene_without_rows(tmp_path: Path) -> None
 
 
 OBSTACLES = {
-    "forbidden-sphere": ({"centre": [0.5, 0.1, 0.2], "radius": 0.1}, [[0.4, 0.0, 0.1], [0.6, 0.2, 0.3]]),
-    "forbidden-box": ({"centre": [0.5, 0.0, 0.2], "size": [0.2, 0.4, 0.6]}, [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]]),
+    "forbidden-sphere": (
+        {"centre": [0.5, 0.1, 0.2], "radius": 0.1},
+        [[0.4, 0.0, 0.1], [0.6, 0.2, 0.3]],
+    ),
+    "forbidden-box": (
+        {"centre": [0.5, 0.0, 0.2], "size": [0.2, 0.4, 0.6]},
+        [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]],
+    ),
     "forbidden-capsule": (
         {"start": [0.5, -0.3, 0.2], "end": [0.5, 0.3, 0.2], "radius": 0.1},
         [[0.4, -0.4, 0.1], [0.6, 0.4, 0.3]],
@@ -271,13 +303,24 @@ OBSTACLES = {
         {"point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 1.0]},
         [[-0.8, -0.8, -0.5], [0.8, 0.8, -0.5]],
     ),
-    "box": ({"size": [0.2, 0.4, 0.6], "xyz": [0.5, 0.0, 0.2]}, [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]]),
+    "box": (
+        {"size": [0.2, 0.4, 0.6], "xyz": [0.5, 0.0, 0.2]},
+        [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]],
+    ),
     "sphere": ({"radius": 0.1, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, 0.1], [0.6, 0.2, 0.3]]),
-    "capsule": ({"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, -0.1], [0.6, 0.2, 0.5]]),
-    "cylinder": ({"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, 0.0], [0.6, 0.2, 0.4]]),
+    "capsule": (
+        {"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]},
+        [[0.4, 0.0, -0.1], [0.6, 0.2, 0.5]],
+    ),
+    "cylinder": (
+        {"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]},
+        [[0.4, 0.0, 0.0], [0.6, 0.2, 0.4]],
+    ),
     "half-space": ({"xyz": [0.0, 0.0, -0.5]}, [[-0.8, -0.8, -0.5], [0.8, 0.8, -0.5]]),
 }
-"""What obstacles are, and the corners of the boxes around them, where a view shows 1 m on either side."""
+"""What obstacles are, and the corners of the boxes around them, where a view shows 1 m on either
+side.
+"""
 
 
 @pytest.mark.parametrize("name", OBSTACLES)
@@ -287,7 +330,12 @@ def test_obstacles_are_drawn_where_they_are(name: str) -> None:
     if name.startswith("forbidden"):
         constraint = {"type": name, **table, **gains}
     else:
-        constraint = {"type": "collision", "obstacle": {"shape": name, **table}, "link_radius": 0.02, **gains}
+        constraint = {
+            "type": "collision",
+            "obstacle": {"shape": name, **table},
+            "link_radius": 0.02,
+            **gains,
+        }
     setup = Scenario.load("case-study-6r").with_override("constraints", [constraint]).setup()
     (mesh,) = obstacle_meshes(setup, 1.0).values()
     points = mesh.points
@@ -298,7 +346,9 @@ def test_obstacles_are_drawn_where_they_are(name: str) -> None:
 # --- the command ---
 
 
-def test_a_preview_is_drawn_where_it_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_preview_is_drawn_where_it_is_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     done = say("case-study-6r")
     assert done.exit_code == 0, done.output
@@ -313,12 +363,17 @@ def test_a_preview_is_drawn_where_it_is_wanted(tmp_path: Path, monkeypatch: pyte
     assert Path("deep/down/hand.png").stat().st_size > 20_000
 
 
-def test_what_cannot_run_is_drawn_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_run_is_drawn_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     goals = "\n".join(
-        f"[[task.goals]]\nfrom_time = {k}\ncamera_at_q = {q}" for k, q in enumerate([BEHIND["camera_at_q"]] * 3)
+        f"[[task.goals]]\nfrom_time = {k}\ncamera_at_q = {q}"
+        for k, q in enumerate([BEHIND["camera_at_q"]] * 3)
     )
-    Path("own.toml").write_text(f'extends = "ur5-fov"\n[task]\nfeature = "camera-pose"\nKp0 = 20.0\n{goals}\n')
+    Path("own.toml").write_text(
+        f'extends = "ur5-fov"\n[task]\nfeature = "camera-pose"\nKp0 = 20.0\n{goals}\n'
+    )
     done = say("own.toml")
     assert done.exit_code == 2
     assert "warning: goal 3: marker 2 is behind the camera" in done.output
@@ -356,14 +411,26 @@ def test_what_cannot_be_previewed_is_refused(given: tuple[str, ...], words: str)
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"camera__focal_px": [4.2, 4.2]}, "field of view is 178°: is the focal length 4.2 in mm, not px?"),
-        ({"sampling_time": 2.0}, "sampled tracking is unstable: is the sampling time 2 in ms, not s?"),
+        (
+            {"camera__focal_px": [4.2, 4.2]},
+            "field of view is 178°: is the focal length 4.2 in mm, not px?",
+        ),
+        (
+            {"sampling_time": 2.0},
+            "sampled tracking is unstable: is the sampling time 2 in ms, not s?",
+        ),
         (
             {"camera__size_px": [480, 640], "camera__principal_point_px": [322, 243]},
             "is the centre of 640 × 480 px, not of 480 × 640 px: are width and height swapped?",
         ),
-        ({"camera__mount__xyz": [0.0, 0.0, 60.0]}, "the camera is mounted 60 m from the arm's tip: "),
-        ({"target__square__side": 120.0}, "the target's markers are 120 m apart: are its coordinates in mm, not m?"),
+        (
+            {"camera__mount__xyz": [0.0, 0.0, 60.0]},
+            "the camera is mounted 60 m from the arm's tip: ",
+        ),
+        (
+            {"target__square__side": 120.0},
+            "the target's markers are 120 m apart: are its coordinates in mm, not m?",
+        ),
     ],
 )
 def test_numbers_in_other_units_are_doubted(changes: dict[str, Any], said: str) -> None:
@@ -378,8 +445,12 @@ def test_a_run_that_can_start_in_doubtful_units_says_so() -> None:
 
 
 @pytest.mark.parametrize("height", [3.0, 60.0])
-def test_what_is_behind_the_camera_at_start_and_goal_is_drawn_all_the_same(height: float, tmp_path: Path) -> None:
-    scenario = Scenario.load("examples/my-arm.toml").with_override("target.square.xyz", [0.62, 0.03, height])
+def test_what_is_behind_the_camera_at_start_and_goal_is_drawn_all_the_same(
+    height: float, tmp_path: Path
+) -> None:
+    scenario = Scenario.load("examples/my-arm.toml").with_override(
+        "target.square.xyz", [0.62, 0.03, height]
+    )
     preview = Preview.of_scenario(scenario)
     assert "marker 1 is behind the camera" in " ".join(preview.warnings)
     assert "no run would start" in preview.warnings[-1]

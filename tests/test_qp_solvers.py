@@ -1,4 +1,6 @@
-"""QP solvers against enumeration of active sets, and what happens when one lies, hangs, fails or is missing."""
+"""QP solvers against enumeration of active sets, and what happens when one lies, hangs, fails or is
+missing.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +36,23 @@ def quadratic_program(seed, n=3, m=6):
     rng = np.random.default_rng(seed)
     M = rng.normal(size=(n, n))
     P = M @ M.T + 0.5 * np.eye(n)
-    q, G = rng.normal(size=n), rng.normal(size=(m, n))
+    q = rng.normal(size=n)
+    G = rng.normal(size=(m, n))
     h = G @ rng.normal(size=n) + rng.uniform(0.0, 0.5, m)
     return P, q, G, h
 
 
 def enumerated_minimum(P, q, G, h):
-    """The minimiser and its multipliers, by trying every active set: the first that meets all conditions."""
+    """The minimiser and its multipliers, by trying every active set: the first that meets all
+    conditions.
+    """
     m, n = G.shape
     for size in range(min(m, n) + 1):
         for active in map(list, combinations(range(m), size)):
             system = np.block([[P, G[active].T], [G[active], np.zeros((size, size))]])
             solution = np.linalg.solve(system, np.concatenate([-q, h[active]]))
-            x, multipliers = solution[:n], np.zeros(m)
+            x = solution[:n]
+            multipliers = np.zeros(m)
             multipliers[active] = solution[n:]
             if (G @ x <= h + 1e-10).all() and (multipliers >= -1e-10).all():
                 return x, multipliers
@@ -54,7 +60,9 @@ def enumerated_minimum(P, q, G, h):
 
 
 def lying(answer):
-    """An ``attempt`` that gives this answer, or raises it, whatever it is asked; counts its calls."""
+    """An ``attempt`` that gives this answer, or raises it, whatever it is asked; counts its
+    calls.
+    """
 
     def attempt(self, P, q, G, h):
         attempt.calls += 1
@@ -69,7 +77,9 @@ def lying(answer):
 LIES = {
     "garbage": lambda P, q, G, h: Answer(np.full(q.size, 7.0), np.zeros(h.size), 3),
     "not finite": lambda P, q, G, h: Answer(np.full(q.size, np.nan), np.zeros(h.size), 3),
-    "multipliers not finite": lambda P, q, G, h: Answer(np.zeros(q.size), np.full(h.size, np.inf), 3),
+    "multipliers not finite": lambda P, q, G, h: Answer(
+        np.zeros(q.size), np.full(h.size, np.inf), 3
+    ),
     "negative multipliers": lambda P, q, G, h: Answer(*negative_multipliers(P, q, G, h), 3),
     "a row ignored": lambda P, q, G, h: Answer(*row_ignored(P, q, G, h), 3),
     "free minimum": lambda P, q, G, h: Answer(np.linalg.solve(P, -q), np.zeros(h.size), 3),
@@ -88,21 +98,37 @@ LIES = {
     "x is a row": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[None]),
     "x is a column": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[:, None]),
     "x is a matrix": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.view(np.matrix)),
-    "x is masked": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.ma.masked_array(x, mask=True)),
+    "x is masked": lambda P, q, G, h: answered(
+        P, q, G, h, x=lambda x: np.ma.masked_array(x, mask=True)
+    ),
     "x is complex": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x + 0j),
     "x is of objects": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.astype(object)),
     "x is of words": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.astype(str)),
-    "x is of integers": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.zeros(x.size, dtype=int)),
+    "x is of integers": lambda P, q, G, h: answered(
+        P, q, G, h, x=lambda x: np.zeros(x.size, dtype=int)
+    ),
     "x is of truths": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x > 0.0),
-    "x is not finite": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.append(x[:-1], -np.inf)),
+    "x is not finite": lambda P, q, G, h: answered(
+        P, q, G, h, x=lambda x: np.append(x[:-1], -np.inf)
+    ),
     "x is huge": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.full(x.size, 1e300)),
     "x is huger": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.full(x.size, -1.7e308)),
     "multipliers are nothing": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: None),
-    "multipliers are too short": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y[1:]),
-    "multipliers are a column": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y[:, None]),
-    "multipliers are complex": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y + 0j),
-    "multipliers are huge": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y + 1e300),
-    "x and multipliers swapped": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h)[::-1], 3),
+    "multipliers are too short": lambda P, q, G, h: answered(
+        P, q, G, h, multipliers=lambda y: y[1:]
+    ),
+    "multipliers are a column": lambda P, q, G, h: answered(
+        P, q, G, h, multipliers=lambda y: y[:, None]
+    ),
+    "multipliers are complex": lambda P, q, G, h: answered(
+        P, q, G, h, multipliers=lambda y: y + 0j
+    ),
+    "multipliers are huge": lambda P, q, G, h: answered(
+        P, q, G, h, multipliers=lambda y: y + 1e300
+    ),
+    "x and multipliers swapped": lambda P, q, G, h: Answer(
+        *enumerated_minimum(P, q, G, h)[::-1], 3
+    ),
     "iterations are nothing": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), None),
     "iterations are no number": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), np.nan),
     "iterations are many": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), np.arange(3)),
@@ -157,7 +183,8 @@ def test_answers_are_those_of_enumeration(name):
         problem = quadratic_program(seed)
         x, multipliers = enumerated_minimum(*problem)
         answer = solver.solve(*problem)
-        # The answer's error is that of its optimality conditions times the condition number of P, below 100 here.
+        # The answer's error is that of its optimality conditions times the condition number of P,
+        # below 100 here.
         np.testing.assert_allclose(answer.x, x, atol=100.0 * solver.tolerance)
         np.testing.assert_allclose(answer.multipliers, multipliers, atol=1000.0 * solver.tolerance)
         assert optimality_errors(*problem, answer.x, answer.multipliers).worst <= solver.tolerance
@@ -191,7 +218,10 @@ def test_contradicting_rows_have_no_answer(name):
 
 
 def test_infeasibility_is_recognised_by_the_exact_solvers():
-    assert [name for name in SOLVERS if make_solver(name).recognises_infeasibility] == ["daqp", "quadprog"]
+    assert [name for name in SOLVERS if make_solver(name).recognises_infeasibility] == [
+        "daqp",
+        "quadprog",
+    ]
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -224,10 +254,12 @@ def test_the_optimum_has_no_errors_and_a_change_of_scale_changes_none():
     P, q, G, h = quadratic_program(1)
     x, multipliers = enumerated_minimum(P, q, G, h)
     assert optimality_errors(P, q, G, h, x, multipliers).worst < 1e-13
-    x, multipliers = x + 0.01, multipliers - 0.02
+    x = x + 0.01
+    multipliers = multipliers - 0.02
     errors = optimality_errors(P, q, G, h, x, multipliers)
     rows = np.array([1e-6, 1.0, 1e3, 1e8, 1.0, 1e-2])
-    cost, unit = 1e8, 1e-5
+    cost = 1e8
+    unit = 1e-5
     scaled = optimality_errors(
         cost * P / unit**2,
         cost * q / unit,
@@ -241,27 +273,37 @@ def test_the_optimum_has_no_errors_and_a_change_of_scale_changes_none():
 
 
 def test_each_condition_is_checked():
-    P, q = np.eye(2), np.array([-2.0, 0.0])
-    G, h = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([1.0, 5.0])
-    x, multipliers = np.array([1.0, 0.0]), np.array([1.0, 0.0])
+    P = np.eye(2)
+    q = np.array([-2.0, 0.0])
+    G = np.array([[1.0, 0.0], [0.0, 1.0]])
+    h = np.array([1.0, 5.0])
+    x = np.array([1.0, 0.0])
+    multipliers = np.array([1.0, 0.0])
     assert optimality_errors(P, q, G, h, x, multipliers).worst == 0.0
     # The size of this problem is ‖q‖ = 2.
     exceeded = optimality_errors(P, q, G, h, np.array([1.3, 0.0]), np.array([0.7, 0.0]))
     assert exceeded.rows == pytest.approx(0.3 / (2.0 + 1.0))
     assert exceeded.stationarity == pytest.approx(0.0, abs=1e-15)
-    assert optimality_errors(P, q, G, h, np.array([0.5, 0.0]), multipliers).stationarity == pytest.approx(0.25)
+    assert optimality_errors(
+        P, q, G, h, np.array([0.5, 0.0]), multipliers
+    ).stationarity == pytest.approx(0.25)
     backwards = optimality_errors(P, -q, G, h, x, np.array([-3.0, 0.0]))
     assert (backwards.sign, backwards.stationarity) == (pytest.approx(1.5), 0.0)
     loose = optimality_errors(P, np.array([-2.0, -1.0]), G, h, x, np.array([1.0, 1.0]))
-    assert loose.complementarity == pytest.approx(5.0 / 5.0)  # λ = 1 at a distance of 5, in units of ‖q‖² = 5
+    # λ = 1 at a distance of 5, in units of ‖q‖² = 5
+    assert loose.complementarity == pytest.approx(5.0 / 5.0)
 
 
 def test_a_problem_whose_data_are_all_zero_has_a_size():
     zero = np.zeros(2)
     errors = optimality_errors(np.eye(2), zero, np.eye(2), zero, zero, zero)
     assert errors.worst == 0.0
-    assert optimality_errors(np.eye(2), zero, np.eye(2), zero, np.array([0.1, 0.0]), zero).worst > 0.1
-    with_zero_row = optimality_errors(np.eye(2), zero, np.zeros((1, 2)), np.zeros(1), zero, np.zeros(1))
+    assert (
+        optimality_errors(np.eye(2), zero, np.eye(2), zero, np.array([0.1, 0.0]), zero).worst > 0.1
+    )
+    with_zero_row = optimality_errors(
+        np.eye(2), zero, np.zeros((1, 2)), np.zeros(1), zero, np.zeros(1)
+    )
     assert with_zero_row.worst == 0.0
 
 
@@ -289,7 +331,8 @@ def test_a_lie_is_found_and_another_solver_asked(lie, monkeypatch):
 
 
 def test_an_answer_is_kept_though_the_solver_goes_on_writing(monkeypatch):
-    problem, kept = quadratic_program(7), np.zeros(3)
+    problem = quadratic_program(7)
+    kept = np.zeros(3)
 
     def attempt(self, P, q, G, h):
         x, multipliers = enumerated_minimum(P, q, G, h)
@@ -359,7 +402,10 @@ def test_a_solver_that_is_not_installed_is_told_at_construction(name, module, in
 
 def test_a_solver_that_qpsolvers_would_reach_is_told_with_its_command(monkeypatch):
     monkeypatch.setattr("vsconstraints.qp.backends.solver_names", lambda: ("daqp",))
-    with pytest.raises(ConfigurationError, match=r"'clarabel' is not installed.*pip install \"qpsolvers\[clarabel\]\""):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"'clarabel' is not installed.*pip install \"qpsolvers\[clarabel\]\"",
+    ):
         HierarchicalQP(solver="clarabel")
 
 
@@ -450,7 +496,8 @@ def test_equilibration_leaves_zero_columns_and_rows_alone():
 
 def test_scaled_rows_have_unit_norm_and_a_unit_distance():
     rng = np.random.default_rng(0)
-    G, h = 1e5 * rng.normal(size=(6, 3)), 1e5 * rng.normal(size=6)
+    G = 1e5 * rng.normal(size=(6, 3))
+    h = 1e5 * rng.normal(size=6)
     scaled = scale(G, h)
     np.testing.assert_allclose(np.linalg.norm(scaled.G, axis=1), 1.0)
     assert scaled.h.min() == pytest.approx(-1.0)
@@ -489,15 +536,22 @@ def test_the_least_violation_is_stationary_and_unique(kind, bound):
     relaxed = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
-        n, m = int(rng.integers(1, 9)), int(rng.integers(1, 20))
+        n = int(rng.integers(1, 9))
+        m = int(rng.integers(1, 20))
         m = 80 if kind == "many" else m
-        A, c, weights = rng.normal(size=(m, n)), rng.normal(size=m), rng.uniform(0.5, 2.0, m)
+        A = rng.normal(size=(m, n))
+        c = rng.normal(size=m)
+        weights = rng.uniform(0.5, 2.0, m)
         if kind == "feasible":
             c = A @ rng.uniform(-0.4, 0.4, n) + rng.uniform(0.0, 0.1, m)
         elif kind == "opposite":
-            A, c, weights = np.vstack([A, -A]), np.concatenate([c, -c - 0.1]), np.ones(2 * m)
+            A = np.vstack([A, -A])
+            c = np.concatenate([c, -c - 0.1])
+            weights = np.ones(2 * m)
         elif kind == "duplicate":
-            A, c, weights = np.vstack([A, A]), np.concatenate([c, c]), np.ones(2 * m)
+            A = np.vstack([A, A])
+            c = np.concatenate([c, c])
+            weights = np.ones(2 * m)
         elif kind == "scaled":
             weights = 10.0 ** rng.uniform(-2.0, 2.0, m)
         found = []
@@ -506,10 +560,13 @@ def test_the_least_violation_is_stationary_and_unique(kind, bound):
             assert (np.abs(x) <= bound).all()
             violation = np.maximum(A @ x - c, 0.0)
             gradient = A.T @ (weights**2 * violation)
-            # In the box: only what the bound holds back is left of the gradient, and it points outward.
+            # In the box: only what the bound holds back is left of the gradient, and it points
+            # outward.
             held = np.abs(x) == bound
             # Violations below 1e-12 are the rounding of rows that are met.
-            allowed = np.linalg.norm(weights**2) * np.linalg.norm(A) * (1e-9 * violation.max() + 1e-12)
+            allowed = (
+                np.linalg.norm(weights**2) * np.linalg.norm(A) * (1e-9 * violation.max() + 1e-12)
+            )
             assert np.abs(gradient[~held]).max(initial=0.0) <= allowed
             assert (gradient[held] * np.sign(x[held])).max(initial=-1.0) <= allowed
             found.append(weights * violation)
@@ -522,21 +579,28 @@ def test_the_least_violation_is_stationary_and_unique(kind, bound):
 
 
 def badly_scaled(seed, decades):
-    """Rows of norms up to 10^(2 decades) apart, in every third problem nearly repeated, and two starts."""
+    """Rows of norms up to 10^(2 decades) apart, in every third problem nearly repeated, and two
+    starts.
+    """
     rng = np.random.default_rng(seed)
-    n, m = int(rng.integers(1, 9)), int(rng.integers(1, 30))
-    A, scale = rng.normal(size=(m, n)), 10.0 ** rng.uniform(-decades, decades, m)
-    A, c = A * scale[:, None], rng.normal(size=m) * scale
+    n = int(rng.integers(1, 9))
+    m = int(rng.integers(1, 30))
+    A = rng.normal(size=(m, n))
+    scale = 10.0 ** rng.uniform(-decades, decades, m)
+    A = A * scale[:, None]
+    c = rng.normal(size=m) * scale
     if seed % 3 == 0:
-        A, c = np.vstack([A, A * (1.0 + 1e-9 * rng.normal(size=A.shape))]), np.concatenate([c, c])
+        A = np.vstack([A, A * (1.0 + 1e-9 * rng.normal(size=A.shape))])
+        c = np.concatenate([c, c])
     return A, c, (rng.normal(size=n) * 10.0 ** rng.uniform(0.0, 4.0), np.zeros(n))
 
 
 @pytest.mark.parametrize("bound", [np.inf, 0.5], ids=["free", "box"])
 @pytest.mark.parametrize(("decades", "accuracy"), [(2, 1e-9), (3, 1e-8), (4, 1e-6), (5, 1e-5)])
 def test_badly_scaled_rows_lose_accuracy_only_as_rounding_demands(decades, accuracy, bound):
-    # Some rows are nearly equal; the last eight seeds made rounding cycle in a corner of the box. With scales up to 1e8
-    # apart, a row of large scale need be exceeded by no more than its rounding to hold those of small scale.
+    # Some rows are nearly equal; the last eight seeds made rounding cycle in a corner of the box.
+    # With scales up to 1e8 apart, a row of large scale need be exceeded by no more than its
+    # rounding to hold those of small scale.
     for seed in (*range(60), 226, 237, 253, 436, 514, 936, 1130, 2180):
         A, c, starts = badly_scaled(seed, decades)
         values = []
@@ -563,7 +627,8 @@ def test_the_least_violation_is_that_of_rational_arithmetic(decades, lost):
 
 def test_the_least_violation_of_two_opposite_rows_is_their_weighted_mean():
     # x ≤ −1 and −x ≤ −1: 2²(x + 1)² + (1 − x)² is least at x = −3/5.
-    A, c = np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])
+    A = np.array([[1.0], [-1.0]])
+    c = np.array([-1.0, -1.0])
     x = least_violation(A, c, np.array([2.0, 1.0]), np.array([4.0]))
     assert x[0] == pytest.approx(-0.6, abs=1e-14)
     assert least_violation(A, c, np.array([2.0, 1.0]), np.array([4.0]), box_of(1, 0.25))[0] == -0.25
@@ -571,7 +636,8 @@ def test_the_least_violation_of_two_opposite_rows_is_their_weighted_mean():
 
 def test_the_least_violation_releases_what_the_box_should_not_hold():
     # From the corner (1, 1) the first coordinate must come back in, the second stays.
-    A, c = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]]), np.array([-0.5, 0.4, -3.0])
+    A = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]])
+    c = np.array([-0.5, 0.4, -3.0])
     x = least_violation(A, c, np.ones(3), np.array([9.0, 9.0]), box_of(2, 1.0))
     np.testing.assert_allclose(x, [-0.45, 1.0], atol=1e-14)
 

@@ -31,7 +31,14 @@ from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import replayed_runs
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.style import rgb
-from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
+from vsconstraints.reports.replay import (
+    ReplayRun,
+    film,
+    page,
+    replay_html,
+    write_film,
+    write_replay,
+)
 from vsconstraints.reports.replay.page import image_data
 from vsconstraints.reports.replay.runs import (
     ACTIVE,
@@ -84,13 +91,25 @@ def short() -> ReplayRun:
 
 
 def stretched(run: ReplayRun, samples: int, active: list[int]) -> ReplayRun:
-    """A run with more samples, in which the first row acts at some of them and nothing is outside."""
-    old, at = run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, samples).astype(int)
+    """A run with more samples, in which the first row acts at some of them and nothing is
+    outside.
+    """
+    old = run.trajectory
+    at = np.linspace(0, len(run.trajectory.t) - 1, samples).astype(int)
     acts = np.zeros((samples, len(old.labels)), dtype=np.bool_)
     acts[active, 0] = True
     per_sample = {
         name: getattr(old, name)[at]
-        for name in ("q", "qd", "feature_error_px", "features_px", "points", "camera_error", "phi", "sigma")
+        for name in (
+            "q",
+            "qd",
+            "feature_error_px",
+            "features_px",
+            "points",
+            "camera_error",
+            "phi",
+            "sigma",
+        )
     }
     inside = np.ones_like(per_sample["phi"])
     clear: dict[str, Any] = {"clearance": inside, "between_clearance": inside, "active": acts}
@@ -111,7 +130,9 @@ def test_a_hundred_thousand_samples_are_thinned_and_no_lamp_is_lost(two: list[Re
 
 
 @given(st.integers(2, 400), st.lists(st.integers(0, 399), max_size=5), st.integers(2, 60))
-def test_a_lamp_is_lit_from_the_sample_that_is_shown_to_the_next(samples: int, active: list[int], most: int) -> None:
+def test_a_lamp_is_lit_from_the_sample_that_is_shown_to_the_next(
+    samples: int, active: list[int], most: int
+) -> None:
     run = stretched(short(), samples, [k for k in active if k < samples])
     frames = Frames.of([run], 1e3, most)
     first = [max(k for k, t in enumerate(run.trajectory.t) if t <= at + 1e-9) for at in frames.t]
@@ -122,7 +143,8 @@ def test_a_lamp_is_lit_from_the_sample_that_is_shown_to_the_next(samples: int, a
 
 
 def test_a_run_that_is_over_stands_still_and_lights_nothing(two: list[ReplayRun]) -> None:
-    long, short = two[1], stretched(two[0], 100, [99])
+    long = two[1]
+    short = stretched(two[0], 100, [99])
     frames = Frames.of([short, long])
     first = int(np.flatnonzero(frames.t > 0.099)[0])
     assert (frames.samples(short)[first:] == 99).all()
@@ -134,7 +156,8 @@ def test_a_run_that_is_over_stands_still_and_lights_nothing(two: list[ReplayRun]
 
 def test_highlighted_are_what_a_run_says(two: list[ReplayRun]) -> None:
     tracking, sliding = two
-    of_tracking, of_sliding = states(tracking), states(sliding)
+    of_tracking = states(tracking)
+    of_sliding = states(sliding)
     deep = tracking.trajectory.clearance < -1.0  # px
     assert deep.any()
     assert (of_tracking[deep] == VIOLATED).all()
@@ -148,13 +171,15 @@ def test_highlighted_are_what_a_run_says(two: list[ReplayRun]) -> None:
 
 def test_the_grey_area_is_what_is_forbidden(two: list[ReplayRun]) -> None:
     data = image_data(two, Frames.of(two))
-    plane, rng = Plane.of(two[0].setup), np.random.default_rng(0)
+    plane = Plane.of(two[0].setup)
+    rng = np.random.default_rng(0)
     points = rng.uniform(-plane.half, plane.half, (2000, 2))
     rings = [Outline(ring) for ring in data["forbidden"]]
     grey = np.sum([ring.contains_points(points) for ring in rings], axis=0) % 2 == 1
     sigma = np.max([constraint.sigma(points) for constraint in plane.constraints], axis=0)
     moved = [
-        np.max([c.sigma(points + d) for c in plane.constraints], axis=0) for d in ((3, 0), (-3, 0), (0, 3), (0, -3))
+        np.max([c.sigma(points + d) for c in plane.constraints], axis=0)
+        for d in ((3, 0), (-3, 0), (0, 3), (0, -3))
     ]
     near = np.any([(sigma > 0.0) != (other > 0.0) for other in moved], axis=0)
     assert 0.1 < grey.mean() < 0.9
@@ -187,7 +212,9 @@ def test_rows_light_what_they_are_about() -> None:
 def test_what_runs_share_is_lit_by_any_of_them(two: list[ReplayRun]) -> None:
     frames = Frames.of(two)
     highlighted = {key[:2]: states for key, states in highlights_of(two, frames).items()}
-    either = np.maximum(*(frames.states(run)[:, run.trajectory.labels.index("fov[marker 2]")] for run in two))
+    either = np.maximum(
+        *(frames.states(run)[:, run.trajectory.labels.index("fov[marker 2]")] for run in two)
+    )
     assert np.array_equal(highlighted["marker", 2], either)
 
 
@@ -204,16 +231,22 @@ class Stage:
         return self.add_mesh_simple(name, np.empty((0, 3)), np.empty((0, 3)), **look)
 
     def add_mesh_simple(self, name: str, points: Any, triangles: Any, **look: Any) -> Any:
-        node = type("Node", (), {"position": np.zeros(3), "wxyz": np.array([1.0, 0.0, 0.0, 0.0]), "scale": (1, 1, 1)})()
+        node = type(
+            "Node",
+            (),
+            {"position": np.zeros(3), "wxyz": np.array([1.0, 0.0, 0.0, 0.0]), "scale": (1, 1, 1)},
+        )()
         node.points = points
         self.nodes[name] = node
         return node
 
     def points(self, name: str) -> Any:
         """Points of a node in the base frame."""
-        node, frame = self.nodes[name], self.nodes[name.rpartition("/")[0]]
+        node = self.nodes[name]
+        frame = self.nodes[name.rpartition("/")[0]]
         points = np.asarray(node.points) * np.asarray(node.scale)
-        w, v = frame.wxyz[0], np.asarray(frame.wxyz[1:])
+        w = frame.wxyz[0]
+        v = np.asarray(frame.wxyz[1:])
         # v' = v + 2 w (q × v) + 2 q × (q × v)
         turned = np.cross(v, points)
         return points + 2.0 * w * turned + 2.0 * np.cross(v, turned) + np.asarray(frame.position)
@@ -222,12 +255,15 @@ class Stage:
 @pytest.mark.parametrize("name", ["case-study-6r", "ur5-fov", "example-2d-fov", "free-camera"])
 def test_every_node_is_where_the_robot_has_it(name: str) -> None:
     setup = Scenario.load(name).setup()
-    robot, stage = setup.scene.robot, Stage()
+    robot = setup.scene.robot
+    stage = Stage()
     still: Any = ReplayRun("any", setup, None)  # type: ignore[arg-type]
     nodes = Nodes(stage)
     for part in scene_of([still], 1.0)[0].parts:
         nodes.add(part)
-    axes = Mesh(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]), np.array([[0, 1, 2]]))
+    axes = Mesh(
+        np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]), np.array([[0, 1, 2]])
+    )
     nodes.add(Part(axes, "#000000", "0 tip"))
     tip = [*stage.nodes][-1]
     rng = np.random.default_rng(1)
@@ -237,7 +273,9 @@ def test_every_node_is_where_the_robot_has_it(name: str) -> None:
         assert np.abs(stage.points(tip) - robot.pose(q).act(axes.points)).max() < 1e-3
         if robot.source is None and not any(robot.prismatic):
             for i, bar in enumerate(bars_of(robot, q), start=1):
-                seen = np.concatenate([stage.points(one) for one in stage.nodes if one.startswith(f"/0 joint {i}/")])
+                seen = np.concatenate(
+                    [stage.points(one) for one in stage.nodes if one.startswith(f"/0 joint {i}/")]
+                )
                 # the link covers its bar, and no more than its drum around it
                 assert (bar.min(0) > seen.min(0) - 1e-3).all()
                 assert (bar.max(0) < seen.max(0) + 1e-3).all()
@@ -252,11 +290,15 @@ def test_every_node_is_where_the_robot_has_it(name: str) -> None:
 
 @given(st.booleans(), st.booleans(), st.floats(1e-4, 0.05))
 def test_a_surface_is_moved_inwards(flipped: bool, split: bool, depth: float) -> None:
-    """A cube of 0.2 m, with its faces turned in or out, and with points of its own for every face or not."""
+    """A cube of 0.2 m, with its faces turned in or out, and with points of its own for every face
+    or not.
+    """
     box = trimesh.creation.box((0.2, 0.2, 0.2))
-    points, triangles = np.array(box.vertices), np.array(box.faces)
+    points = np.array(box.vertices)
+    triangles = np.array(box.faces)
     if split:
-        points, triangles = points[triangles].reshape(-1, 3), np.arange(36).reshape(12, 3)
+        points = points[triangles].reshape(-1, 3)
+        triangles = np.arange(36).reshape(12, 3)
     mesh = Mesh(points, triangles[:, ::-1] if flipped else triangles)
     moved = inset(mesh, depth).points
     corners = 0.1 * np.sign(moved)
@@ -267,10 +309,14 @@ def test_a_surface_is_moved_inwards(flipped: bool, split: bool, depth: float) ->
 
 def test_arms_in_one_place_have_no_surface_in_common() -> None:
     """Else they flicker into each other: every point of the second one is within the first."""
-    for outer in coarse([part.mesh for part in visuals(Scenario.load("ur5-fov").setup().scene.robot, 1.0)[0]]):
-        first, second = inset(outer, 1e-12), inset(outer, INSET)
+    for outer in coarse(
+        [part.mesh for part in visuals(Scenario.load("ur5-fov").setup().scene.robot, 1.0)[0]]
+    ):
+        first = inset(outer, 1e-12)
+        second = inset(outer, INSET)
         away = second.points - first.points
-        # what has no inside, as two faces back to back, stays; rounded to a quarter of a millimetre the others differ
+        # what has no inside, as two faces back to back, stays; rounded to a quarter of a millimetre
+        # the others differ
         assert np.mean(np.abs(np.linalg.norm(away, axis=1) - INSET) < 1e-5) > 0.9
         assert INSET > 4.0 / 4096.0
         assert np.einsum("vi,vi->", away, first.points - first.points.mean(axis=0)) < 0.0
@@ -311,7 +357,9 @@ def test_a_missing_mesh_makes_bars_and_is_named(tmp_path: Path) -> None:
 # --- the page ---
 
 
-def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], tmp_path: Path) -> None:
+def test_a_page_is_one_small_file_with_all_that_was_said(
+    two: list[ReplayRun], tmp_path: Path
+) -> None:
     remarks = write_replay(two, tmp_path / "new" / "page.html", title="Tom & <Jerry>")
     text = (tmp_path / "new" / "page.html").read_text()
     assert len(text.encode()) < 4e6
@@ -320,7 +368,9 @@ def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], t
     assert all(remark in text for remark in remarks)
     assert any("no meshes" in remark for remark in remarks)
     # what it loads is in it
-    own = re.sub(r'<script type="application/json" id="viewer">.*?</script>', "", text, flags=re.DOTALL)
+    own = re.sub(
+        r'<script type="application/json" id="viewer">.*?</script>', "", text, flags=re.DOTALL
+    )
     assert not re.search(r"""(src|href)=(?!"data:)|url\(|@import|https?://""", own)
 
 
@@ -328,11 +378,16 @@ def test_why_a_run_ended_early_is_said(tmp_path: Path) -> None:
     ended = replace(short().trajectory, status="failed", reason="t = 0.1 s: on <purpose>")
     remarks = write_replay([replace(short(), trajectory=ended)], tmp_path / "page.html")
     assert remarks[0] == "sliding-mode: failed, t = 0.1 s: on <purpose>."
-    assert "sliding-mode: failed, t = 0.1 s: on &lt;purpose&gt;." in (tmp_path / "page.html").read_text()
+    assert (
+        "sliding-mode: failed, t = 0.1 s: on &lt;purpose&gt;."
+        in (tmp_path / "page.html").read_text()
+    )
 
 
 def demand_in_view(runs: list[ReplayRun]) -> None:
-    """An eye of 0.7 rad that stands where the page says sees arm and target at every sample, in a window 0.72 wide."""
+    """An eye of 0.7 rad that stands where the page says sees arm and target at every sample, in a
+    window 0.72 wide.
+    """
     view = common_viewpoint(runs)
     eye = standpoint(runs, view)
     ahead = (view.centre - eye) / np.linalg.norm(view.centre - eye)
@@ -341,7 +396,12 @@ def demand_in_view(runs: list[ReplayRun]) -> None:
     for run in runs:
         scene = run.setup.scene
         for t, q in zip(run.trajectory.t, run.trajectory.q, strict=True):
-            there = np.concatenate([[scene.robot.pose(q).t], *bars_of(scene.robot, q), scene.markers_at(q, t)]) - eye
+            there = (
+                np.concatenate(
+                    [[scene.robot.pose(q).t], *bars_of(scene.robot, q), scene.markers_at(q, t)]
+                )
+                - eye
+            )
             depth = there @ ahead
             assert (depth > 0.0).all()
             assert (np.abs(there @ right) < 0.72 * np.tan(0.35) * depth).all()
@@ -364,8 +424,10 @@ def test_the_picture_for_browsers_without_webgl_is_whole(two: list[ReplayRun]) -
 @pytest.mark.parametrize("name", ["eye-to-hand-pbvs", "moving-sphere"])
 def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[ReplayRun]) -> None:
     """What a robot carries, and what moves: all rows of both runs act, one after the other."""
-    setup, count = Scenario.load(name).setup(), 12
-    m, none = len(setup.constraints.labels), np.zeros(count)
+    setup = Scenario.load(name).setup()
+    count = 12
+    m = len(setup.constraints.labels)
+    none = np.zeros(count)
     q = np.linspace(setup.q0, setup.q0 + 0.05, count)
     seen = [setup.scene.glance(each) for each in q]
     wide = np.ones((count, m))
@@ -398,7 +460,9 @@ def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[Replay
 # --- films ---
 
 
-def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_film_shows_image_and_arm(
+    two: list[ReplayRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import imageio_ffmpeg
 
     monkeypatch.setattr(film, "MAX_TIME", 0.4)
@@ -407,12 +471,16 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
         assert (gif.size[0], gif.n_frames) == (800, 4)
         gif.seek(3)
         last = np.asarray(gif.convert("RGB")).astype(int)
-    # in the left half, the last frame has its markers at the end of the run: grey, the colour of tracking
-    pixels, plane = two[0].trajectory.features_px[-1], Plane.of(two[0].setup)
-    left, width = 10, 385
+    # in the left half, the last frame has its markers at the end of the run: grey, the colour of
+    # tracking
+    pixels = two[0].trajectory.features_px[-1]
+    plane = Plane.of(two[0].setup)
+    left = 10
+    width = 385
     tall = width * plane.half[1] / plane.half[0]
     for u, v in pixels:
-        x, y = left + width * (0.5 + 0.5 * u / plane.half[0]), 70 + tall * (0.5 + 0.5 * v / plane.half[1])
+        x = left + width * (0.5 + 0.5 * u / plane.half[0])
+        y = 70 + tall * (0.5 + 0.5 * v / plane.half[1])
         around = last[int(y) - 3 : int(y) + 4, int(x) - 3 : int(x) + 4].reshape(-1, 3)
         assert np.abs(around - np.array([0x8A, 0x8A, 0x8A])).max(axis=1).min() < 16
     write_film(two, tmp_path / "film.mp4")
@@ -423,8 +491,11 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
 
 @pytest.mark.parametrize("moment", [0, 3, 9])
 def test_a_gif_keeps_a_colour_that_is_seen_for_a_moment(moment: int, tmp_path: Path) -> None:
-    """The colour of a violation in one of ten frames, among hundreds of other colours: no more than 8 of 255 off."""
-    height, width = 120, 160
+    """The colour of a violation in one of ten frames, among hundreds of other colours: no more than
+    8 of 255 off.
+    """
+    height = 120
+    width = 160
     red, green = np.meshgrid(np.linspace(0, 255, width), np.linspace(0, 255, height))
     ground = np.stack([red, green, 255 - red], axis=-1).astype(np.uint8)
     frames = [ground.copy() for _ in range(10)]
@@ -446,20 +517,28 @@ def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
     suite = Suite.load().select([FOV], ["sliding-mode"], settings=["scenario.duration=0.1"])
     compare(suite, tmp_path, workers=1)
     file = run_file(tmp_path, FOV, "sliding-mode", 0)
-    run, now = select_run(str(file)), select_run(f"{FOV}:sliding-mode")
+    run = select_run(str(file))
+    now = select_run(f"{FOV}:sliding-mode")
     assert run.law == now.law == "sliding-mode"
     assert run.title == now.title == Scenario.load(FOV).title
     assert np.array_equal(run.trajectory.q, now.trajectory.q[: len(run.trajectory.t)])
-    with pytest.raises(ConfigurationError, match=r"unknown trajectory .*tracking--1.*Did you mean .*tracking--0"):
+    with pytest.raises(
+        ConfigurationError, match=r"unknown trajectory .*tracking--1.*Did you mean .*tracking--0"
+    ):
         select_run(str(run_file(tmp_path, FOV, "tracking", 1)))
-    assert CliRunner().invoke(app, ["report", str(tmp_path), "--no-figures", "--replays"]).exit_code == 0
+    assert (
+        CliRunner().invoke(app, ["report", str(tmp_path), "--no-figures", "--replays"]).exit_code
+        == 0
+    )
     text = (tmp_path / "report.md").read_text()
     assert f"[Replay in a browser](replays/{FOV}.html): `tracking`." in text
     assert "tracking</title>" in (tmp_path / "replays" / f"{FOV}.html").read_text()
     (tmp_path / SUMS).unlink()  # which would tell that anything was changed
     record = RunRecord.failed("the law divides by zero", "")
     record.save(file)
-    with pytest.raises(ConfigurationError, match=r"sliding-mode left no trajectory .*: the law divides by zero"):
+    with pytest.raises(
+        ConfigurationError, match=r"sliding-mode left no trajectory .*: the law divides by zero"
+    ):
         replay_html([select_run(str(file))])
     file.write_bytes(b"PK")
     with pytest.raises(ConfigurationError, match="cannot be read"):
@@ -492,8 +571,10 @@ def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> 
         return replayed_runs(results, "any")
 
     tracking = ("tracking", "converged", 0.5, 0.9)
-    inside, better = ("a", "converged", 0.0, 0.8), ("b", "converged", 0.0, 0.9)
-    little, much = ("c", "converged", 0.1, 1.0), ("d", "trapped", 0.2, nan)
+    inside = ("a", "converged", 0.0, 0.8)
+    better = ("b", "converged", 0.0, 0.9)
+    little = ("c", "converged", 0.1, 1.0)
+    much = ("d", "trapped", 0.2, nan)
     assert chosen(tracking, inside, better) == ("tracking", "b")
     assert chosen(tracking, inside, better, little, much) == ("d", "b")
     assert chosen(tracking, little, much) == ("d",)

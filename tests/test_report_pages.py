@@ -1,4 +1,6 @@
-"""The page of a report: it says what the Markdown says, runs nothing, and fits a screen as it fits a phone."""
+"""The page of a report: it says what the Markdown says, runs nothing, and fits a screen as it fits
+a phone.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,10 @@ from checks import drawing
 
 KEPT = sorted((ROOT / "reports").glob("*/report.md"))
 ARMED = (
-    '<script>stolen = 1</script>', '<img src="x" onerror="stolen = 1">', "<b>", "</main>", "</a>", '<a id="x">',
-    '<a id="x" onclick="stolen = 1"></a>', "[here](javascript:stolen=1)", "![there](javascript:stolen=1)", "&lt;i&gt;",
+    '<script>stolen = 1</script>', '<img src="x" onerror="stolen = '
+                                   '1">', "<b>", "</main>", "</a>", '<a id="x">',
+    '<a id="x" onclick="stolen = '
+    '1"></a>', "[here](javascript:stolen=1)", "![there](javascript:stolen=1)", "&lt;i&gt;",
     "<!-- ", "<style>", "\n<details>\n",
     "\n</details>\n\n", "\n<details><summary>x</summary>\n\n", "> <details><summary>y</summary>\n",
     "| a |\n|---|\n| <script> |\n", "\n\n<div>\n\n", "`<u>`", "\n## <h1>\n", '" onload="', "\n",
@@ -78,10 +82,13 @@ def test_every_table_is_in_the_page_with_the_same_cells(report: Path) -> None:
             [without_marks(cell) for cell in line] for line in (header, *lines)
         ]
         for row, line in zip(rows[1:], lines, strict=True):
-            assert [cell.get("data-label", "") for cell in row] == [without_marks(cell) for cell in header]
+            assert [cell.get("data-label", "") for cell in row] == [
+                without_marks(cell) for cell in header
+            ]
             bold = [re.fullmatch(r"\*\*[^*]+\*\*", cell) is not None for cell in line]
             assert [
-                said(cell) != "" and [said(one) for one in cell.iter("strong")] == [said(cell)] for cell in row
+                said(cell) != "" and [said(one) for one in cell.iter("strong")] == [said(cell)]
+                for cell in row
             ] == bold
 
 
@@ -112,7 +119,11 @@ def test_whatever_a_page_links_to_is_there(report: Path) -> None:
     names = [element.get("id") for element in page.iter() if element.get("id")]
     assert len(names) == len(set(names))
     assert said(next(page.iter("title"))) == text.splitlines()[0].removeprefix("# ")
-    addresses = [element.get("href") or element.get("src") or "" for tag in ("a", "img") for element in page.iter(tag)]
+    addresses = [
+        element.get("href") or element.get("src") or ""
+        for tag in ("a", "img")
+        for element in page.iter(tag)
+    ]
     for address in filter(None, addresses):
         if address.startswith("#"):
             assert unquote(address[1:]) in names
@@ -140,7 +151,9 @@ def test_nothing_from_elsewhere_runs(pieces: list[str]) -> None:
             continue
         assert element.tag in HARMLESS, element.tag
         assert not [name for name, _ in element.items() if name.startswith("on")]
-        assert not (element.get("href") or element.get("src") or "").lower().startswith("javascript:")
+        assert (
+            not (element.get("href") or element.get("src") or "").lower().startswith("javascript:")
+        )
     # what would end the page early, or a part of it, does not
     assert [child.tag for child in next(page.iter("body"))] == ["main"]
 
@@ -166,7 +179,9 @@ def test_a_page_that_does_not_fit_leaves_the_one_before(tmp_path: Path) -> None:
     assert page_of(tmp_path / "report.md").read_bytes() == before
 
 
-def test_the_time_that_a_report_takes_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_time_that_a_report_takes_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = made(tmp_path / "made", [result("sliding-mode", "one"), result("sliding-mode", "two")])
     write_report(folder, figures=False)
     assert drawing.main([str(folder)]) == 0
@@ -191,11 +206,17 @@ CARDS = """
 """
 
 
-@pytest.mark.skipif(program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed")
+@pytest.mark.skipif(
+    program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed"
+)
 def test_nothing_is_cut_or_scrolls_sideways(tmp_path: Path) -> None:
     folder = tmp_path / "small"
     compare(
-        Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.5"]), folder, workers=1
+        Suite.load().select(
+            ["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.5"]
+        ),
+        folder,
+        workers=1,
     )
     addresses = [page_of(write_report(folder)).as_uri()]
     for report in (one for one in KEPT if one.parent.name in ("default", "evidence", "paper")):
@@ -206,7 +227,11 @@ def test_nothing_is_cut_or_scrolls_sideways(tmp_path: Path) -> None:
         for address in addresses:
             for width in (390, 1012):
                 page.ask(
-                    "Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False
+                    "Emulation.setDeviceMetricsOverride",
+                    width=width,
+                    height=800,
+                    deviceScaleFactor=1,
+                    mobile=False,
                 )
                 page.open(f"{address}?{width}")
                 page.wait(f"document.readyState === 'complete' && location.search === '?{width}'")
@@ -217,7 +242,11 @@ def test_nothing_is_cut_or_scrolls_sideways(tmp_path: Path) -> None:
                 for content, label in cards:
                     assert content == (f'"{label}"' if width < 880 else "none")
             if address == addresses[0]:
-                page.wait("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
+                page.wait(
+                    "[...document.images].every(image => image.complete && image.naturalWidth > 0)"
+                )
                 assert page.value("document.images.length") == 3
                 assert page.complaints == []
-        assert all(url.startswith(("file:", "data:", "about:")) for url in page.requests), page.requests
+        assert all(url.startswith(("file:", "data:", "about:")) for url in page.requests), (
+            page.requests
+        )

@@ -1,4 +1,6 @@
-"""Reports: every number comes from results.csv, the best is marked, and whatever is missing is said."""
+"""Reports: every number comes from results.csv, the best is marked, and whatever is missing is
+said.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,15 @@ from vsconstraints.reports.groups import MAX_LAWS, grouped
 from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
-from vsconstraints.reports.results import MAX_LANES, MAX_PHI, Cell, Results, RowsShown, comparable, marked
+from vsconstraints.reports.results import (
+    MAX_LANES,
+    MAX_PHI,
+    Cell,
+    Results,
+    RowsShown,
+    comparable,
+    marked,
+)
 from vsconstraints.reports.scenario import metric_table
 from vsconstraints.reports.summary import law_table, score_table
 
@@ -43,7 +53,9 @@ COMPETITORS = ("sliding-mode", "potential-field")
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small comparison with its report, to the end, as utilization needs a goal that is reached."""
+    """A small comparison with its report, to the end, as utilization needs a goal that is
+    reached.
+    """
     folder = tmp_path_factory.mktemp("real")
     suite = Suite.load().select(["example-2d-fov"], COMPETITORS)
     compare(suite, folder, workers=1, command=["vsconstraints", "compare"])
@@ -57,18 +69,31 @@ def copy(real: Path, tmp_path: Path) -> Path:
     return shutil.copytree(real, tmp_path / "copy", ignore=shutil.ignore_patterns(SUMS))
 
 
-def result(controller: str, scenario: str = "one", trial: int = 0, **changes: Any) -> dict[str, Any]:
+def result(
+    controller: str, scenario: str = "one", trial: int = 0, **changes: Any
+) -> dict[str, Any]:
     """A line of results.csv of a run without fault."""
     line = dict.fromkeys(RESULT_COLUMNS, 1.0)
-    line.update(suite="made", scenario=scenario, controller=controller, trial=trial, status="converged", reason="")
-    line.update(compiled=True, violated="", within_band="", violation_depth=0.0, violation_time_s=0.0)
+    line.update(
+        suite="made",
+        scenario=scenario,
+        controller=controller,
+        trial=trial,
+        status="converged",
+        reason="",
+    )
+    line.update(
+        compiled=True, violated="", within_band="", violation_depth=0.0, violation_time_s=0.0
+    )
     line.update(utilization=0.9, sliding_lost_s=0.0)
     line.update(changes)
     return line | of_depth(line["violation_depth"], line["violated"]) | changes
 
 
 @pytest.mark.parametrize(("largest", "remarked"), [(680.0, True), (99.0, False), (400.0, False)])
-def test_an_acceleration_out_of_proportion_is_remarked(tmp_path: Path, largest: float, remarked: bool) -> None:
+def test_an_acceleration_out_of_proportion_is_remarked(
+    tmp_path: Path, largest: float, remarked: bool
+) -> None:
     """From 100 rad/s² on, if it is more than ten times that of any other controller."""
     others = 50.0 if largest == 400.0 else 5.0
     lines = [
@@ -77,16 +102,27 @@ def test_an_acceleration_out_of_proportion_is_remarked(tmp_path: Path, largest: 
         result("hierarchical-qp", acceleration_max=0.5 * others),
     ]
     text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
-    sentence = "**Out of proportion**: sliding-mode commands up to 680 rad/s² of a joint, 136 times as much"
+    sentence = (
+        "**Out of proportion**: sliding-mode commands up to 680 rad/s² of a joint, 136 "
+        "times as much"
+    )
     assert (sentence in text) == remarked
     assert text.count("Out of proportion") == remarked
 
 
-def row(controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any) -> dict[str, Any]:
+def row(
+    controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any
+) -> dict[str, Any]:
     """A line of constraints.csv of a challenged row that is kept."""
     line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
     line.update(
-        suite="made", scenario=scenario, controller=controller, trial=0, constraint=label, kind="fov", unit="px"
+        suite="made",
+        scenario=scenario,
+        controller=controller,
+        trial=0,
+        constraint=label,
+        kind="fov",
+        unit="px",
     )
     line.update(challenged=True, violation_depth=0.0, violation_time_s=0.0, band_depth=0.0)
     return {**line, **changes}
@@ -111,7 +147,9 @@ def made(
         "controllers": {name: {"type": name} for name in names},
         "scenarios": {name: {"folder": ".", "tables": tables or {}} for name in scenarios},
     }
-    (folder / "manifest.json").write_text(json.dumps({"configuration": configuration}), encoding="utf-8")
+    (folder / "manifest.json").write_text(
+        json.dumps({"configuration": configuration}), encoding="utf-8"
+    )
     write_table(folder / "results.csv", RESULT_COLUMNS, results)
     write_table(folder / "constraints.csv", CONSTRAINT_COLUMNS, rows or [])
     return folder
@@ -119,14 +157,19 @@ def made(
 
 def whole(report: Path) -> str:
     """A report and its details."""
-    return "".join(path.read_text(encoding="utf-8") for path in (report, report.with_name("details.md")))
+    return "".join(
+        path.read_text(encoding="utf-8") for path in (report, report.with_name("details.md"))
+    )
 
 
 def tables_of(text: str) -> list[list[dict[str, str]]]:
     """All tables of a report, each line by column."""
     found = []
     for block in re.findall(r"(?:^\|.*\n?)+", text, flags=re.MULTILINE):
-        lines = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in block.splitlines()]
+        lines = [
+            [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for line in block.splitlines()
+        ]
         found.append([dict(zip(lines[0], line, strict=True)) for line in lines[2:]])
     return found
 
@@ -154,7 +197,9 @@ SOURCES: dict[str, Callable[[dict[str, str]], str | float]] = {
     "time outside [s]": lambda line: line["violation_time_s"],
     "φ band": lambda line: line["phi_band"],
     "bound T_s u⁺": lambda line: line["phi_band_bound"],
-    "band / bound": lambda line: float(line["phi_band"] or "nan") / float(line["phi_band_bound"] or "nan"),
+    "band / bound": lambda line: (
+        float(line["phi_band"] or "nan") / float(line["phi_band_bound"] or "nan")
+    ),
     "sliding lost [s]": lambda line: line["sliding_lost_s"],
     "switching rate [Hz]": lambda line: line["switching_rate_hz"],
     "acceleration variation [rad/s³]": lambda line: line["acceleration_variation"],
@@ -188,24 +233,36 @@ def test_every_number_of_a_scenario_is_one_of_results_csv(real: Path) -> None:
             elif header == "utilization [%]":
                 assert value(text) == pytest.approx(expected, abs=0.00501, nan_ok=True)
             else:
-                assert value(text) == pytest.approx(expected, rel=0.00501, abs=1e-12, nan_ok=True), header
+                assert value(text) == pytest.approx(
+                    expected, rel=0.00501, abs=1e-12, nan_ok=True
+                ), header
             checked += 1
         if "status" in line:
             assert line["status"] == source["status"]
-            assert line["violated rows"].replace("`", "") == (source["violated"].replace("; ", ", ") or "none")
+            assert line["violated rows"].replace("`", "") == (
+                source["violated"].replace("; ", ", ") or "none"
+            )
     assert checked >= 2 * 14 + 5
 
 
 def test_what_tracking_alone_does_is_a_sentence(real: Path) -> None:
-    """It is not compared, and stands in no column with those that are, but for times and challenged rows."""
-    (stored,) = (line for line in StoredComparison.load(real).results if line["controller"] == "tracking")
+    """It is not compared, and stands in no column with those that are, but for times and challenged
+    rows.
+    """
+    (stored,) = (
+        line for line in StoredComparison.load(real).results if line["controller"] == "tracking"
+    )
     text = whole(real / "report.md")
     (said,) = re.findall(r"^Unconstrained tracking: (.*)\.$", text, re.M)
     assert said.startswith("converged; violated rows: `fov[marker 2]`; ")
     assert f"; settling time {number(stored['settling_time_s'])} s; " in said
     assert f"; worst depth {number(100.0 * stored['violation_depth'])} % of L; " in said
     assert f"; RMS jerk {number(stored['jerk_rms'])} rad/s³" in said
-    judged = [t for t in tables_of(text) if "controller" in t[0] and {"status", "utilization [%]"} & set(t[0])]
+    judged = [
+        t
+        for t in tables_of(text)
+        if "controller" in t[0] and {"status", "utilization [%]"} & set(t[0])
+    ]
     assert judged
     assert not [line for t in judged for line in t if line["controller"] == "tracking"]
 
@@ -216,11 +273,16 @@ def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path
     cells = {line["challenged rows"]: line["`fov[marker 2]` [px]"] for line in lines}
     assert list(cells) == ["tracking", *COMPETITORS]
     for name in COMPETITORS:
-        (expected,) = (r for r in stored.constraints if r["controller"] == name and r["constraint"] == "fov[marker 2]")
+        (expected,) = (
+            r
+            for r in stored.constraints
+            if r["controller"] == name and r["constraint"] == "fov[marker 2]"
+        )
         clearance, margin = (value(part) for part in cells[name].split(" / "))
         assert clearance == pytest.approx(expected["clearance_min"], rel=0.00501)
         assert margin == pytest.approx(expected["mean_unused_margin"], rel=0.00501)
-    # the one that leaves least unused, whatever its least clearance; tracking alone has no margin while it is outside
+    # the one that leaves least unused, whatever its least clearance; tracking alone has no margin
+    # while it is outside
     assert [cells[name].count("**") for name in COMPETITORS] == [2, 0]
     assert value(cells["tracking"]) < 0.0
 
@@ -240,12 +302,30 @@ def summary_of(folder: Path, lines: list[dict[str, Any]]) -> dict[str, dict[str,
 def test_the_summary_counts_and_averages(tmp_path: Path) -> None:
     lines = [
         result("a", "one", utilization=0.9, acceleration_variation=2.0, step_time_median_us=10.0),
-        result("a", "two", utilization=math.nan, acceleration_variation=4.0, step_time_median_us=30.0),
-        result("b", "one", status="trapped", violated="fov[marker 1]", violation_depth=0.25, phi_band=math.nan),
-        result("b", "two", status="failed", reason="it broke", utilization=math.nan, phi_band=6.0, phi_band_bound=2.0),
+        result(
+            "a", "two", utilization=math.nan, acceleration_variation=4.0, step_time_median_us=30.0
+        ),
+        result(
+            "b",
+            "one",
+            status="trapped",
+            violated="fov[marker 1]",
+            violation_depth=0.25,
+            phi_band=math.nan,
+        ),
+        result(
+            "b",
+            "two",
+            status="failed",
+            reason="it broke",
+            utilization=math.nan,
+            phi_band=6.0,
+            phi_band_bound=2.0,
+        ),
     ]
     found = summary_of(tmp_path, lines)
-    a, b = found["a"], found["b"]
+    a = found["a"]
+    b = found["b"]
     assert (a["converged"], b["trapped"], b["failed"], b["aborted"]) == ("2", "1", "1", "0")
     assert (a["converged inside"], b["converged inside"]) == ("**2 of 2**", "0 of 2")
     # what a mean rests on, where that is not all runs
@@ -260,16 +340,30 @@ def test_the_summary_counts_and_averages(tmp_path: Path) -> None:
 
 
 def test_medians_are_compared_over_the_same_runs(tmp_path: Path) -> None:
-    """A law that converges in the calm scenario only has the smaller median, and one that violates rows, too.
+    """A law that converges in the calm scenario only has the smaller median, and one that violates
+    rows, too.
 
-    Since they are smaller, nothing is bold: a reader would see a bold number that is not the best of its column.
+    Since they are smaller, nothing is bold: a reader would see a bold number that is not the best
+    of its column.
     """
     lines = [
-        *(result("whole", name, acceleration_variation=v, utilization=0.9) for name, v in (("one", 2.0), ("two", 8.0))),
+        *(
+            result("whole", name, acceleration_variation=v, utilization=0.9)
+            for name, v in (("one", 2.0), ("two", 8.0))
+        ),
         result("half", "one", acceleration_variation=1.0, utilization=0.99),
-        result("half", "two", status="unfinished", acceleration_variation=0.0, utilization=math.nan),
+        result(
+            "half", "two", status="unfinished", acceleration_variation=0.0, utilization=math.nan
+        ),
         result("outside", "one", acceleration_variation=1.0, utilization=1.0),
-        result("outside", "two", acceleration_variation=1.0, utilization=1.0, violated="x", violation_depth=0.1),
+        result(
+            "outside",
+            "two",
+            acceleration_variation=1.0,
+            utilization=1.0,
+            violated="x",
+            violation_depth=0.1,
+        ),
         *(
             result(
                 "slight",
@@ -301,7 +395,10 @@ def test_medians_are_compared_over_the_same_runs(tmp_path: Path) -> None:
     }  # fmt: skip
     kept = [line for line in lines if line["controller"] in ("whole", "slight")]
     found = summary_of(tmp_path, kept)
-    assert [line["acceleration variation [rad/s³]"] for line in found.values()] == ["**5.00**", "(6.00)"]
+    assert [line["acceleration variation [rad/s³]"] for line in found.values()] == [
+        "**5.00**",
+        "(6.00)",
+    ]
     assert [line["median utilization [%]"] for line in found.values()] == ["**90.00**", "(80.00)"]
     assert [line["runs with a violated row"] for line in found.values()] == ["**0**", "2"]
     # what all have alike is nobody's merit
@@ -313,16 +410,42 @@ def test_diverged_runs_and_lost_sliding_modes_are_never_the_best(tmp_path: Path)
         result("calm", "one", jerk_rms=887.0, phi_band=1.5, acceleration_variation=417.0),
         result("calm", "two", jerk_rms=887.0, phi_band=1.5, acceleration_variation=417.0),
         result("wild", "one", jerk_rms=1.6e7, phi_band=math.nan, acceleration_variation=1e6),
-        result("wild", "two", jerk_rms=1.0, status="unfinished", violated="x", violation_depth=590.0, phi_band=0.1),
-        result("lost", "one", jerk_rms=900.0, phi_band=0.9, sliding_lost_s=0.385, acceleration_variation=500.0),
-        result("lost", "two", jerk_rms=900.0, phi_band=0.9, sliding_lost_s=0.385, acceleration_variation=500.0),
+        result(
+            "wild",
+            "two",
+            jerk_rms=1.0,
+            status="unfinished",
+            violated="x",
+            violation_depth=590.0,
+            phi_band=0.1,
+        ),
+        result(
+            "lost",
+            "one",
+            jerk_rms=900.0,
+            phi_band=0.9,
+            sliding_lost_s=0.385,
+            acceleration_variation=500.0,
+        ),
+        result(
+            "lost",
+            "two",
+            jerk_rms=900.0,
+            phi_band=0.9,
+            sliding_lost_s=0.385,
+            acceleration_variation=500.0,
+        ),
     ]
     found = summary_of(tmp_path, lines)
     assert {name: line["worst φ band / bound"] for name, line in found.items()} == {
         "calm": "1.50", "wild": "(0.100, 1 of 2)", "lost": "(0.900)"
     }  # fmt: skip
     assert found["wild"]["worst depth [% of L]"] == "(59000)"
-    assert {name: line["diverged"] for name, line in found.items()} == {"calm": "0", "wild": "1", "lost": "0"}
+    assert {name: line["diverged"] for name, line in found.items()} == {
+        "calm": "0",
+        "wild": "1",
+        "lost": "0",
+    }
     # of two runs that converged, one of which went wild, no mean and no median of both
     assert found["wild"]["acceleration variation [rad/s³]"] == "(1.00e6)"
     text = whole(tmp_path / "report.md")
@@ -334,10 +457,24 @@ def test_diverged_runs_and_lost_sliding_modes_are_never_the_best(tmp_path: Path)
 def test_a_frozen_law_is_best_in_nothing(tmp_path: Path) -> None:
     """Also where nobody reaches the goal."""
     frozen = dict.fromkeys(
-        ("switching_rate_hz", "acceleration_variation", "jerk_rms", "violation_depth", "violation_time_s"), 0.0
+        (
+            "switching_rate_hz",
+            "acceleration_variation",
+            "jerk_rms",
+            "violation_depth",
+            "violation_time_s",
+        ),
+        0.0,
     )
-    times = dict.fromkeys(("step_time_median_us", "step_time_p99_us", "missed_periods", "rows_time_median_us"), 0.1)
-    nothing = {"utilization": math.nan, "settling_time_s": math.nan, "phi_band": math.nan, "phi_band_bound": math.nan}
+    times = dict.fromkeys(
+        ("step_time_median_us", "step_time_p99_us", "missed_periods", "rows_time_median_us"), 0.1
+    )
+    nothing = {
+        "utilization": math.nan,
+        "settling_time_s": math.nan,
+        "phi_band": math.nan,
+        "phi_band_bound": math.nan,
+    }
     lines = []
     for scenario, status in (("one", "converged"), ("two", "trapped")):
         lines += [result(name, scenario, status=status) for name in ("tracking", "law", "other")]
@@ -361,7 +498,9 @@ MORE = ("converged inside", "at 1 % of L", "utilization [%]", "median utilizatio
 
 @settings(max_examples=30, deadline=None)
 @given(st.data())
-def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any, data: Any) -> None:
+def test_no_bold_value_is_worse_than_another_of_its_column(
+    tmp_path_factory: Any, data: Any
+) -> None:
     numbers = st.sampled_from([0.0, 0.5, 1.0, 2.0, 1e5, math.nan])
     names = ("utilization", "phi_band", "jerk_rms", "acceleration_variation", "settling_time_s")
     # mostly runs that are compared: where hardly any are, hardly any is bold
@@ -370,7 +509,9 @@ def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any
         result(
             controller,
             scenario,
-            status=data.draw(st.sampled_from(["converged", "converged", "trapped", "failed", "unfinished"])),
+            status=data.draw(
+                st.sampled_from(["converged", "converged", "trapped", "failed", "unfinished"])
+            ),
             **{name: data.draw(numbers) for name in names},
             **{name: data.draw(mostly_none) for name in ("violation_depth", "sliding_lost_s")},
         )
@@ -391,26 +532,42 @@ def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any
     text = whole(write_report(made(tmp_path_factory.mktemp("any"), lines, rows), figures=False))
     for one in tables_of(text):
         # of tracking alone there is a clearance, and no margin that could be judged
-        values = [shown_values(line) if line.get("challenged rows") != "tracking" else {} for line in one]
+        values = [
+            shown_values(line) if line.get("challenged rows") != "tracking" else {} for line in one
+        ]
         for line, own in zip(one, values, strict=True):
             for name in (name for name, cell in line.items() if "**" in cell):
-                others = [other[name] for other in values if math.isfinite(other.get(name, math.nan))]
+                others = [
+                    other[name] for other in values if math.isfinite(other.get(name, math.nan))
+                ]
                 assert own[name] == (max if name in MORE else min)(others), (name, line)
                 assert len(set(others)) > 1, (name, line)
-            if line.get("controller") == "tracking" or line.get("status", "converged") != "converged":
+            if (
+                line.get("controller") == "tracking"
+                or line.get("status", "converged") != "converged"
+            ):
                 assert not any("**" in cell for cell in line.values())
 
 
 @given(
-    st.lists(st.tuples(st.sampled_from([0.0, 1.0, 1.0001, 2.0, 1e5, math.nan]), st.booleans()), min_size=1, max_size=6),
+    st.lists(
+        st.tuples(st.sampled_from([0.0, 1.0, 1.0001, 2.0, 1e5, math.nan]), st.booleans()),
+        min_size=1,
+        max_size=6,
+    ),
     st.sampled_from(["less", "more"]),
 )
-def test_bold_is_beaten_by_nothing_and_beats_something(given: list[tuple[float, bool]], better: Any) -> None:
+def test_bold_is_beaten_by_nothing_and_beats_something(
+    given: list[tuple[float, bool]], better: Any
+) -> None:
     texts = marked([Cell.of([v]) for v, _ in given], [may for _, may in given], better)
     values = [value(text) for text in texts if text != "–"]
     for text, (v, may) in zip(texts, given, strict=True):
         assert text.startswith("(") == (not may and math.isfinite(v) and len(given) > 1)
-        best = value(text) == (min if better == "less" else max)(values, default=math.nan) and len(set(values)) > 1
+        best = (
+            value(text) == (min if better == "less" else max)(values, default=math.nan)
+            and len(set(values)) > 1
+        )
         assert text.startswith("**") == (may and best)
 
 
@@ -433,10 +590,15 @@ def test_bold_is_beaten_by_nothing_and_beats_something(given: list[tuple[float, 
         ([1.0, 2.0], [True, True], None, [False, False]),
     ],
 )
-def test_the_best_is_marked(values: list[float], eligible: list[bool], better: Any, expected: list[bool]) -> None:
+def test_the_best_is_marked(
+    values: list[float], eligible: list[bool], better: Any, expected: list[bool]
+) -> None:
     texts = marked([Cell.of([v]) for v in values], eligible, better)
     assert [text.startswith("**") for text in texts] == expected
-    aside = [better is not None and not may and math.isfinite(v) for v, may in zip(values, eligible, strict=True)]
+    aside = [
+        better is not None and not may and math.isfinite(v)
+        for v, may in zip(values, eligible, strict=True)
+    ]
     assert [text.startswith("(") for text in texts] == aside
 
 
@@ -450,13 +612,17 @@ def test_the_best_is_marked(values: list[float], eligible: list[bool], better: A
         ([[], ["converged"]], [False, False]),
     ],
 )
-def test_only_runs_that_did_the_task_are_compared(statuses: list[list[str]], expected: list[bool]) -> None:
+def test_only_runs_that_did_the_task_are_compared(
+    statuses: list[list[str]], expected: list[bool]
+) -> None:
     assert comparable([[{"status": status} for status in own] for own in statuses]) == expected
 
 
 def test_marks_in_a_report(tmp_path: Path) -> None:
     lines = [
-        result("tracking", jerk_rms=0.1, utilization=1.0, violated="fov[marker 1]", violation_depth=0.5),
+        result(
+            "tracking", jerk_rms=0.1, utilization=1.0, violated="fov[marker 1]", violation_depth=0.5
+        ),
         result("a", jerk_rms=5.0, utilization=0.95),
         result("b", jerk_rms=5.001, utilization=0.9),
         result("c", jerk_rms=7.0, utilization=1.0, violated="fov[marker 1]", violation_depth=0.1),
@@ -477,17 +643,25 @@ def test_marks_in_a_report(tmp_path: Path) -> None:
 
 def test_several_trials_show_median_and_range(tmp_path: Path) -> None:
     lines = [result("a", trial=k, jerk_rms=v) for k, v in enumerate([3.0, 1.0, 2.0])]
-    lines += [result("b", trial=0, jerk_rms=5.0), result("b", trial=1, jerk_rms=5.0, status="trapped")]
+    lines += [
+        result("b", trial=0, jerk_rms=5.0),
+        result("b", trial=1, jerk_rms=5.0, status="trapped"),
+    ]
     text = whole(write_report(made(tmp_path, lines, trials=3)))
     assert column(text, "RMS jerk [rad/s³]") == {"a": "**2.00 [1.00–3.00]**", "b": "(5.00)"}
     assert column(text, "status") == {"a": "3 converged", "b": "1 converged, 1 trapped"}
     assert "**Incomplete: 5 of 9 runs finished.**" in text
-    assert ["b", "trapped", "–", "–", "–", "1 of 2 (1)"] in [list(line.values()) for t in tables_of(text) for line in t]
+    assert ["b", "trapped", "–", "–", "–", "1 of 2 (1)"] in [
+        list(line.values()) for t in tables_of(text) for line in t
+    ]
 
 
 def test_the_form_that_ran_is_told(tmp_path: Path) -> None:
     def told(*compiled: bool) -> str:
-        lines = [result(name, compiled=flag) for name, flag in zip(("tracking", "own"), compiled, strict=True)]
+        lines = [
+            result(name, compiled=flag)
+            for name, flag in zip(("tracking", "own"), compiled, strict=True)
+        ]
         text = whole(write_report(made(tmp_path, lines), figures=False))
         found = re.search(r"\| control step +\| (.*?) +\|", text)
         assert found is not None
@@ -511,7 +685,11 @@ def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None
 
 def test_what_nobody_challenges_crowns_no_winner(tmp_path: Path) -> None:
     """Two laws with different numbers, in a scenario that tracking alone does as well."""
-    lines = [result("tracking"), result("a", jerk_rms=1.0, switching_rate_hz=1.0), result("b", status="trapped")]
+    lines = [
+        result("tracking"),
+        result("a", jerk_rms=1.0, switching_rate_hz=1.0),
+        result("b", status="trapped"),
+    ]
     lines += [result("c", jerk_rms=2.0, switching_rate_hz=2.0, acceleration_variation=9.0)]
     rows = [row(name, challenged=False) for name in ("tracking", "a", "b", "c")]
     calm = whole(write_report(made(tmp_path / "calm", lines, rows), figures=False))
@@ -548,7 +726,9 @@ def test_what_only_the_strict_standard_calls_violated_is_marked(tmp_path: Path) 
 def test_rows_that_held_the_arm_back_are_listed(tmp_path: Path) -> None:
     lines = [result(name) for name in ("tracking", "a", "b")]
     rows = [row(name, usage_held=0.97, held_time_s=1.5) for name in ("a", "b")]
-    rows += [row("a", "range[joint 1].upper", active_time_s=0.0, usage_held=math.nan, held_time_s=0.0)]
+    rows += [
+        row("a", "range[joint 1].upper", active_time_s=0.0, usage_held=math.nan, held_time_s=0.0)
+    ]
     text = whole(write_report(made(tmp_path, lines, rows)))
     (held,) = (t for t in tables_of(text) if "rows that limited the arm" in t[0])
     cells = {"`fov[marker 1]`": "97.00 / 1.50 s"}
@@ -558,7 +738,11 @@ def test_rows_that_held_the_arm_back_are_listed(tmp_path: Path) -> None:
 def test_what_it_takes_to_hold_rows_is_told_where_limits_are_stated(tmp_path: Path) -> None:
     """Rows that fall by themselves, or that no law came to, have no column."""
     lines = [result(name) for name in ("tracking", "a", "b")]
-    shares = {"tracking": (0.25, math.nan, -0.5), "a": (1.5, math.nan, 0.0), "b": (math.nan, 0.8, math.nan)}
+    shares = {
+        "tracking": (0.25, math.nan, -0.5),
+        "a": (1.5, math.nan, 0.0),
+        "b": (math.nan, 0.8, math.nan),
+    }
     rows = [
         row(name, f"fov[marker {i + 1}]", share_to_hold=share)
         for name, own in shares.items()
@@ -568,7 +752,9 @@ def test_what_it_takes_to_hold_rows_is_told_where_limits_are_stated(tmp_path: Pa
     (held,) = (t for t in tables_of(text) if "required acceleration" in t[0])
     expected = {"tracking": ("25.00", "–"), "a": ("150.00", "–"), "b": ("–", "80.00")}
     columns = "required acceleration", "`fov[marker 1]`", "`fov[marker 2]`"
-    assert held == [dict(zip(columns, (name, *cells), strict=True)) for name, cells in expected.items()]
+    assert held == [
+        dict(zip(columns, (name, *cells), strict=True)) for name, cells in expected.items()
+    ]
     assert "limits: acceleration 2.0" in text
     none = [row(name, share_to_hold=math.nan) for name in shares]
     text = whole(write_report(made(tmp_path, lines, none, {"limits": "robot"})))
@@ -591,7 +777,13 @@ def test_failures_name_row_depth_time_and_reason(tmp_path: Path) -> None:
     (found,) = (table for table in tables_of(text) if "failure" in table[0])
     assert [list(line.values()) for line in found] == [
         ["a", "violates", "`range[joint 6].upper`", "12.0 mrad", "0.500"],
-        ["b", "trapped", r"at rest, ends 9 mm \| away; acting in the last 0.5 s: `fov[marker 1]`", "–", "–"],
+        [
+            "b",
+            "trapped",
+            r"at rest, ends 9 mm \| away; acting in the last 0.5 s: `fov[marker 1]`",
+            "–",
+            "–",
+        ],
     ]
 
 
@@ -599,13 +791,22 @@ def test_failed_trials_are_counted_by_kind(tmp_path: Path) -> None:
     """A thousand trials that fail alike are one line, however many rows they leave."""
     times = [0.01 * i for i in range(200)]
     lines = [
-        result("a", trial=i, status="failed", reason=f"t = {t:.4g} s: marker {1 + i % 4} is behind the camera")
+        result(
+            "a",
+            trial=i,
+            status="failed",
+            reason=f"t = {t:.4g} s: marker {1 + i % 4} is behind the camera",
+        )
         for i, t in enumerate(times)
     ]
     lines[7].update(status="trapped", reason="at rest, ends 9 mm from the goal")
-    lines[8:] = [{**line, "status": "converged", "reason": ""} if i % 2 else line for i, line in enumerate(lines[8:])]
+    lines[8:] = [
+        {**line, "status": "converged", "reason": ""} if i % 2 else line
+        for i, line in enumerate(lines[8:])
+    ]
     rows = [
-        row("a", trial=i, violation_depth=0.01 * i, violation_time_s=0.5 if i < 30 else 0.0) for i in range(0, 40, 3)
+        row("a", trial=i, violation_depth=0.01 * i, violation_time_s=0.5 if i < 30 else 0.0)
+        for i in range(0, 40, 3)
     ]
     text = whole(write_report(made(tmp_path, lines, rows, trials=200), figures=False))
     (found,) = (table for table in tables_of(text) if "failure" in table[0])
@@ -635,7 +836,9 @@ def test_names_with_spaces_and_umlauts_have_links(tmp_path: Path) -> None:
     text = whole(write_report(made(tmp_path, lines), figures=False))
     anchors = set(re.findall(r'<a id="([^"]+)">', text))
     assert anchors == {"scenario-mein%20%C3%84rmchen"}
-    assert {link for link in re.findall(r"\]\(#([^)]+)\)", text) if link.startswith("scenario-")} == anchors
+    assert {
+        link for link in re.findall(r"\]\(#([^)]+)\)", text) if link.startswith("scenario-")
+    } == anchors
 
 
 def links(text: str) -> set[str]:
@@ -658,7 +861,10 @@ def test_a_report_has_no_traces_of_missing_values(real: Path) -> None:
     text = whole(real / "report.md")
     assert not re.search(r"\b(nan|NaN|None|inf)\b", text)
     for anchor in re.findall(r"\]\(#([^)]+)\)", text):
-        headings = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in re.findall(r"^## (.+)$", text, re.M)}
+        headings = {
+            re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-")
+            for h in re.findall(r"^## (.+)$", text, re.M)
+        }
         assert anchor in headings or f'<a id="{anchor}">' in text
 
 
@@ -720,7 +926,9 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
     def fails(*_: object) -> None:
         raise ValueError("on purpose")
 
-    table = tuple(replace(figure, draw=fails) if figure.name == "errors" else figure for figure in FIGURES)
+    table = tuple(
+        replace(figure, draw=fails) if figure.name == "errors" else figure for figure in FIGURES
+    )
     monkeypatch.setattr(drawing, "FIGURES", table)
     text = whole(write_report(copy))
     assert "The figure of the errors could not be drawn: ValueError: on purpose" in text
@@ -728,7 +936,9 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
     assert not (copy / "figures" / "example-2d-fov--errors.png").exists()
 
 
-def test_figures_whose_process_dies_cost_themselves_only(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_whose_process_dies_cost_themselves_only(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def died(function: object, calls: dict[Any, object], **_: object) -> dict[Any, Failure]:
         return dict.fromkeys(calls, Failure("the process that ran it died"))
 
@@ -739,8 +949,12 @@ def test_figures_whose_process_dies_cost_themselves_only(copy: Path, monkeypatch
     assert not links(text)
 
 
-def test_a_line_in_the_table_is_enough_for_a_figure(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    extra = Figure("mine", "my own", "What is mine.", FIGURES[2].draw, reading="**Mine** is read like this.")
+def test_a_line_in_the_table_is_enough_for_a_figure(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    extra = Figure(
+        "mine", "my own", "What is mine.", FIGURES[2].draw, reading="**Mine** is read like this."
+    )
     for module in (drawing, report):
         monkeypatch.setattr(module, "FIGURES", (*FIGURES, extra))
     text = whole(write_report(copy))
@@ -773,11 +987,15 @@ def test_many_laws_stand_in_groups_in_their_order() -> None:
 def test_groups_are_small_and_their_colours_differ(kinds: list[str]) -> None:
     entries = {"tracking": {}} | {f"{kind}-{k}": {"type": kind} for k, kind in enumerate(kinds)}
     found = grouped(entries)
-    assert sorted(name for group in found for name in group.controllers[1:]) == sorted(list(entries)[1:])
+    assert sorted(name for group in found for name in group.controllers[1:]) == sorted(
+        list(entries)[1:]
+    )
     for group in found:
         assert group.controllers[0] == "tracking"
         assert len(group.controllers) <= MAX_LAWS + 1
-        assert len({look.colour for look in looks(group.controllers).values()}) == len(group.controllers)
+        assert len({look.colour for look in looks(group.controllers).values()}) == len(
+            group.controllers
+        )
 
 
 def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None:
@@ -804,7 +1022,9 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
     text = write(MANY, lines, rows)
     suffixes = [group.suffix for group in grouped(MANY)]
     drawn = [f"example-2d-fov--{figure.name}" for figure in FIGURES]
-    assert links(text) == {f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes}
+    assert links(text) == {
+        f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes
+    }
     assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
     for first in ("controller", "challenged rows", "rows that limited the arm"):
         found = [t for t in tables_of(text) if first in t[0] and len(t) > 5]
@@ -832,7 +1052,10 @@ def test_lanes_are_of_rows_that_act_with_a_law_of_the_figure() -> None:
         active = np.array([[False] * 3, acts])
         return SimpleNamespace(trajectory=SimpleNamespace(labels=("c", "a", "b"), active=active))
 
-    assert acting_in(("a", "b", "c"), [run(True, False, False), run(False, False, True)]) == ("b", "c")
+    assert acting_in(("a", "b", "c"), [run(True, False, False), run(False, False, True)]) == (
+        "b",
+        "c",
+    )
     assert acting_in(("a", "b"), [run(True, False, False)]) == ()
     assert acting_in(("a", "b", "c"), []) == ()
 
@@ -844,11 +1067,15 @@ def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
         for name in ("tracking", "a")
         for k, label in enumerate(labels)
     ]
-    results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows)))
+    results = Results(
+        StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows))
+    )
     shown = RowsShown.of(results.every_row("one"))
     assert shown == ((labels[3], labels[17]), (labels[3], *labels[9:]), 19 - MAX_LANES)
     unchallenged = [{**line, "challenged": False} for line in rows]
-    results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
+    results = Results(
+        StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged))
+    )
     assert RowsShown.of(results.every_row("one")).phi == tuple(labels[-MAX_PHI:])
 
 
@@ -891,7 +1118,11 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
 
 def test_times_of_runs_that_left_none_are_no_table() -> None:
     """As where a full disk keeps every run from being stored."""
-    line = dict.fromkeys(RESULT_COLUMNS, math.nan) | {"status": "failed", "reason": "no space", "violated": ""}
+    line = dict.fromkeys(RESULT_COLUMNS, math.nan) | {
+        "status": "failed",
+        "reason": "no space",
+        "violated": "",
+    }
     results: Any = SimpleNamespace(
         controllers=("tracking",),
         competitors=("tracking",),

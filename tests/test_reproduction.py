@@ -1,4 +1,6 @@
-"""Every claim of the paper is measured, its verdict is what the report states, and none is bound to hold."""
+"""Every claim of the paper is measured, its verdict is what the report states, and none is bound to
+hold.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 
 
 KEPT_RUNS = os.environ.get("VSCONSTRAINTS_KEPT_RUNS")
-"""Environment variable: a folder for runs, as the mutation run makes one: those that are there are not made again."""
+"""Environment variable: a folder for runs, as the mutation run makes one: those that are there are
+not made again.
+"""
 
 
 @cache
@@ -76,7 +80,16 @@ def study(name: str, changed: Numbers | None = None) -> StudyResult:
 
 BOTH = ("example-2d-fov", "case-study-6r")
 EXPERIMENTS = ("experiment-1-pbvs", "experiment-2-ibvs")
-WHAT = ("scenes", "similar", "satisfactory", "little_speed", "applied", "track_px", "speed_share", "clearance_share")
+WHAT = (
+    "scenes",
+    "similar",
+    "satisfactory",
+    "little_speed",
+    "applied",
+    "track_px",
+    "speed_share",
+    "clearance_share",
+)
 FOUND: dict[str, Numbers] = {
     "unselected-experiments": {
         key: 100.0 if len(key) == 3 else 1.0
@@ -85,8 +98,12 @@ FOUND: dict[str, Numbers] = {
         for what in WHAT
         for key in ((s, case, what), (s, case, "shipped", what))
     },
-    "switching-gain": {(name,): 5.0 for name in ("above_bound", "above_bound_allowed", "above_bound_in_band")},
-    "sampling-time": {(s, name): v for s in BOTH for name, v in (("greatest_excess", 0.9), ("exponent", 1.0))},
+    "switching-gain": {
+        (name,): 5.0 for name in ("above_bound", "above_bound_allowed", "above_bound_in_band")
+    },
+    "sampling-time": {
+        (s, name): v for s in BOTH for name, v in (("greatest_excess", 0.9), ("exponent", 1.0))
+    },
 }
 """What studies would have to find for the claims to hold that rest on runs as well."""
 
@@ -158,7 +175,8 @@ EXPECTED = {
     "5h": "holds",
     "5i": "holds",
     "5j": "holds",
-    **{f"6{letter}": "holds" for letter in "abcdefghim"},  # d, h, i, j and k with a study that found them everywhere
+    # d, h, i, j and k with a study that found them everywhere
+    **{f"6{letter}": "holds" for letter in "abcdefghim"},
     "6j": "holds",
     "6k": "holds",
     "6l": "holds partly",  # IBVS also needs a larger gain
@@ -249,7 +267,11 @@ def hurried(run: Run) -> Run:
 
 def restless(run: Run) -> Run:
     """The camera and the joints never rest."""
-    return spoiled(run, qd=run.trajectory.qd + 1.0, camera_position=run.trajectory.camera_position + run.t[:, None])
+    return spoiled(
+        run,
+        qd=run.trajectory.qd + 1.0,
+        camera_position=run.trajectory.camera_position + run.t[:, None],
+    )
 
 
 SEEDS = count()
@@ -334,7 +356,8 @@ SPOILERS: dict[str, Callable[[Run], Run]] = {
 
 @pytest.mark.parametrize("key", SPOILERS)
 def test_verdicts_can_fail(key: str) -> None:
-    good, bad = check(key), check(key, SPOILERS[key])
+    good = check(key)
+    bad = check(key, SPOILERS[key])
     assert WORST_FIRST.index(bad.verdict) < WORST_FIRST.index(good.verdict), bad.text
 
 
@@ -358,9 +381,17 @@ def numbers_of(key: str) -> Numbers:
     for s in BOTH:
         fields = {"sliding-mode": 0.1, "potential-field": 1.0, "potential-field-priority": 0.2}
         pareto |= {(s, law, "least_unused"): left for law, left in fields.items()}
-        pareto |= {(s, "printed", "kept"): 1.0, (s, "printed", "unused"): 0.1, (s, "sliding-mode", "kept"): 3.0}
+        pareto |= {
+            (s, "printed", "kept"): 1.0,
+            (s, "printed", "unused"): 0.1,
+            (s, "sliding-mode", "kept"): 3.0,
+        }
         shrinking |= keyed({"sampling_distance": 0.001}, s)
-        paths = {"distance_falls": 1.0, "distance_largest_region": 0.2, "distance_smallest_region": 0.0}
+        paths = {
+            "distance_falls": 1.0,
+            "distance_largest_region": 0.2,
+            "distance_smallest_region": 0.0,
+        }
         shrinking |= keyed(paths | {"region_largest": 0.5, "region_smallest": 1e-4}, s, "priority")
         exact |= keyed({"violation": 0.0, "converged": 1.0}, s, "sliding-mode", 0.3)
     return {
@@ -392,12 +423,16 @@ SPOILED_NUMBERS: list[tuple[str, tuple[str | float, ...], float, str]] = [
 def test_verdicts_on_studies_follow_their_numbers(
     key: str, changed: tuple[str | float, ...], value: float, verdict: str
 ) -> None:
-    one, numbers = CLAIMS[key], numbers_of(key)
+    one = CLAIMS[key]
+    numbers = numbers_of(key)
     (name,) = one.needs
     assert isinstance(name, str)
     assert one.check({name: StudyResult(name, numbers, (), (), ())}).verdict == "holds"
     assert changed in numbers
-    assert one.check({name: StudyResult(name, {**numbers, changed: value}, (), (), ())}).verdict == verdict
+    assert (
+        one.check({name: StudyResult(name, {**numbers, changed: value}, (), (), ())}).verdict
+        == verdict
+    )
     missing = StudyResult(name, {}, (), (), ("all runs: failed",))
     assert one.check({name: missing}).verdict == "not measured"
 
@@ -409,7 +444,8 @@ def with_margin(run: Run, label: str, share: float) -> Run:
     """Its least clearance of a row set to a share of the row's characteristic length."""
     k = run.index(label)
     trajectory = run.trajectory
-    wanted, least = share * run.length(label), trajectory.between_clearance.copy()
+    wanted = share * run.length(label)
+    least = trajectory.between_clearance.copy()
     clearance = trajectory.clearance.copy()
     clearance[:, k] = np.maximum(clearance[:, k], wanted)
     clearance[-1, k] = wanted
@@ -417,7 +453,9 @@ def with_margin(run: Run, label: str, share: float) -> Run:
     return spoiled(run, clearance=clearance, between_clearance=least)
 
 
-@pytest.mark.parametrize(("share", "verdict"), [(0.009, "holds"), (0.011, "does not hold"), (-0.001, "does not hold")])
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.009, "holds"), (0.011, "does not hold"), (-0.001, "does not hold")]
+)
 def test_space_counts_as_fully_used_up_to_one_per_cent(share: float, verdict: str) -> None:
     changed = with_margin(run(CLAIMS["1b"].needs[0]), "fov[marker 2]", share)  # type: ignore[arg-type]
     assert CLAIMS["1b"].check({CLAIMS["1b"].needs[0]: changed}).verdict == verdict
@@ -438,7 +476,9 @@ UNSELECTED_CASES: list[tuple[Numbers, str]] = [
 
 
 @pytest.mark.parametrize(("changed", "verdict"), UNSELECTED_CASES)
-def test_unselected_scenes_decide_what_a_scene_searched_for_cannot(changed: Numbers, verdict: str) -> None:
+def test_unselected_scenes_decide_what_a_scene_searched_for_cannot(
+    changed: Numbers, verdict: str
+) -> None:
     numbers: Numbers = {("experiment-1-pbvs", *key): value for key, value in changed.items()}
     one = CLAIMS["6d"]
     runs = {need: run(need) for need in one.needs if isinstance(need, RunSpec)}
@@ -452,16 +492,17 @@ def test_three_constraints_at_a_time_are_three() -> None:
     for change, verdict in ((-1e4, "holds partly"), (1.0, "holds partly")):
         phi = case.trajectory.phi.copy()
         label = "range[joint 6].upper" if change < 0.0 else "fov[marker 1]"
-        phi[:, case.index(label)] = np.where((case.t > 0.6) & (case.t < 0.9), 0.0, phi[:, case.index(label)]) + (
-            change if change < 0.0 else 0.0
-        )
+        phi[:, case.index(label)] = np.where(
+            (case.t > 0.6) & (case.t < 0.9), 0.0, phi[:, case.index(label)]
+        ) + (change if change < 0.0 else 0.0)
         found = CLAIMS["5h"].check({RunSpec("case-study-6r"): spoiled(case, phi=phi)})
         assert found.verdict == verdict, found.text
 
 
 def drifting(one: Run, **drift: float) -> Run:
     """The run with made-up L_fφ: of each row its value in one sample, zero in others."""
-    changed, values = Run(one.setup, one.record), np.zeros_like(one.trajectory.phi)
+    changed = Run(one.setup, one.record)
+    values = np.zeros_like(one.trajectory.phi)
     for i, value in enumerate(drift.values()):
         values[7, i] = value
     vars(changed)["drift"] = values
@@ -480,7 +521,9 @@ def test_condition_12_is_about_the_worst_sample_and_the_sum_of_rows() -> None:
 def test_a_scene_counts_as_above_the_bound_along_its_own_motion(drift: float, above: int) -> None:
     one = CLAIMS["10b"]
     runs = {
-        need: drifting(run(RunSpec("example-2d-fov")), first=drift) for need in one.needs if need != "switching-gain"
+        need: drifting(run(RunSpec("example-2d-fov")), first=drift)
+        for need in one.needs
+        if need != "switching-gain"
     }
     found = one.check(runs | {"switching-gain": study("switching-gain")})
     assert found.values["above"] == 5 + above * (len(runs) - 1)  # without the concave corner
@@ -494,10 +537,15 @@ def test_the_limits_that_the_paper_prints_are_those_of_the_case_study() -> None:
         ({"qd": 0.01}, "holds partly"),
     ):
         changed = {name: getattr(case.trajectory, name) + value for name, value in change.items()}
-        assert CLAIMS["5e"].check({RunSpec("case-study-6r"): spoiled(case, **changed)}).verdict == verdict
+        assert (
+            CLAIMS["5e"].check({RunSpec("case-study-6r"): spoiled(case, **changed)}).verdict
+            == verdict
+        )
 
 
-def test_a_filter_that_leaves_out_half_a_square_integrates_something_else(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_filter_that_leaves_out_half_a_square_integrates_something_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def shortened(one: OrderFilter, qdd: Array) -> Array:
         one.q, one.qd = one.q + one.Ts * one.qd, one.qd + one.Ts * qdd
         return one.q
@@ -552,7 +600,11 @@ def test_a_missing_run_is_a_line_with_its_reason() -> None:
 
 
 def test_a_run_that_failed_is_a_line_with_its_reason() -> None:
-    broken = spoiled(run(RunSpec("example-2d-fov")), status="failed", reason="t = 1 s: a marker is behind the camera")
+    broken = spoiled(
+        run(RunSpec("example-2d-fov")),
+        status="failed",
+        reason="t = 1 s: a marker is behind the camera",
+    )
     found = CLAIMS["1a"].check({RunSpec("example-2d-fov"): broken})
     assert found.verdict == "not measured"
     assert "behind the camera" in found.text
@@ -585,13 +637,22 @@ def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[in
     monkeypatch.setattr(runner, "study_results", lambda *_: {})
 
 
-def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = Figure("fig-19", "Fig. 19", "not there", simulations.draw_fov, (RunSpec("no-such-scenario"),))
-    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", FIGURES[6].draw, (RunSpec("example-2d-fast"),))
+def test_the_report_is_written_even_where_parts_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    missing = Figure(
+        "fig-19", "Fig. 19", "not there", simulations.draw_fov, (RunSpec("no-such-scenario"),)
+    )
+    broken = Figure(
+        "fig-06", "Fig. 6", "cannot be drawn", FIGURES[6].draw, (RunSpec("example-2d-fast"),)
+    )
     few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
     told: list[tuple[str, int, int]] = []
     result = reproduce(
-        tmp_path, workers=1, on_progress=lambda *news: told.append(news), command=["vsconstraints", "it"]
+        tmp_path,
+        workers=1,
+        on_progress=lambda *news: told.append(news),
+        command=["vsconstraints", "it"],
     )
     text = result.report.read_text(encoding="utf-8")
     assert result.report == tmp_path / "report.md"
@@ -614,7 +675,9 @@ def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch
     assert all(0 <= done <= total for _, done, total in told)
 
 
-def test_it_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_goes_on_where_it_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     needed = [need for need in CLAIMS["2b"].needs if isinstance(need, RunSpec)]
     few(monkeypatch, ("2b",), {})
 
@@ -629,7 +692,9 @@ def test_it_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest
     for file, record in kept.items():
         assert record is not None
         # they are taken as they are: so they can be told from new ones
-        replace(record, trajectory=replace(record.trajectory, status="failed", reason="kept")).save(file)
+        replace(record, trajectory=replace(record.trajectory, status="failed", reason="kept")).save(
+            file
+        )
     found = reproduce(tmp_path, workers=1).findings["2b"]
     assert "kept" in found.text
     assert not (tmp_path / "unfinished").exists()

@@ -23,8 +23,13 @@ def test_a_figure_and_a_claim_alone(tmp_path: Path, capsys: pytest.CaptureFixtur
     reproduce(figure=[4], claim=["1a"], out=tmp_path)
     told = capsys.readouterr().out
     assert "1a (8.2, Fig. 4): holds\n" in told
-    assert {path.name for path in tmp_path.rglob("*.*")} == {"fig-04.png", "fig-04--hierarchical-qp.png"}
-    ours, others = (imread(tmp_path / "figures" / f"fig-04{law}.png") for law in ("", "--hierarchical-qp"))
+    assert {path.name for path in tmp_path.rglob("*.*")} == {
+        "fig-04.png",
+        "fig-04--hierarchical-qp.png",
+    }
+    ours, others = (
+        imread(tmp_path / "figures" / f"fig-04{law}.png") for law in ("", "--hierarchical-qp")
+    )
     assert ours.shape == others.shape
     assert (ours != others).any(), "another law is not seen in the figure"
 
@@ -59,7 +64,8 @@ def test_claims_there_are_not(asked: str, words: tuple[str, ...], tmp_path: Path
 @pytest.mark.parametrize("number", [1, 13, 20, -4])
 def test_figures_there_are_not(number: int, tmp_path: Path) -> None:
     with pytest.raises(
-        ConfigurationError, match=rf"Fig. {number}. Available: 2, 3, .*, 12, 14, .*, 19; Figs. 1 and 13"
+        ConfigurationError,
+        match=rf"Fig. {number}. Available: 2, 3, .*, 12, 14, .*, 19; Figs. 1 and 13",
     ):
         redraw([4, number], tmp_path)
     with pytest.raises(ConfigurationError, match=r"'sliding'.*sliding-mode"):
@@ -71,14 +77,18 @@ def test_another_law_is_for_figures_that_show_runs(tmp_path: Path) -> None:
     figures = chosen_figures([2, 16], "tracking")
     assert figures[2] == FIGURES[2]
     assert [need.controller.law for need in figures[16].needs] == ["tracking"] * 2
-    assert [need.overrides for need in figures[16].needs] == [need.overrides for need in FIGURES[16].needs]
+    assert [need.overrides for need in figures[16].needs] == [
+        need.overrides for need in FIGURES[16].needs
+    ]
     for asked in ({}, {"claim": ["5"]}, {"claim": ["5"], "figure": [4]}):
         with pytest.raises(ConfigurationError, match="--controller is for figures"):
             reproduce(controller="tracking", out=tmp_path, **asked)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_figure_that_cannot_be_drawn_is_named_and_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_figure_that_cannot_be_drawn_is_named_and_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     exploded = dict.fromkeys(FIGURES[11].needs, "it exploded")
     monkeypatch.setattr(runner, "run_specs", lambda *_: exploded)
     path = tmp_path / "figures" / "fig-11.png"

@@ -1,4 +1,6 @@
-"""The resolvers filter, scaling and projection against closed forms, oracles and differences; which are the same."""
+"""The resolvers filter, scaling and projection against closed forms, oracles and differences; which
+are the same.
+"""
 
 from __future__ import annotations
 
@@ -56,11 +58,14 @@ SHARED = (
 
 def rows_that_ask(A: Any, c: Any) -> Rows:
     """Rows of which the barrier with α = 1 asks A q̈ ≤ c."""
-    A, c = np.array(A, dtype=float), np.array(c, dtype=float)
+    A = np.array(A, dtype=float)
+    c = np.array(c, dtype=float)
     return Rows(-c, A, np.zeros(c.size), np.ones(c.size), tuple(f"row[{i}]" for i in range(c.size)))
 
 
-def answer(resolver: Resolver, rows: Rows, task: Task, form: str = "define", demand: Demand | None = None) -> Command:
+def answer(
+    resolver: Resolver, rows: Rows, task: Task, form: str = "define", demand: Demand | None = None
+) -> Command:
     command: Command = getattr(Law(demand or Barrier(1.0), resolver), form)(rows, task)
     return command
 
@@ -72,20 +77,27 @@ def tracked(task: Task) -> Array:
 @compiled
 @pytest.mark.parametrize("resolver", SHARED, ids=lambda resolver: resolver.name)
 @pytest.mark.parametrize(
-    "demand", [Barrier(), Switch(), BoundaryLayer(), RampRepulsion()], ids=lambda demand: demand.name
+    "demand",
+    [Barrier(), Switch(), BoundaryLayer(), RampRepulsion()],
+    ids=lambda demand: demand.name,
 )
 def test_a_formula_in_numpy_gives_the_same_command(demand: Demand, resolver: Resolver) -> None:
     answered = 0
     for seed in range(60):
         rows, task = problem(seed, k=6 if seed % 2 else 3)
-        one, other = Law(demand, resolver).define(rows, task), Law(demand, resolver).compute(rows, task)
+        one = Law(demand, resolver).define(rows, task)
+        other = Law(demand, resolver).compute(rows, task)
         if other is None:
             continue
         answered += 1
         assert (one.status, one.active) == (other.status, other.active)
-        np.testing.assert_allclose(other.qdd, one.qdd, rtol=0.0, atol=1e-9 * (1.0 + np.linalg.norm(one.qdd)))
+        np.testing.assert_allclose(
+            other.qdd, one.qdd, rtol=0.0, atol=1e-9 * (1.0 + np.linalg.norm(one.qdd))
+        )
         if one.slack is not None:
-            np.testing.assert_allclose(other.slack, one.slack, rtol=0.0, atol=1e-9 * (1.0 + one.slack.max()))
+            np.testing.assert_allclose(
+                other.slack, one.slack, rtol=0.0, atol=1e-9 * (1.0 + one.slack.max())
+            )
     assert answered >= 20
 
 
@@ -98,10 +110,13 @@ def test_the_metric_of_the_filter_is_what_it_says(form: str, k: int) -> None:
     cp = pytest.importorskip("cvxpy")
     for seed in range(5):
         rows, task = problem(seed, m=4, k=k)
-        free, size = tracked(task), np.linalg.norm(task.J)
+        free = tracked(task)
+        size = np.linalg.norm(task.J)
         x = cp.Variable(6)
         cost = cp.sum_squares(task.J @ (x - free) / size) + 1e-2 * cp.sum_squares(x - free)
-        cp.Problem(cp.Minimize(cost), [rows.Lg @ x <= -20.0 * rows.phi - rows.Lf]).solve(solver="CLARABEL")
+        cp.Problem(cp.Minimize(cost), [rows.Lg @ x <= -20.0 * rows.phi - rows.Lf]).solve(
+            solver="CLARABEL"
+        )
         found = answer(Filter(metric="task", damping=1e-2), rows, task, form, Barrier())
         assert found.status == "ok"
         np.testing.assert_allclose(found.qdd, x.value, atol=1e-4 * (1.0 + np.abs(free).max()))
@@ -115,7 +130,12 @@ def test_the_damping_leads_from_the_hierarchy_to_the_joint_metric(form: str) -> 
             continue
         strict, light, heavy, joint = (
             answer(resolver, rows, task, form, Barrier()).qdd
-            for resolver in (Hierarchy(), Filter(metric="task"), Filter(metric="task", damping=1e6), Filter())
+            for resolver in (
+                Hierarchy(),
+                Filter(metric="task"),
+                Filter(metric="task", damping=1e6),
+                Filter(),
+            )
         )
         size = 1.0 + np.abs(joint).max()
         np.testing.assert_allclose(light, strict, atol=1e-9 * size)
@@ -152,13 +172,17 @@ def test_scaling_scales_as_little_as_the_rows_allow(form: str, seed: int, redund
     rng = np.random.default_rng(seed)
     n = 4
     task = Task(rng.normal(size=(3 if redundant else 4, n)), rng.normal(size=3 if redundant else 4))
-    A, c = rng.normal(size=(3, n)), rng.uniform(0.0, 2.0, 3)
+    A = rng.normal(size=(3, n))
+    c = rng.uniform(0.0, 2.0, 3)
     free = tracked(task)
-    lowest, highest = 0.0, 1.0
+    lowest = 0.0
+    highest = 1.0
     if not (A @ free <= c).all():
         for _ in range(60):  # by bisection: zero meets all
             middle = 0.5 * (lowest + highest)
-            lowest, highest = (middle, highest) if (A @ free * middle <= c).all() else (lowest, middle)
+            lowest, highest = (
+                (middle, highest) if (A @ free * middle <= c).all() else (lowest, middle)
+            )
         highest = lowest
     found = answer(Scaling(), rows_that_ask(A, c), task, form)
     assert found.status == "ok"
@@ -194,7 +218,8 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
 
 @FORMS
 def test_scaling_names_what_it_cannot_meet(form: str) -> None:
-    rows, task = rows_that_ask([[1.0, 0.0], [-1.0, 0.0]], [-1.0, -1.0]), Task(np.eye(2), np.ones(2))
+    rows = rows_that_ask([[1.0, 0.0], [-1.0, 0.0]], [-1.0, -1.0])
+    task = Task(np.eye(2), np.ones(2))
     found = answer(Scaling(), rows, task, form)
     assert found.status == "relaxed"
     assert found.slacks == pytest.approx({"row[0]": 1.0, "row[1]": 1.0})
@@ -211,12 +236,15 @@ def test_scaling_names_what_it_cannot_meet(form: str) -> None:
 @FORMS
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6), k=st.integers(1, 6), size=st.floats(0.01, 3.0))
-def test_what_is_projected_leaves_the_norm_of_the_error_alone(form: str, seed: int, k: int, size: float) -> None:
+def test_what_is_projected_leaves_the_norm_of_the_error_alone(
+    form: str, seed: int, k: int, size: float
+) -> None:
     rng = np.random.default_rng(seed)
     e = rng.normal(size=k)
     task = Task(rng.normal(size=(k, 6)), rng.normal(size=k), size * e / np.linalg.norm(e))
     rows = problem(seed)[0]
-    free, found = oracle.track(task), answer(Projection(), rows, task, form, Switch())
+    free = oracle.track(task)
+    found = answer(Projection(), rows, task, form, Switch())
     push = np.where(rows.phi >= 0.0, np.minimum(-rows.switching_gain - rows.Lg @ free, 0.0), np.inf)
     push[-rows.switching_gain - rows.Lg @ free > 0.0] = np.inf
     z = oracle.pushes(rows, push)
@@ -228,18 +256,23 @@ def test_what_is_projected_leaves_the_norm_of_the_error_alone(form: str, seed: i
 
 def test_the_operator_opens_as_visp_has_it() -> None:
     found = [float(opening(size, 0.1, 0.7)) for size in (0.0, 0.0999, 0.1, 0.4, 0.7, 0.7001)]
-    np.testing.assert_allclose(found, [0.0, 0.0, 1.0 / (1.0 + np.exp(6.0)), 0.5, 1.0 / (1.0 + np.exp(-6.0)), 1.0])
+    np.testing.assert_allclose(
+        found, [0.0, 0.0, 1.0 / (1.0 + np.exp(6.0)), 0.5, 1.0 / (1.0 + np.exp(-6.0)), 1.0]
+    )
 
 
 @FORMS
 def test_the_second_derivative_of_the_norm_of_the_error_is_that_of_tracking(form: str) -> None:
     """By differences of the error along the three motions."""
     setup = Scenario.load("case-study-6r").setup()
-    q, qd = setup.q0, np.linspace(-0.1, 0.1, 6)
+    q = setup.q0
+    qd = np.linspace(-0.1, 0.1, 6)
     control = ControlStep(setup.scene, setup.constraints, setup.task)
     given_ = control.evaluate(0.0, q, qd)
     rows = replace(given_.rows, phi=np.where(np.arange(len(given_.rows.labels)) == 0, 0.1, -1.0))
-    task = replace(given_.task, J=given_.task.J.copy(), b=given_.task.b.copy(), error=given_.task.error.copy())
+    task = replace(
+        given_.task, J=given_.task.J.copy(), b=given_.task.b.copy(), error=given_.task.error.copy()
+    )
     rows = replace(rows, Lg=rows.Lg.copy(), Lf=rows.Lf.copy())
     motions = {
         "tracking": Tracking().command(rows, task).qdd,
@@ -248,7 +281,9 @@ def test_the_second_derivative_of_the_norm_of_the_error_is_that_of_tracking(form
     }
 
     def half_squared(qdd: Array, t: float) -> float:
-        e = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(0.0, q + qd * t + 0.5 * qdd * t * t, qd)
+        e = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(
+            0.0, q + qd * t + 0.5 * qdd * t * t, qd
+        )
         return 0.5 * float(e.task.error @ e.task.error)
 
     h = 1e-3
@@ -275,7 +310,10 @@ def test_without_a_task_to_leave_alone_it_is_the_sum(form: str) -> None:
     for seed in range(5):
         rows, task = problem(seed)
         task = replace(task, J=np.zeros((6, 6)))
-        sum_, projected = (answer(resolver, rows, task, form, Switch()).qdd for resolver in (Additive(), Projection()))
+        sum_, projected = (
+            answer(resolver, rows, task, form, Switch()).qdd
+            for resolver in (Additive(), Projection())
+        )
         np.testing.assert_allclose(projected, sum_, atol=1e-12)
 
 
@@ -284,16 +322,22 @@ def test_it_says_that_the_error_is_missing(form: str) -> None:
     rows, task = problem(0)
     law = Law(Switch(), Projection())
     assert law.uses == ("e",)
-    with pytest.raises(InvalidInput, match=r"'projection' uses task\.error, which this task does not give"):
+    with pytest.raises(
+        InvalidInput, match=r"'projection' uses task\.error, which this task does not give"
+    ):
         getattr(law, form)(rows, Task(task.J, task.b))
     with pytest.raises(InvalidInput, match=r"task\.error is not finite in row 1"):
         getattr(law, form)(rows, replace(task, error=np.array([0.0, np.inf, 0.0, 0.0, 0.0, 0.0])))
 
 
 def test_its_ends_are_checked() -> None:
-    with pytest.raises(ConfigurationError, match=r"closed must be below opened, which is 0\.7, not 0\.7"):
+    with pytest.raises(
+        ConfigurationError, match=r"closed must be below opened, which is 0\.7, not 0\.7"
+    ):
         Projection(closed=0.7)
-    with pytest.raises(ConfigurationError, match="opened must be a positive, finite number, not nan"):
+    with pytest.raises(
+        ConfigurationError, match="opened must be a positive, finite number, not nan"
+    ):
         Projection(opened=float("nan"))
 
 
@@ -306,21 +350,36 @@ def test_with_one_joint_there_is_nothing_to_share(form: str) -> None:
     for side in (1.0, -1.0, 5.0):
         rows = rows_that_ask([[1.0]], [side])
         for resolver in (Priority(), Hierarchy(), *SHARED[:4]):
-            np.testing.assert_allclose(answer(resolver, rows, task, form).qdd, [min(3.0, side)], atol=1e-7)
+            np.testing.assert_allclose(
+                answer(resolver, rows, task, form).qdd, [min(3.0, side)], atol=1e-7
+            )
 
 
 @FORMS
 def test_one_row_and_a_task_that_weighs_all_joints_alike(form: str) -> None:
-    """Then the way to the row is along L_gφ for all of them, but for scaling, whose way is that of tracking."""
+    """Then the way to the row is along L_gφ for all of them, but for scaling, whose way is that of
+    tracking.
+    """
     rng = np.random.default_rng(1)
     J = 3.0 * np.linalg.qr(rng.normal(size=(4, 4)))[0]
-    a, b = rng.normal(size=(1, 4)), rng.normal(size=4)
+    a = rng.normal(size=(1, 4))
+    b = rng.normal(size=4)
     free = tracked(Task(J, b))
     c = a @ free - 0.5
     expected = free - 0.5 * a[0] / (a[0] @ a[0])
-    rows, task = rows_that_ask(a, c), Task(J, b)
-    for resolver in (Priority(), Additive(), Hierarchy(), Filter(), Filter(metric="task"), Saturation(scales=False)):
-        np.testing.assert_allclose(answer(resolver, rows, task, form).qdd, expected, atol=1e-7, err_msg=resolver.name)
+    rows = rows_that_ask(a, c)
+    task = Task(J, b)
+    for resolver in (
+        Priority(),
+        Additive(),
+        Hierarchy(),
+        Filter(),
+        Filter(metric="task"),
+        Saturation(scales=False),
+    ):
+        np.testing.assert_allclose(
+            answer(resolver, rows, task, form).qdd, expected, atol=1e-7, err_msg=resolver.name
+        )
 
 
 @FORMS
@@ -328,6 +387,8 @@ def test_scaling_of_a_task_at_rest_is_the_filter(form: str) -> None:
     for seed in range(10):
         rows, task = problem(seed, m=3)
         task = replace(task, b=np.zeros(6))
-        one, other = (answer(resolver, rows, task, form, Barrier()) for resolver in (Scaling(), Filter()))
+        one, other = (
+            answer(resolver, rows, task, form, Barrier()) for resolver in (Scaling(), Filter())
+        )
         assert one.status == other.status
         np.testing.assert_allclose(one.qdd, other.qdd, atol=1e-9 * (1.0 + np.abs(other.qdd).max()))

@@ -1,4 +1,6 @@
-"""What joints do where task and rows leave them free: q̈₀, by every law, in both forms, and until the arm is at rest."""
+"""What joints do where task and rows leave them free: q̈₀, by every law, in both forms, and until
+the arm is at rest.
+"""
 
 from __future__ import annotations
 
@@ -71,10 +73,16 @@ def answered(law: Law, form: str, rows: Rows, task: Task) -> Command:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("law", [HierarchicalQP(rows="active"), HierarchicalQP()], ids=["active", "barrier"])
+@pytest.mark.parametrize(
+    "law", [HierarchicalQP(rows="active"), HierarchicalQP()], ids=["active", "barrier"]
+)
 @pytest.mark.parametrize("boxed", [False, True])
-def test_the_hierarchys_third_level_is_the_distance_to_it(law: HierarchicalQP, form: str, boxed: bool) -> None:
-    """Against the oracle of three levels, of what is left of q̈ less q̈₀; some rows contradict each other."""
+def test_the_hierarchys_third_level_is_the_distance_to_it(
+    law: HierarchicalQP, form: str, boxed: bool
+) -> None:
+    """Against the oracle of three levels, of what is left of q̈ less q̈₀; some rows contradict each
+    other.
+    """
     relaxed = held = 0
     for seed in range(12):
         rows, task = redundant(seed)
@@ -86,11 +94,16 @@ def test_the_hierarchys_third_level_is_the_distance_to_it(law: HierarchicalQP, f
         c = np.where(rows.phi >= 0.0, -rows.switching_gain, np.inf)
         c = c if law.rows == "active" else -law.alpha * rows.phi - rows.Lf
         asks = c < np.inf
-        A, q0 = rows.Lg[asks], task.rest
+        A = rows.Lg[asks]
+        q0 = task.rest
         box = np.array([rows.qdd_min, rows.qdd_max]) - q0 if boxed else None
-        shifted = Problem(A, c[asks] - A @ q0, np.ones(len(A)), task.J, task.b - task.J @ q0, box=box)
+        shifted = Problem(
+            A, c[asks] - A @ q0, np.ones(len(A)), task.J, task.b - task.J @ q0, box=box
+        )
         expected = q0 + lexicographic_optimum(shifted)
-        np.testing.assert_allclose(command.qdd, expected, atol=2e-4 * (1.0 + np.linalg.norm(expected)))
+        np.testing.assert_allclose(
+            command.qdd, expected, atol=2e-4 * (1.0 + np.linalg.norm(expected))
+        )
         relaxed += command.status == "relaxed"
         held += bool(command.acted.any())
     assert relaxed > 0
@@ -99,18 +112,26 @@ def test_the_hierarchys_third_level_is_the_distance_to_it(law: HierarchicalQP, f
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
-    "resolver", [each for each in SHARING if each.name in ("priority", "saturation")], ids=lambda each: repr(each)[:30]
+    "resolver",
+    [each for each in SHARING if each.name in ("priority", "saturation")],
+    ids=lambda each: repr(each)[:30],
 )
-def test_of_all_that_does_as_well_for_rows_and_task_it_is_the_nearest(resolver: Resolver, form: str) -> None:
-    """By cvxpy: with L_gφ q̈ of the rows that act, and with J q̈, as they are, nothing is nearer to q̈₀."""
-    law, acted = Law(Written(), resolver), 0
+def test_of_all_that_does_as_well_for_rows_and_task_it_is_the_nearest(
+    resolver: Resolver, form: str
+) -> None:
+    """By cvxpy: with L_gφ q̈ of the rows that act, and with J q̈, as they are, nothing is nearer to
+    q̈₀.
+    """
+    law = Law(Written(), resolver)
+    acted = 0
     for seed in range(12):
         rows, task = redundant(seed, m=2)
         command = answered(law, form, rows, task)
-        x, kept = cp.Variable(7), np.vstack((rows.Lg[command.acted], task.J))
-        cp.Problem(cp.Minimize(cp.sum_squares(x - task.rest)), [kept @ x == kept @ command.qdd]).solve(
-            solver="CLARABEL"
-        )
+        x = cp.Variable(7)
+        kept = np.vstack((rows.Lg[command.acted], task.J))
+        cp.Problem(
+            cp.Minimize(cp.sum_squares(x - task.rest)), [kept @ x == kept @ command.qdd]
+        ).solve(solver="CLARABEL")
         np.testing.assert_allclose(command.qdd, x.value, atol=1e-5)
         np.testing.assert_allclose((rows.Lg @ command.qdd + rows.Lf)[command.acted], 0.0, atol=1e-9)
         acted += bool(command.acted.any())
@@ -130,12 +151,15 @@ def test_what_saturation_scales_is_the_task_and_not_the_rest(form: str, resolver
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
-    "resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation | SaturationExact)], ids=repr
+    "resolver",
+    [one for one in SHARING if not isinstance(one, Scaling | Saturation | SaturationExact)],
+    ids=repr,
 )
 def test_it_moves_the_origin_of_accelerations(resolver: Resolver, form: str) -> None:
     """q̈ − q̈₀ is the answer to the demands less L_gφ q̈₀ and the task less J q̈₀.
 
-    Not of the governor, and of what saturation scales: they scale the command that tracks, and the task.
+    Not of the governor, and of what saturation scales: they scale the command that tracks, and the
+    task.
     """
     law = Law(Written(), resolver)
     for seed in range(12):
@@ -149,7 +173,9 @@ def test_it_moves_the_origin_of_accelerations(resolver: Resolver, form: str) -> 
         expected = answered(law, form, moved, Task(task.J, task.b - task.J @ q0, task.error))
         assert found.status == expected.status
         # the damped hierarchy and the filter to what an active-set method leaves
-        np.testing.assert_allclose(found.qdd, q0 + expected.qdd, atol=1e-6 * (1.0 + np.linalg.norm(expected.qdd)))
+        np.testing.assert_allclose(
+            found.qdd, q0 + expected.qdd, atol=1e-6 * (1.0 + np.linalg.norm(expected.qdd))
+        )
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -162,21 +188,24 @@ def test_where_no_row_asks_for_anything_the_task_is_tracked_by_the_nearest(
     for demand in ASKING:
         rows, task = redundant(1, k=k, m=0)
         command = answered(made(demand, resolver), form, rows, task)
-        way = np.linalg.lstsq(task.J, task.b - task.J @ task.rest, rcond=1e-6)[0] if k else np.zeros(7)
+        way = (
+            np.linalg.lstsq(task.J, task.b - task.J @ task.rest, rcond=1e-6)[0]
+            if k
+            else np.zeros(7)
+        )
         np.testing.assert_allclose(command.qdd, task.rest + way, atol=1e-9)
 
 
 @pytest.mark.parametrize(("demand", "resolver"), EACH)
 def test_a_rest_of_zero_changes_no_bit(demand: Demand, resolver: Resolver) -> None:
     for form in FORMS:
-        one, other = made(demand, resolver), made(demand, resolver)
+        one = made(demand, resolver)
+        other = made(demand, resolver)
         for seed in range(6):
             rows, task = redundant(seed)
             task.rest = np.zeros(7)
-            found, expected = (
-                getattr(one, form)(rows, task),
-                getattr(other, form)(rows, Task(task.J, task.b, task.error)),
-            )
+            found = getattr(one, form)(rows, task)
+            expected = getattr(other, form)(rows, Task(task.J, task.b, task.error))
             assert (found is None) == (expected is None)
             if found is not None:
                 np.testing.assert_array_equal(found.qdd, expected.qdd)
@@ -184,7 +213,9 @@ def test_a_rest_of_zero_changes_no_bit(demand: Demand, resolver: Resolver) -> No
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("rest", [np.zeros(6), np.full(7, np.nan), np.zeros(7, dtype=np.float32), [0.0] * 7])
+@pytest.mark.parametrize(
+    "rest", [np.zeros(6), np.full(7, np.nan), np.zeros(7, dtype=np.float32), [0.0] * 7]
+)
 def test_a_rest_that_is_none_is_refused(rest: Any, form: str) -> None:
     rows, task = redundant(0)
     task.rest = rest
@@ -213,7 +244,8 @@ def test_arms_with_more_joints_than_the_task_needs_are_damped(name: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("n", "k", "damping"), [(6, 6, 0.0), (7, 6, 5.0), (6, 8, 0.0), (7, 8, 5.0), (6, 4, 5.0), (3, 6, 0.0), (3, 2, 5.0)]
+    ("n", "k", "damping"),
+    [(6, 6, 0.0), (7, 6, 5.0), (6, 8, 0.0), (7, 8, 5.0), (6, 4, 5.0), (3, 6, 0.0), (3, 2, 5.0)],
 )
 def test_no_feature_needs_more_than_six_joints(n: int, k: int, damping: float) -> None:
     task = Scenario.load("ur5-image").setup().task
@@ -227,7 +259,9 @@ def test_a_posture_is_approached_with_critical_damping(feature: Any) -> None:
     setup = Scenario.load("panda-fov").setup()
     posture = np.linspace(-1.0, 1.0, 7)
     task = VisualTask(feature, setup.task.goals, setup.task.gains, rest=Rest(4.0, posture))
-    step, q, qd = ControlStep(setup.scene, setup.constraints, task), setup.q0, 0.2 * posture
+    step = ControlStep(setup.scene, setup.constraints, task)
+    q = setup.q0
+    qd = 0.2 * posture
     for found in (step.evaluate(0.0, q, qd), define(step, setup.scene.evaluate(0.0, q, qd))):
         np.testing.assert_allclose(found.task.rest, 4.0 * (posture - q) - 4.0 * qd, rtol=1e-12)
 
@@ -256,7 +290,8 @@ def panda(**rest: Any) -> Setup:
 
 def violated(setup: Setup, sigma: Array) -> list[str]:
     """Labels of rows that are left by more than 1e-4 of their range."""
-    labels, scale = setup.constraints.labels, setup.constraints.scale
+    labels = setup.constraints.labels
+    scale = setup.constraints.scale
     return [labels[i] for i in np.flatnonzero(sigma.max(axis=0) > 1e-4 * scale)]
 
 
@@ -268,21 +303,36 @@ def test_tracking_alone_comes_to_rest_and_leaves_the_image_alone() -> None:
     assert violated(setup, run.sigma) == ["fov[marker 3]"]
 
 
-@pytest.mark.parametrize("law", [name for name in CONTROLLERS if name not in ("tracking", "law", "predictive")])
+@pytest.mark.parametrize(
+    "law", [name for name in CONTROLLERS if name not in ("tracking", "law", "predictive")]
+)
 def test_every_law_that_converges_leaves_the_arm_at_rest(law: str) -> None:
     run = simulate(panda(), make_controller(law))
     assert run.status in ("converged", "slow", "unfinished")
     assert np.abs(run.qd[-1]).max() < 0.01 or run.status != "converged"
-    if law in ("sliding-mode", "hierarchical-qp", "cbf-filter", "boundary-layer", "implicit-switch", "super-twisting"):
+    if law in (
+        "sliding-mode",
+        "hierarchical-qp",
+        "cbf-filter",
+        "boundary-layer",
+        "implicit-switch",
+        "super-twisting",
+    ):
         assert run.status == "converged"
 
 
 def test_a_running_elbow_is_not_converged() -> None:
-    """Without damping the camera stands at its goal and the arm goes on turning: nor is that arm trapped."""
+    """Without damping the camera stands at its goal and the arm goes on turning: nor is that arm
+    trapped.
+    """
     setup = (
-        Scenario.load("panda-fov").with_override("task.rest", {"damping": 0.0}).with_override("duration", 8.0).setup()
+        Scenario.load("panda-fov")
+        .with_override("task.rest", {"damping": 0.0})
+        .with_override("duration", 8.0)
+        .setup()
     )
-    run, scores = simulate(setup, Tracking()), score_run(setup, Tracking())
+    run = simulate(setup, Tracking())
+    scores = score_run(setup, Tracking())
     assert np.abs(run.qd[-1]).max() > 0.5
     assert max(run.camera_error[-1]) < 0.005
     assert run.status == scores.status == "unfinished"
@@ -300,7 +350,9 @@ def test_where_the_target_moves_so_do_the_joints() -> None:
 def test_a_posture_is_where_the_free_motion_ends() -> None:
     """The arm turns its elbow, without the camera, to where that is nearest."""
     posture = Scenario.load("panda-fov").setup().q0 + np.array([0.3, 0.0, -0.3, 0.0, 0.3, 0.0, 0.0])
-    scenario = Scenario.load("panda-fov").with_override("duration", 8.0).with_override("constraints", [])
+    scenario = (
+        Scenario.load("panda-fov").with_override("duration", 8.0).with_override("constraints", [])
+    )
     ends = {}
     for name, rest in (("damped", {}), ("posture", {"posture": posture.tolist()})):
         setup = scenario.with_override("task.rest", rest).setup()

@@ -1,4 +1,6 @@
-"""Whose a folder of results is: nothing in it is lost, and two processes never store in it at once."""
+"""Whose a folder of results is: nothing in it is lost, and two processes never store in it at
+once.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,11 @@ def suite(*settings: str, controllers: tuple[str, ...] = ("sliding-mode",)) -> S
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 @pytest.fixture
@@ -53,7 +59,9 @@ def test_a_folder_with_something_else_is_refused_untouched(
     monkeypatch.chdir(foreign)
     with pytest.raises(ConfigurationError, match="holds something, and no comparison"):
         compare(suite(), Path(out), workers=1)
-    done = subprocess.run([*MAIN, "compare", "--out", out], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [*MAIN, "compare", "--out", out], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 2, done.stderr
     assert str(foreign) in done.stderr
     assert "Traceback" not in done.stderr
@@ -91,7 +99,10 @@ def test_results_of_another_kind_are_never_taken(mine: Kind, theirs: Kind, tmp_p
         with locked(tmp_path, mine):
             pass
     else:
-        with pytest.raises(ConfigurationError, match=f"holds {theirs}, not {mine}"), locked(tmp_path, mine):
+        with (
+            pytest.raises(ConfigurationError, match=f"holds {theirs}, not {mine}"),
+            locked(tmp_path, mine),
+        ):
             pass
     assert (tmp_path / "manifest.json").read_text() == MANIFESTS[theirs]
 
@@ -108,9 +119,16 @@ def kept(folder: Path, *suites: Suite) -> Path:
     """A folder with the tables of a comparison whose runs all finished."""
     (one,) = suites
     folder.mkdir(exist_ok=True)
-    (folder / "manifest.json").write_text(json.dumps({"configuration": one.with_baseline().resolved()}))
+    (folder / "manifest.json").write_text(
+        json.dumps({"configuration": one.with_baseline().resolved()})
+    )
     lines = [
-        dict(dict.fromkeys(RESULT_COLUMNS, 1.0), scenario=scenario, controller=controller, trial=trial)
+        dict(
+            dict.fromkeys(RESULT_COLUMNS, 1.0),
+            scenario=scenario,
+            controller=controller,
+            trial=trial,
+        )
         for scenario, controller, trial in (job.key for job in one.with_baseline().runs())
     ]
     write_table(folder / "results.csv", RESULT_COLUMNS, lines)
@@ -120,15 +138,29 @@ def kept(folder: Path, *suites: Suite) -> Path:
 @pytest.mark.parametrize(
     ("other", "why"),
     [
-        (suite("scenario.sampling_time=0.004"), "example-2d-fov with tracking, trial 0, has other settings"),
-        (suite("sliding-mode.rank_tolerance=1e-7"), "example-2d-fov with sliding-mode, trial 0, has other settings"),
+        (
+            suite("scenario.sampling_time=0.004"),
+            "example-2d-fov with tracking, trial 0, has other settings",
+        ),
+        (
+            suite("sliding-mode.rank_tolerance=1e-7"),
+            "example-2d-fov with sliding-mode, trial 0, has other settings",
+        ),
         (suite("seed=7"), "has other settings"),
-        (suite(controllers=("potential-field",)), "example-2d-fov with sliding-mode, trial 0, is no part"),
-        (Suite.load().select(["ur5-fov"], ["sliding-mode"]), "example-2d-fov with tracking, trial 0, is no part"),
+        (
+            suite(controllers=("potential-field",)),
+            "example-2d-fov with sliding-mode, trial 0, is no part",
+        ),
+        (
+            Suite.load().select(["ur5-fov"], ["sliding-mode"]),
+            "example-2d-fov with tracking, trial 0, is no part",
+        ),
     ],
     ids=["setting", "option", "seed", "controllers", "scenarios"],
 )
-def test_another_comparison_in_the_same_folder_is_refused(other: Suite, why: str, tmp_path: Path) -> None:
+def test_another_comparison_in_the_same_folder_is_refused(
+    other: Suite, why: str, tmp_path: Path
+) -> None:
     before = contents(kept(tmp_path, suite()))
     with pytest.raises(ConfigurationError, match=why) as caught:
         compare(other, tmp_path, workers=1)
@@ -139,7 +171,12 @@ def test_another_comparison_in_the_same_folder_is_refused(other: Suite, why: str
 
 @pytest.mark.parametrize(
     "other",
-    [suite(), suite("trials=3"), suite("scenario.title=New"), suite(controllers=("sliding-mode", "potential-field"))],
+    [
+        suite(),
+        suite("trials=3"),
+        suite("scenario.title=New"),
+        suite(controllers=("sliding-mode", "potential-field")),
+    ],
     ids=["same", "more trials", "title", "more controllers"],
 )
 def test_what_loses_nothing_goes_on(other: Suite, tmp_path: Path) -> None:
@@ -154,7 +191,10 @@ def test_fewer_trials_are_another_comparison(tmp_path: Path) -> None:
 def test_fresh_replaces_another_comparison(tmp_path: Path) -> None:
     compare(suite(controllers=("potential-field",)), tmp_path, workers=1)
     compare(suite(), tmp_path, workers=1, fresh=True)
-    assert [line["controller"] for line in StoredComparison.load(tmp_path).results] == ["tracking", "sliding-mode"]
+    assert [line["controller"] for line in StoredComparison.load(tmp_path).results] == [
+        "tracking",
+        "sliding-mode",
+    ]
 
 
 HOLD = """
@@ -170,7 +210,9 @@ with locked(Path(sys.argv[1]), "a comparison"):
 @pytest.fixture
 def holder(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """Another process that stores a comparison in ``tmp_path``."""
-    process = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
     yield process
@@ -184,7 +226,9 @@ def test_a_second_comparison_is_refused_with_the_process_that_holds_the_folder(
     for _ in range(2):
         with pytest.raises(ConfigurationError, match=f"process {holder.pid} is storing results in"):
             compare(suite(), tmp_path, workers=1)
-    done = subprocess.run([*MAIN, "compare", "--out", str(tmp_path)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [*MAIN, "compare", "--out", str(tmp_path)], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 2, done.stderr
     assert f"process {holder.pid} is storing" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == [LOCK]
@@ -212,28 +256,56 @@ echo "$name $*" >> "$CALLS"
 
 def test_the_gate_leaves_a_developers_results_alone(tmp_path: Path) -> None:
     """With stand-ins for everything that it calls: where they would write is what matters here."""
-    checkout, stubs = tmp_path / "checkout", tmp_path / "bin"
+    checkout = tmp_path / "checkout"
+    stubs = tmp_path / "bin"
     stubs.mkdir()
-    for name in ("python3", "python", "pip", "vsconstraints", "pytest", "chromium", "sphinx-build", "ruff", "mypy"):
+    for name in (
+        "python3",
+        "python",
+        "pip",
+        "vsconstraints",
+        "pytest",
+        "chromium",
+        "sphinx-build",
+        "ruff",
+        "mypy",
+    ):
         (stubs / name).write_text(STUB)
         (stubs / name).chmod(0o755)
     for name in (".ci/run", "README.md", "CONTRIBUTING.md", ".gitignore"):
         (checkout / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, checkout / name)
-    for name in ("reports/paper/claims.csv", "reports/paper/report.md", "vsconstraints-results/report.md"):
+    for name in (
+        "reports/paper/claims.csv",
+        "reports/paper/report.md",
+        "vsconstraints-results/report.md",
+    ):
         (checkout / name).parent.mkdir(parents=True, exist_ok=True)
         (checkout / name).write_text("mine")
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(checkout)]
     for arguments in (["init", "-q"], ["add", "-A"], ["commit", "-q", "-m", "all"]):
-        subprocess.run([*git, *arguments], check=True, env={**os.environ, "GIT_CONFIG_GLOBAL": "/dev/null"})
+        subprocess.run(
+            [*git, *arguments], check=True, env={**os.environ, "GIT_CONFIG_GLOBAL": "/dev/null"}
+        )
     environment = {**os.environ, "PATH": f"{stubs}:/usr/bin:/bin", "CALLS": str(tmp_path / "calls")}
     environment["FULL"] = "yes"
     done = subprocess.run(
-        ["bash", str(checkout / ".ci/run")], env=environment, capture_output=True, text=True, timeout=60, cwd=tmp_path
+        ["bash", str(checkout / ".ci/run")],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     calls = (tmp_path / "calls").read_text()
-    for name in ("vsconstraints compare", "vsconstraints reproduce", "pytest", "ruff check", "mypy"):
+    for name in (
+        "vsconstraints compare",
+        "vsconstraints reproduce",
+        "pytest",
+        "ruff check",
+        "mypy",
+    ):
         assert name in calls
     for name in ("reports/paper/report.md", "vsconstraints-results/report.md"):
         assert (checkout / name).read_text() == "mine"

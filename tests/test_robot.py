@@ -1,4 +1,6 @@
-"""Robots against independent kinematics: matrix products, Pinocchio called directly, and published parameters."""
+"""Robots against independent kinematics: matrix products, Pinocchio called directly, and published
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from scenes import arm_with_prismatic_joints, random_configuration, robot, robot_names, rotation_matrix
+from scenes import (
+    arm_with_prismatic_joints,
+    random_configuration,
+    robot,
+    robot_names,
+    rotation_matrix,
+)
 from vsconstraints import Robot, RobotPoint
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots import READY_MADE, ready_made
@@ -24,23 +32,27 @@ PI = np.pi
 
 def homogeneous(R: Array, t: Array) -> Array:
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, t
+    T[:3, :3] = R
+    T[:3, 3] = t
     return T
 
 
 def about_z(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def about_x(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def standard_dh(table: Array, prismatic: set[int], q: Array) -> list[Array]:
     """Poses (4, 4) of all link frames: products of Rz(θ) Tz(d) Tx(a) Rx(α)."""
-    frames, T = [], np.eye(4)
+    frames = []
+    T = np.eye(4)
     for i, (theta, d, a, alpha) in enumerate(np.asarray(table, dtype=float)):
         slides = i + 1 in prismatic
         turn = homogeneous(about_z(theta + (0.0 if slides else q[i])), np.zeros(3))
@@ -84,7 +96,8 @@ PAPER_TABLES = {
 
 @pytest.mark.parametrize("name", PAPER_TABLES)
 def test_the_papers_arms_are_the_product_of_their_dh_matrices(name: str) -> None:
-    arm, rng = robot(name), np.random.default_rng(1)
+    arm = robot(name)
+    rng = np.random.default_rng(1)
     for _ in range(10):
         q = rng.uniform(-PI, PI, arm.n)
         frames = standard_dh(np.array(PAPER_TABLES[name]), set(), q)
@@ -99,7 +112,8 @@ def test_any_dh_table_with_prismatic_joints_is_the_product_of_its_matrices() -> 
         table = rng.uniform(-2.0, 2.0, (n, 4))
         prismatic = {int(i) + 1 for i in np.flatnonzero(rng.random(n) < 0.4)}
         arm = Robot.from_dh(table, prismatic=sorted(prismatic))
-        q, offset = rng.uniform(-2.0, 2.0, n), rng.uniform(-1.0, 1.0, 3)
+        q = rng.uniform(-2.0, 2.0, n)
+        offset = rng.uniform(-1.0, 1.0, 3)
         points = [RobotPoint(f"link {i + 1}", tuple(offset)) for i in range(n)]
         found = arm.kinematics(q, np.zeros(n), points)
         # one joint too has a matrix for its Jacobian
@@ -117,7 +131,9 @@ def test_any_dh_table_with_prismatic_joints_is_the_product_of_its_matrices() -> 
 
 
 def test_ranges_and_speeds_of_the_papers_arms_are_the_manufacturers() -> None:
-    """Data sheets [°, °/s], in the angles of the paper's tables: a joint counted backwards swaps its limits."""
+    """Data sheets [°, °/s], in the angles of the paper's tables: a joint counted backwards swaps
+    its limits.
+    """
     viper = robot("viper-s650")
     sheet = np.array([[-170, 170], [-190, 45], [-29, 256], [-190, 190], [-120, 120], [-360, 360]])
     table = sheet + np.array([0, 0, -180, 0, 0, 0])[:, None]
@@ -191,12 +207,15 @@ URDFS = {
 def test_urdf_arms_agree_with_pinocchio_called_directly(name: str) -> None:
     path, tip, fingers = URDFS[name]
     model = pin.buildModelFromUrdf(str(urdf_of(path)))
-    data, frame = model.createData(), model.getFrameId(tip)
-    arm, rng = robot(name), np.random.default_rng(3)
+    data = model.createData()
+    frame = model.getFrameId(tip)
+    arm = robot(name)
+    rng = np.random.default_rng(3)
     assert model.nv == arm.n + fingers
     assert arm.joint_names == tuple(model.names[1 : arm.n + 1])
     for _ in range(10):
-        q, qd = random_configuration(arm, rng), rng.uniform(-2.0, 2.0, arm.n)
+        q = random_configuration(arm, rng)
+        qd = rng.uniform(-2.0, 2.0, arm.n)
         full_q, full_qd = (np.concatenate((x, np.zeros(fingers))) for x in (q, qd))
         pin.forwardKinematics(model, data, full_q, full_qd)
         pin.computeJointJacobiansTimeVariation(model, data, full_q, full_qd)
@@ -215,7 +234,10 @@ def test_urdf_arms_agree_with_pinocchio_called_directly(name: str) -> None:
 @pytest.mark.parametrize("name", URDFS)
 def test_ranges_and_speeds_are_the_urdfs(name: str) -> None:
     arm = robot(name)
-    joints = {j.get("name"): j for j in ElementTree.parse(urdf_of(URDFS[name][0])).getroot().findall("joint")}
+    joints = {
+        j.get("name"): j
+        for j in ElementTree.parse(urdf_of(URDFS[name][0])).getroot().findall("joint")
+    }
     for i, joint_name in enumerate(arm.joint_names):
         limit = joints[joint_name].find("limit")
         assert limit is not None
@@ -226,7 +248,9 @@ def test_ranges_and_speeds_are_the_urdfs(name: str) -> None:
 
 
 def test_ur5_has_the_dimensions_that_universal_robots_publishes() -> None:
-    """Universal Robots' DH parameters of the UR5: how far the flange is from the base in any configuration."""
+    """Universal Robots' DH parameters of the UR5: how far the flange is from the base in any
+    configuration.
+    """
     published = [
         [0, 0.089159, 0, PI / 2],
         [0, 0, -0.425, 0],
@@ -235,7 +259,8 @@ def test_ur5_has_the_dimensions_that_universal_robots_publishes() -> None:
         [0, 0.09465, 0, -PI / 2],
         [0, 0.0823, 0, 0],
     ]
-    arm, rng = robot("ur5"), np.random.default_rng(4)
+    arm = robot("ur5")
+    rng = np.random.default_rng(4)
     half_turn = about_z(PI)  # the base frame of the tables is turned against base_link
     for _ in range(10):
         q = rng.uniform(-PI, PI, 6)
@@ -246,7 +271,9 @@ def test_ur5_has_the_dimensions_that_universal_robots_publishes() -> None:
 
 
 def test_panda_has_the_dimensions_that_franka_publishes() -> None:
-    """Franka's parameters in Craig's convention (a, d, α); the hand is turned by −45° about the flange's axis."""
+    """Franka's parameters in Craig's convention (a, d, α); the hand is turned by −45° about the
+    flange's axis.
+    """
     published = np.array(
         [
             [0, 0.333, 0],
@@ -258,7 +285,8 @@ def test_panda_has_the_dimensions_that_franka_publishes() -> None:
             [0.088, 0, PI / 2],
         ]
     )
-    arm, rng = robot("panda"), np.random.default_rng(5)
+    arm = robot("panda")
+    rng = np.random.default_rng(5)
     hand = homogeneous(about_z(-PI / 4), np.array([0.0, 0.0, 0.107]))
     for _ in range(10):
         q = random_configuration(arm, rng)
@@ -280,7 +308,13 @@ LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="1"/>'
 
 
 def joint(
-    name: str, kind: str, parent: str, child: str, inside: str = LIMIT, xyz: str = "0 0 1", axis: str = "0 0 1"
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    inside: str = LIMIT,
+    xyz: str = "0 0 1",
+    axis: str = "0 0 1",
 ) -> str:
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -313,14 +347,18 @@ def test_continuous_joints_have_one_coordinate_and_no_range(tmp_path: Path) -> N
     pose = arm.pose(q)
     up = np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(pose.R, turn, atol=1e-14)
-    np.testing.assert_allclose(pose.t, 2.0 * up + turn @ (up + np.array([q[2], 0.0, 0.0])), atol=1e-14)
+    np.testing.assert_allclose(
+        pose.t, 2.0 * up + turn @ (up + np.array([q[2], 0.0, 0.0])), atol=1e-14
+    )
 
 
 def test_speed_limits_that_are_zero_or_absent_are_none(tmp_path: Path) -> None:
     path = write_urdf(
         tmp_path,
         "base a b",
-        joint("j1", "revolute", "base", "a", '<limit lower="-1" upper="1" velocity="0" effort="0"/>'),
+        joint(
+            "j1", "revolute", "base", "a", '<limit lower="-1" upper="1" velocity="0" effort="0"/>'
+        ),
         joint("j2", "revolute", "a", "b", '<limit lower="-1" upper="1"/>'),
     )
     arm = Robot.from_urdf(path)
@@ -335,12 +373,21 @@ def test_joints_off_the_chain_are_locked_and_the_tip_can_be_chosen(tmp_path: Pat
         joint("j1", "revolute", "base", "a"),
         joint("j2", "revolute", "a", "b"),
         joint("grip", "prismatic", "b", "finger", axis="1 0 0"),
-        joint("grip2", "prismatic", "b", "other", f'{LIMIT}<mimic joint="grip" multiplier="-1"/>', axis="1 0 0"),
+        joint(
+            "grip2",
+            "prismatic",
+            "b",
+            "other",
+            f'{LIMIT}<mimic joint="grip" multiplier="-1"/>',
+            axis="1 0 0",
+        ),
     )
     arm = Robot.from_urdf(path, "b", name="gripper arm")
     assert (arm.name, arm.joint_names) == ("gripper arm", ("j1", "j2"))
     # what is locked can still carry points
-    found = arm.kinematics(np.zeros(2), np.zeros(2), [RobotPoint("finger"), RobotPoint("tip", (0.1, 0.0, 0.0))])
+    found = arm.kinematics(
+        np.zeros(2), np.zeros(2), [RobotPoint("finger"), RobotPoint("tip", (0.1, 0.0, 0.0))]
+    )
     np.testing.assert_allclose(found.points, [[0.0, 0.0, 3.0], [0.1, 0.0, 2.0]], atol=1e-14)
     assert Robot.from_urdf(path, "finger").joint_names == ("j1", "j2", "grip")
 
@@ -356,7 +403,9 @@ def test_joints_can_be_locked_where_they_are_wanted(tmp_path: Path) -> None:
     arm = Robot.from_urdf(path, locked={"j2": 0.5})
     assert arm.joint_names == ("j1", "j3")
     pose = arm.pose([0.0, 0.25])
-    np.testing.assert_allclose(pose.t, [1.25 * np.sin(0.5), 0.0, 2.0 + 1.25 * np.cos(0.5)], atol=1e-14)
+    np.testing.assert_allclose(
+        pose.t, [1.25 * np.sin(0.5), 0.0, 2.0 + 1.25 * np.cos(0.5)], atol=1e-14
+    )
 
 
 def test_a_joint_may_have_the_name_of_its_link(tmp_path: Path) -> None:
@@ -369,15 +418,25 @@ def test_a_joint_may_have_the_name_of_its_link(tmp_path: Path) -> None:
     )
     arm = Robot.from_urdf(path, "c", locked={"b": 0.0})
     assert arm.joint_names == ("a", "c")
-    found = arm.kinematics(np.zeros(2), np.zeros(2), [RobotPoint("a"), RobotPoint("b"), RobotPoint("c")])
+    found = arm.kinematics(
+        np.zeros(2), np.zeros(2), [RobotPoint("a"), RobotPoint("b"), RobotPoint("c")]
+    )
     np.testing.assert_allclose(found.points[:, 2], [1.0, 2.0, 3.0], atol=1e-14)
 
 
 @pytest.mark.parametrize(
     ("links", "joints", "words"),
     [
-        ("base a b", [joint("j1", "floating", "base", "a", ""), joint("j2", "revolute", "a", "b")], ["'j1'", "lock"]),
-        ("base a b", [joint("j1", "planar", "base", "a", ""), joint("j2", "revolute", "a", "b")], ["'j1'", "lock"]),
+        (
+            "base a b",
+            [joint("j1", "floating", "base", "a", ""), joint("j2", "revolute", "a", "b")],
+            ["'j1'", "lock"],
+        ),
+        (
+            "base a b",
+            [joint("j1", "planar", "base", "a", ""), joint("j2", "revolute", "a", "b")],
+            ["'j1'", "lock"],
+        ),
         ("base a", [joint("j1", "revolute", "base", "a", "")], ["revolute", "'j1'", "limit"]),
         (
             "base a b",
@@ -389,17 +448,35 @@ def test_a_joint_may_have_the_name_of_its_link(tmp_path: Path) -> None:
         ),
         (
             "base a",
-            [joint("j1", "revolute", "base", "a", '<limit lower="1" upper="-1" velocity="1" effort="1"/>')],
+            [
+                joint(
+                    "j1",
+                    "revolute",
+                    "base",
+                    "a",
+                    '<limit lower="1" upper="-1" velocity="1" effort="1"/>',
+                )
+            ],
             ["j1"],
         ),
         ("base a", [joint("j1", "fixed", "base", "a", "")], ["no joint", "'a'"]),
         ("base", [], ["no joint", "'base'"]),
         ("", [], ["cannot be read as a URDF"]),
-        ("base a", [joint("j1", "revolute", "elsewhere", "a")], ["parent", "'j1'", "'elsewhere'", "a, base"]),
-        ("base a", [joint("j1", "revolving", "base", "a")], ["type", "'j1'", "'revolving'", "revolute"]),
+        (
+            "base a",
+            [joint("j1", "revolute", "elsewhere", "a")],
+            ["parent", "'j1'", "'elsewhere'", "a, base"],
+        ),
+        (
+            "base a",
+            [joint("j1", "revolving", "base", "a")],
+            ["type", "'j1'", "'revolving'", "revolute"],
+        ),
     ],
 )
-def test_a_urdf_that_is_no_arm_is_refused(tmp_path: Path, links: str, joints: list[str], words: list[str]) -> None:
+def test_a_urdf_that_is_no_arm_is_refused(
+    tmp_path: Path, links: str, joints: list[str], words: list[str]
+) -> None:
     path = write_urdf(tmp_path, links, *joints)
     with pytest.raises(ConfigurationError) as error:
         Robot.from_urdf(path)
@@ -408,7 +485,12 @@ def test_a_urdf_that_is_no_arm_is_refused(tmp_path: Path, links: str, joints: li
 
 
 def test_a_floating_joint_that_is_locked_is_no_obstacle(tmp_path: Path) -> None:
-    path = write_urdf(tmp_path, "base a b", joint("j1", "floating", "base", "a", ""), joint("j2", "revolute", "a", "b"))
+    path = write_urdf(
+        tmp_path,
+        "base a b",
+        joint("j1", "floating", "base", "a", ""),
+        joint("j2", "revolute", "a", "b"),
+    )
     assert Robot.from_urdf(path, locked={"j1": 0.0}).joint_names == ("j2",)
 
 
@@ -452,7 +534,14 @@ def test_files_that_are_no_urdf_are_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", robot_names())
 def test_configurations_are_checked(name: str) -> None:
     arm = robot(name)
-    for wrong in (np.zeros(arm.n + 1), np.zeros((arm.n, 1)), [np.nan] * arm.n, ["a"] * arm.n, None, 1.0):
+    for wrong in (
+        np.zeros(arm.n + 1),
+        np.zeros((arm.n, 1)),
+        [np.nan] * arm.n,
+        ["a"] * arm.n,
+        None,
+        1.0,
+    ):
         with pytest.raises(InvalidInput) as error:
             arm.configuration(wrong, "q0")
         assert "q0" in str(error.value)
@@ -467,9 +556,11 @@ def test_configurations_are_checked(name: str) -> None:
 
 @pytest.mark.parametrize("name", robot_names())
 def test_an_evaluation_does_not_change_the_results_of_another(name: str) -> None:
-    arm, rng = robot(name), np.random.default_rng(6)
+    arm = robot(name)
+    rng = np.random.default_rng(6)
     points = [RobotPoint(link, (0.1, 0.2, 0.3)) for link in arm.links]
-    evaluate, other = arm.evaluator(points), arm.evaluator(points[:1])
+    evaluate = arm.evaluator(points)
+    other = arm.evaluator(points[:1])
 
     def arrays(now) -> dict[str, Array]:
         names = ("q", "qd", "J", "drift", "points", "point_J", "point_drift")
@@ -508,15 +599,19 @@ def test_a_joint_outside_its_range_is_named_with_its_range() -> None:
 
 def test_a_start_that_is_rounded_is_in_its_range_and_one_that_is_not_says_by_how_much() -> None:
     """A URDF has 3.14159 where a program has π, and 1.5708 where it has π/2."""
-    arm = Robot.from_dh([[0.0, 0.0, 1.0, 0.0]] * 2, q_min=[-3.14159, -np.pi / 2], q_max=[3.14159, np.pi / 2])
+    arm = Robot.from_dh(
+        [[0.0, 0.0, 1.0, 0.0]] * 2, q_min=[-3.14159, -np.pi / 2], q_max=[3.14159, np.pi / 2]
+    )
     assert arm.outside_ranges(np.array([np.pi, 1.5708])) == []
     (sentence,) = arm.outside_ranges(np.array([3.142, 0.0]))
     assert sentence == "joint 1 (joint 1) is at 3.142, 0.00041 rad outside [-3.14159, 3.14159]"
 
 
 def test_points_of_one_link_do_not_depend_on_their_order() -> None:
-    arm, rng = robot("panda"), np.random.default_rng(7)
-    q, qd = random_configuration(arm, rng), rng.normal(size=arm.n)
+    arm = robot("panda")
+    rng = np.random.default_rng(7)
+    q = random_configuration(arm, rng)
+    qd = rng.normal(size=arm.n)
     points = [RobotPoint(arm.links[i % 4 + 1], tuple(rng.normal(size=3))) for i in range(9)]
     together = arm.kinematics(q, qd, points)
     for i, point in enumerate(points):

@@ -1,4 +1,6 @@
-"""What a designer of a law sets of its rows: factors on K and u⁺, and speeds judged one period ahead."""
+"""What a designer of a law sets of its rows: factors on K and u⁺, and speeds judged one period
+ahead.
+"""
 
 from __future__ import annotations
 
@@ -39,24 +41,34 @@ FACTORS = RowFactors(K={"fov": 3.0, "range": 0.5}, switching_gain=2.0)
 
 
 def test_a_funnel_that_would_narrow_too_fast_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="nor narrow faster than rows approach their boundary"):
+    with pytest.raises(
+        ConfigurationError, match="nor narrow faster than rows approach their boundary"
+    ):
         Scenario.load(FUNNEL).setup().control(RowFactors(K=20.0))
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenarios() if name != FUNNEL])
 def test_rows_are_those_of_the_scene_with_other_gains(name: str) -> None:
-    """φ = σ + f K σ̇, its gradient and drift by the chain rule, from σ, σ̇ and K of the rows as they are."""
+    """φ = σ + f K σ̇, its gradient and drift by the chain rule, from σ, σ̇ and K of the rows as
+    they are.
+    """
     setup = Scenario.load(name).setup()
     step = setup.control(RowFactors(K=2.5, switching_gain=0.5, speed_gain=3.0))
     qd = 0.1 * np.cos(np.arange(len(setup.q0)))
     ours, theirs = (each.evaluate(0.3, setup.q0, qd).rows for each in (step, setup.control()))
     f = np.where(theirs.K > 0.0, 2.5, 1.0)
-    np.testing.assert_allclose(ours.phi, theirs.sigma + f * (theirs.phi - theirs.sigma), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        ours.phi, theirs.sigma + f * (theirs.phi - theirs.sigma), rtol=1e-9, atol=1e-12
+    )
     np.testing.assert_allclose(ours.Lg, f[:, None] * theirs.Lg, rtol=1e-9, atol=1e-12)
-    drift = np.where(theirs.K > 0.0, theirs.sigma_dot + f * (theirs.Lf - theirs.sigma_dot), theirs.Lf)
+    drift = np.where(
+        theirs.K > 0.0, theirs.sigma_dot + f * (theirs.Lf - theirs.sigma_dot), theirs.Lf
+    )
     np.testing.assert_allclose(ours.Lf, drift, rtol=1e-8, atol=1e-9)
     speeds = [label.startswith("speed[") for label in theirs.labels]
-    np.testing.assert_array_equal(ours.switching_gain, np.where(speeds, 1.5, 0.5) * theirs.switching_gain)
+    np.testing.assert_array_equal(
+        ours.switching_gain, np.where(speeds, 1.5, 0.5) * theirs.switching_gain
+    )
     np.testing.assert_array_equal(ours.K, f * theirs.K)
     np.testing.assert_allclose(ours.sigma, theirs.sigma, rtol=1e-12, atol=1e-15)
     assert ours.labels == theirs.labels
@@ -68,16 +80,25 @@ class Wrapped(Controller):
     name = "wrapped"
 
     def __init__(self, law: Controller, K: dict[str, float], gain: float) -> None:
-        self.law, self.K, self.gain = law, K, gain
+        self.law = law
+        self.K = K
+        self.gain = gain
 
     def solve(self, rows: Rows, task: Task) -> Command:
         f = np.array([self.K.get(label.partition("[")[0], 1.0) for label in rows.labels])
         f = np.where(rows.K > 0.0, f, 1.0)
         # σ̇ as the rows have it, with its error where gradients are wrong
         sigma_dot = (rows.phi - rows.sigma) / np.where(rows.K > 0.0, rows.K, 1.0)
-        phi, Lf = rows.sigma + f * (rows.phi - rows.sigma), sigma_dot + f * (rows.Lf - sigma_dot)
+        phi = rows.sigma + f * (rows.phi - rows.sigma)
+        Lf = sigma_dot + f * (rows.Lf - sigma_dot)
         Lf = np.where(rows.K > 0.0, Lf, rows.Lf)
-        own = replace(rows, phi=phi, Lg=f[:, None] * rows.Lg, Lf=Lf, switching_gain=self.gain * rows.switching_gain)
+        own = replace(
+            rows,
+            phi=phi,
+            Lg=f[:, None] * rows.Lg,
+            Lf=Lf,
+            switching_gain=self.gain * rows.switching_gain,
+        )
         return self.law.command(own, task)
 
 
@@ -88,8 +109,15 @@ def test_a_law_with_factors_is_that_law_on_changed_rows(law: type[Law], error: f
     ours = law()
     ours.factors = FACTORS
     # long enough for the image to be a limit
-    setup = CASE.with_override("duration", 3.0).with_override("disturbances", {"gradient_error": error}).setup()
-    runs = [simulate(setup, each) for each in (ours, Wrapped(law(), {"fov": 3.0, "range": 0.5}, 2.0), law())]
+    setup = (
+        CASE.with_override("duration", 3.0)
+        .with_override("disturbances", {"gradient_error": error})
+        .setup()
+    )
+    runs = [
+        simulate(setup, each)
+        for each in (ours, Wrapped(law(), {"fov": 3.0, "range": 0.5}, 2.0), law())
+    ]
     np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-7)
     assert np.abs(runs[0].q - runs[2].q).max() > 1e-4
     # what is kept of a run are the scene's rows
@@ -105,7 +133,11 @@ class OwnView(FieldOfView):
 
 
 def test_rows_in_numpy_have_the_factors_and_the_errors_too() -> None:
-    disturbed = CASE.with_override("duration", 3.0).with_override("disturbances", {"gradient_error": 0.3}).setup()
+    disturbed = (
+        CASE.with_override("duration", 3.0)
+        .with_override("disturbances", {"gradient_error": 0.3})
+        .setup()
+    )
     every = [copy(each) for each in disturbed.constraints.constraints]
     for each in every:
         each.__class__ = OwnView if type(each) is FieldOfView else type(each)
@@ -127,7 +159,8 @@ class Notes(Controller):
 
 
 def test_a_law_in_python_sees_its_own_gains() -> None:
-    setup, law = replace(CASE.setup(), duration=0.1), Notes()
+    setup = replace(CASE.setup(), duration=0.1)
+    law = Notes()
     law.factors = RowFactors(K=3.0, switching_gain=2.0)
     simulate(setup, law)
     np.testing.assert_array_equal(law.seen[0], 2.0 * setup.constraints.switching_gain)
@@ -137,7 +170,8 @@ def test_a_law_in_python_sees_its_own_gains() -> None:
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_every_law_takes_factors_and_factors_of_one_change_no_bit(name: str) -> None:
     setup = Scenario.load("example-2d-fov").with_override("duration", 0.5).setup()
-    one, plain = make_controller(name, {"K": 1.0, "switching_gain": {"fov": 1}}), make_controller(name)
+    one = make_controller(name, {"K": 1.0, "switching_gain": {"fov": 1}})
+    plain = make_controller(name)
     assert one.factors.options() == {"switching_gain": {"fov": 1}}
     np.testing.assert_array_equal(simulate(setup, one).q, simulate(setup, plain).q)
     changed = make_controller(name, {"K": {"fov": 4.0}})
@@ -146,10 +180,13 @@ def test_every_law_takes_factors_and_factors_of_one_change_no_bit(name: str) -> 
 
 
 def test_python_and_compiled_loops_agree_with_disturbances_too() -> None:
-    disturbed = CASE.with_override("disturbances", {"gradient_error": 0.2, "pixel_noise": 0.3}).setup(0, 3)
+    disturbed = CASE.with_override(
+        "disturbances", {"gradient_error": 0.2, "pixel_noise": 0.3}
+    ).setup(0, 3)
     law = HierarchicalQP()
     law.factors = FACTORS
-    compiled, by_call = simulate(disturbed, law), simulate(disturbed, law, by_public_call=True)
+    compiled = simulate(disturbed, law)
+    by_call = simulate(disturbed, law, by_public_call=True)
     np.testing.assert_allclose(compiled.q, by_call.q, atol=1e-12)
 
 
@@ -161,12 +198,18 @@ def test_scores_are_the_scenes() -> None:
     np.testing.assert_array_equal(*(run.record.length for run in runs))
     first = [run.trajectory.phi[0] for run in runs]
     np.testing.assert_allclose(*first, atol=1e-12)
-    assert runs[0].score.result["acceleration_variation"] > 1.05 * runs[1].score.result["acceleration_variation"]
+    assert (
+        runs[0].score.result["acceleration_variation"]
+        > 1.05 * runs[1].score.result["acceleration_variation"]
+    )
 
 
 def test_an_arm_runs_a_law_with_its_factors() -> None:
     setup = (
-        Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue").setup()
+        Scenario.load("ur5-fov")
+        .with_override("duration", 0.3)
+        .with_override("on_hidden_markers", "continue")
+        .setup()
     )
     law = HierarchicalQP()
     law.factors = RowFactors(K=3.0)
@@ -208,7 +251,8 @@ def rows(phi: float, v: float, K: float) -> tuple[Rows, Task]:
     """A row with L_gφ = 1 that is at φ, and a task that asks for q̈ = v."""
     one = np.ones(1)
     own = Rows(np.array([phi]), one[:, None], 0.0 * one, 2.0 * one, ("row",), sigma=np.array([phi]))
-    own.sigma_dot, own.K = 0.0 * one, K * one
+    own.sigma_dot = 0.0 * one
+    own.K = K * one
     return own, Task(np.eye(1), np.array([v]))
 
 
@@ -251,7 +295,12 @@ def test_the_paper_s_law_one_period_ahead_keeps_a_speed_that_it_violates() -> No
         assert run.status == "converged"
         least[name] = run.clearance[:, run.labels.index("speed[joint 2].upper")].min()
     # by the strict standard, 1e-4 of L; what other rows add to tracking is not seen ahead
-    strict = 1e-4 * setup.constraints.characteristic_length[setup.constraints.labels.index("speed[joint 2].upper")]
+    strict = (
+        1e-4
+        * setup.constraints.characteristic_length[
+            setup.constraints.labels.index("speed[joint 2].upper")
+        ]
+    )
     assert least["sliding-mode"] < -10.0 * strict
     assert least["sliding-mode-ahead"] > -strict
 
@@ -260,25 +309,33 @@ def test_the_paper_s_law_one_period_ahead_keeps_a_speed_that_it_violates() -> No
 
 
 def test_a_margin_by_hand() -> None:
-    """Of a share of the scale, 2 here: v ≤ −α (φ + m s) = −20 · (−0.4 + 0.1 · 2) = 4, and of a switch φ ≥ −m s."""
+    """Of a share of the scale, 2 here: v ≤ −α (φ + m s) = −20 · (−0.4 + 0.1 · 2) = 4, and of a
+    switch φ ≥ −m s.
+    """
     given, task = rows(-0.4, 9.0, 0.2)
     given.scale = np.array([2.0])
     assert HierarchicalQP(margin=0.1).command(given, task).qdd[0] == pytest.approx(4.0)
     assert HierarchicalQP().command(given, task).qdd[0] == pytest.approx(8.0)
     for phi, expected in ((-0.21, 9.0), (-0.19, -2.0)):
         given.phi[:] = phi
-        assert Law(Switch(margin=0.1), Priority()).command(given, task).qdd[0] == pytest.approx(expected)
+        assert Law(Switch(margin=0.1), Priority()).command(given, task).qdd[0] == pytest.approx(
+            expected
+        )
 
 
 def test_a_margin_moves_sigma_too() -> None:
     """FIRAS pushes by s u⁺ (r − 1) r² with r = ρ₀/ρ: here ρ₀ = 0.2, and ρ = 0.15 − 0.05."""
     given, task = rows(-0.15, 0.0, 0.2)
-    push = make_controller("law", {"demand": "firas", "resolver": "additive", "margin": 0.05}).command(given, task)
+    push = make_controller(
+        "law", {"demand": "firas", "resolver": "additive", "margin": 0.05}
+    ).command(given, task)
     assert push.qdd[0] == pytest.approx(-0.1 * 2.0 * (2.0 - 1.0) * 2.0**2)
 
 
 def test_plans_leave_the_margin_too() -> None:
-    """As shares of the scale, where the row that tracking violates comes nearest to its boundary."""
+    """As shares of the scale, where the row that tracking violates comes nearest to its
+    boundary.
+    """
     setup = Scenario.load("example-2d-fov").with_override("duration", 6.0).setup()
     nearest = {}
     for margin in (0.0, 0.05):
@@ -296,9 +353,12 @@ def test_margins_that_are_none_are_refused(margin: Any) -> None:
 
 
 def test_the_robust_law_is_the_hierarchical_qp_with_other_settings() -> None:
-    robust, plain = make_controller("robust-hierarchical-qp"), HierarchicalQP(alpha=12.0, margin=0.06)
+    robust = make_controller("robust-hierarchical-qp")
+    plain = HierarchicalQP(alpha=12.0, margin=0.06)
     assert robust.factors == RowFactors(K=3.0)
-    assert make_controller("robust-hierarchical-qp", {"switching_gain": 2.0}).factors == RowFactors(3.0, 2.0)
+    assert make_controller("robust-hierarchical-qp", {"switching_gain": 2.0}).factors == RowFactors(
+        3.0, 2.0
+    )
     plain.factors = RowFactors(K=3.0)
     setup = CASE.setup()
     np.testing.assert_array_equal(simulate(setup, robust).q, simulate(setup, plain).q)
@@ -306,7 +366,9 @@ def test_the_robust_law_is_the_hierarchical_qp_with_other_settings() -> None:
 
 
 def test_what_cannot_look_ahead_is_refused() -> None:
-    with pytest.raises(InvalidInput, match="observes what moves φ itself: it takes no ahead = true"):
+    with pytest.raises(
+        InvalidInput, match="observes what moves φ itself: it takes no ahead = true"
+    ):
         make_controller("implicit-switch-with-drift", {"ahead": True})
     with pytest.raises(ConfigurationError, match="ahead must be true or false, not 1"):
         Barrier(ahead=1)  # type: ignore[arg-type]

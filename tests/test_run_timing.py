@@ -1,4 +1,6 @@
-"""Laws that are called more often than the scene says, or whose commands arrive late: the table ``run`` of an entry."""
+"""Laws that are called more often than the scene says, or whose commands arrive late: the table
+``run`` of an entry.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios.reading import from_table
 from vsconstraints.simulation import until_settled
 
-QUARTER, LATE = RunTiming(sampling_time_factor=0.25), RunTiming(call_time=1e-3)
+QUARTER = RunTiming(sampling_time_factor=0.25)
+LATE = RunTiming(call_time=1e-3)
 TIMED = """
 [controllers.quarter]
 type = "sliding-mode"
@@ -42,7 +45,9 @@ def test_only_time_is_another() -> None:
     own = RunTiming(0.25, 2e-3).of(setup)
     assert (own.Ts, own.disturbances.command_delay) == (0.25 * setup.Ts, 0.003)
     # speeds after a period of the scene have the same variance: four periods, each of a quarter
-    assert own.Ts**2 * 4 * own.disturbances.acceleration_noise**2 == pytest.approx((setup.Ts * 0.2) ** 2)
+    assert own.Ts**2 * 4 * own.disturbances.acceleration_noise**2 == pytest.approx(
+        (setup.Ts * 0.2) ** 2
+    )
     others = {field.name for field in fields(setup)} - {"disturbances", "sampling_time"}
     assert "time_limit" in others
     assert all(getattr(own, name) is getattr(setup, name) for name in others)
@@ -61,7 +66,9 @@ def test_only_time_is_another() -> None:
         (1.0, {"delay": 2}, 0.0, 2),
     ],
 )
-def test_images_are_those_of_the_scene_or_older(factor: float, own: dict[str, Any], period: float, delay: int) -> None:
+def test_images_are_those_of_the_scene_or_older(
+    factor: float, own: dict[str, Any], period: float, delay: int
+) -> None:
     made = RunTiming(factor, 1e-3).of(case(**own)).disturbances
     assert (made.image_period, made.delay) == (pytest.approx(period), delay)
 
@@ -73,7 +80,10 @@ def test_rows_that_a_scene_challenges_are_the_same_at_any_sampling_time() -> Non
     """And usage is averaged over the same time: that in which tracking alone is outside."""
     spec = RunSpec("example-2d-fast", ControllerSpec("hierarchical-qp"))
     baseline = perform(replace(spec, controller=ControllerSpec("tracking"))).record
-    runs = [perform(replace(spec, controller=replace(spec.controller, run=RunTiming(f)))).record for f in (1, 0.25, 3)]
+    runs = [
+        perform(replace(spec, controller=replace(spec.controller, run=RunTiming(f)))).record
+        for f in (1, 0.25, 3)
+    ]
     assert [run.Ts / baseline.Ts for run in runs] == [1.0, 0.25, 3.0]
     of_scene, *others = (score(run, baseline) for run in runs)
     challenged = [row["challenged"] for row in of_scene.constraints]
@@ -81,23 +91,40 @@ def test_rows_that_a_scene_challenges_are_the_same_at_any_sampling_time() -> Non
     assert not all(challenged)
     for run, other in zip(runs[1:], others, strict=True):
         assert [row["challenged"] for row in other.constraints] == challenged
-        assert other.result["utilization"] == pytest.approx(of_scene.result["utilization"], abs=0.03)
+        assert other.result["utilization"] == pytest.approx(
+            of_scene.result["utilization"], abs=0.03
+        )
         there, expected = (
-            Measured(each, baseline).outside_alone.any(axis=1).sum() * each.Ts for each in (run, runs[0])
+            Measured(each, baseline).outside_alone.any(axis=1).sum() * each.Ts
+            for each in (run, runs[0])
         )
         assert there == pytest.approx(expected, abs=run.Ts)
 
 
 @pytest.mark.parametrize(
     ("factor", "outside"),
-    [(1.0, [0, 0, 1, 0, 0, 1]), (0.5, [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1]), (2.0, [0, 1, 1]), (1.5, [0, 1, 0, 1])],
+    [
+        (1.0, [0, 0, 1, 0, 0, 1]),
+        (0.5, [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1]),
+        (2.0, [0, 1, 1]),
+        (1.5, [0, 1, 0, 1]),
+    ],
 )
 def test_when_the_baseline_is_outside_by_hand(factor: float, outside: list[int]) -> None:
-    """Outside in its third and sixth period: in all of the run's periods that begin there, or that these begin in."""
-    record = perform(RunSpec("example-2d-fast", ControllerSpec("tracking"), {"duration": 0.05})).record
+    """Outside in its third and sixth period: in all of the run's periods that begin there, or that
+    these begin in.
+    """
+    record = perform(
+        RunSpec("example-2d-fast", ControllerSpec("tracking"), {"duration": 0.05})
+    ).record
     clearance = np.full_like(record.trajectory.clearance[:6], 100.0)
     clearance[[2, 5], 0] = -100.0
-    cut = replace(record.trajectory, t=record.trajectory.t[:6], clearance=clearance, between_clearance=clearance)
+    cut = replace(
+        record.trajectory,
+        t=record.trajectory.t[:6],
+        clearance=clearance,
+        between_clearance=clearance,
+    )
     alone = replace(record, trajectory=cut)
     run = replace(record, Ts=factor * record.Ts)
     assert Measured(run, alone).outside_alone[:, 0].astype(int).tolist() == outside
@@ -114,7 +141,9 @@ def timed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
     return small, folder / "out"
 
 
-def test_each_law_has_its_own_time_and_leaves_the_others_theirs(timed: tuple[Campaign, Path], tmp_path: Path) -> None:
+def test_each_law_has_its_own_time_and_leaves_the_others_theirs(
+    timed: tuple[Campaign, Path], tmp_path: Path
+) -> None:
     _, out = timed
     runs = Evidence.load(out).runs.set_index("controller")
     plain = campaign(tmp_path)
@@ -122,8 +151,13 @@ def test_each_law_has_its_own_time_and_leaves_the_others_theirs(timed: tuple[Cam
     alone = Evidence.load(tmp_path / "out").runs.set_index("controller")
     others = ["tracking", "sliding-mode", "hierarchical-qp"]
     same = [table.loc[others].drop(columns=[*TIMING]) for table in (runs, alone)]
-    pd.testing.assert_frame_equal(*same, check_exact=True, check_categorical=False, check_index_type=False)
-    first, *laws = (runs.loc[law].acceleration_variation.to_numpy() for law in ("sliding-mode", "quarter", "late"))
+    pd.testing.assert_frame_equal(
+        *same, check_exact=True, check_categorical=False, check_index_type=False
+    )
+    first, *laws = (
+        runs.loc[law].acceleration_variation.to_numpy()
+        for law in ("sliding-mode", "quarter", "late")
+    )
     assert all((law != first).all() for law in laws)
 
 
@@ -131,10 +165,13 @@ def test_a_bench_gives_every_law_the_scenes_time_limit(timed: tuple[Campaign, Pa
     task = tasks_of(timed[0])[0]
     scene, setups = task.family.set_up(0, task.half, task.seed)
     setup = replace(setups["nominal"], duration=4.0)
-    bench, limit = Bench(scene, "nominal", setup), until_settled(setup).time_limit
+    bench = Bench(scene, "nominal", setup)
+    limit = until_settled(setup).time_limit
     assert limit is not None
     entries = {entry.name: entry for entry in task.controllers}
-    runs = [bench.run(entries[name]) for name in ("sliding-mode", "quarter", "sliding-mode", "late")]
+    runs = [
+        bench.run(entries[name]) for name in ("sliding-mode", "quarter", "sliding-mode", "late")
+    ]
     assert [run.Ts / runs[0].Ts for run in runs] == [1.0, 0.25, 1.0, 1.0]
     assert [(run.common - 1) * run.Ts for run in runs] == pytest.approx([4.0] * 4)
     np.testing.assert_array_equal(runs[0].trajectory.q, runs[2].trajectory.q)
@@ -149,13 +186,16 @@ def test_time_is_part_of_what_results_depend_on(timed: tuple[Campaign, Path]) ->
     assert identity["quarter"] == {"type": "sliding-mode", "run": {"sampling_time_factor": 0.25}}
     assert identity["sliding-mode"] == {"type": "sliding-mode"}
     faster = small.select(settings=["quarter.run.sampling_time_factor=0.5"])
-    with pytest.raises(ConfigurationError, match=r"quarter\.run\.sampling_time_factor is 0\.25 there and 0\.5 here"):
+    with pytest.raises(
+        ConfigurationError, match=r"quarter\.run\.sampling_time_factor is 0\.25 there and 0\.5 here"
+    ):
         collect(faster, out, HERE)
     # what is stored is read, reported and run again as it was
     stored = Evidence.load(out).manifest["configuration"]["controllers"]
     assert ControllerSpec.from_table("late", stored["late"]).run == RunTiming(call_time=0.004)
     specs = [
-        RunSpec("example-2d-fov", ControllerSpec("sliding-mode", run=run)) for run in (AS_THE_SCENE, QUARTER, LATE)
+        RunSpec("example-2d-fov", ControllerSpec("sliding-mode", run=run))
+        for run in (AS_THE_SCENE, QUARTER, LATE)
     ]
     assert len({spec.fingerprint for spec in specs}) == len(set(specs)) == 3
 
@@ -163,7 +203,8 @@ def test_time_is_part_of_what_results_depend_on(timed: tuple[Campaign, Path]) ->
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('run = { sampling_time_factor = 0.2 }', "run: sampling_time_factor must be from 0.25 to 4, not 0.2"),
+        ('run = { sampling_time_factor = 0.2 '
+         '}', "run: sampling_time_factor must be from 0.25 to 4, not 0.2"),
         ('run = { sampling_time_factor = nan }', "sampling_time_factor must be finite"),
         ('run = { call_time = -1e-6 }', "run: call_time must be from 0 to 10, not -1e-06"),
         ('run = { call_time = "1 ms" }', r"odd.run: call_time must be an integer or a number, not '1 ms'"),
@@ -171,7 +212,9 @@ def test_time_is_part_of_what_results_depend_on(timed: tuple[Campaign, Path]) ->
         ('run = 4', r"controllers.odd.run must be a table, not 4"),
     ],
 )  # fmt: skip
-def test_a_run_of_nonsense_is_refused_before_anything_runs(table: str, words: str, tmp_path: Path) -> None:
+def test_a_run_of_nonsense_is_refused_before_anything_runs(
+    table: str, words: str, tmp_path: Path
+) -> None:
     with pytest.raises(ConfigurationError, match=words):
         campaign(tmp_path, f'[controllers.odd]\ntype = "sliding-mode"\n{table}\n')
 
@@ -184,9 +227,14 @@ def test_the_baseline_is_as_the_scene_says(tmp_path: Path) -> None:
 def test_arms_with_mass_are_refused_where_commands_are_late() -> None:
     real = Campaign.load("real-world")
     late = ["sliding-mode.run.call_time=1e-3"]
-    with pytest.raises(ConfigurationError, match=r"sliding-mode\.run: .* ur5 has masses in dynamics, images"):
+    with pytest.raises(
+        ConfigurationError, match=r"sliding-mode\.run: .* ur5 has masses in dynamics, images"
+    ):
         real.select(settings=late)
-    assert real.select(settings=[*late, "conditions=['nominal', 'images']"]).conditions == ("nominal", "images")
+    assert real.select(settings=[*late, "conditions=['nominal', 'images']"]).conditions == (
+        "nominal",
+        "images",
+    )
 
 
 def test_settings_of_a_command_line(tmp_path: Path) -> None:

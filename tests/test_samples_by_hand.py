@@ -28,7 +28,18 @@ NONE = np.empty(0)
 
 def rows(phi: Any, sigma: Any = (0.0, 0.0), Lg: Any = ((0.0, 0.0), (0.0, 0.0))) -> RowArrays:
     """Of u⁺ = 1 and scale 1."""
-    return RowArrays(np.array(phi), np.array(Lg), NONE, np.array(sigma), NONE, NONE, np.ones(2), np.ones(2), NONE, NONE)
+    return RowArrays(
+        np.array(phi),
+        np.array(Lg),
+        NONE,
+        np.array(sigma),
+        NONE,
+        NONE,
+        np.ones(2),
+        np.ones(2),
+        NONE,
+        NONE,
+    )
 
 
 def running() -> Running:
@@ -36,14 +47,21 @@ def running() -> Running:
     counts = [np.zeros(2, dtype=np.int64) for _ in range(6)]
     counts[2][:] = counts[3][:] = -1
     low = np.full(2, -np.inf)
-    flags, switches, unreached = np.zeros(2, dtype=np.bool_), np.zeros(1, dtype=np.int64), np.full(2, -1)
-    sums, saturated = (np.zeros(1), np.zeros(1)), np.zeros(1, dtype=np.int64)
+    flags = np.zeros(2, dtype=np.bool_)
+    switches = np.zeros(1, dtype=np.int64)
+    unreached = np.full(2, -1)
+    sums = (np.zeros(1), np.zeros(1))
+    saturated = np.zeros(1, dtype=np.int64)
     last = saturated, np.full(2, np.nan), flags, np.zeros(2)
-    return Running(low, low.copy(), *counts, np.zeros(2), np.full(1, 5), *sums, switches, unreached, *last)
+    return Running(
+        low, low.copy(), *counts, np.zeros(2), np.full(1, 5), *sums, switches, unreached, *last
+    )
 
 
 def test_scores_of_five_samples() -> None:
-    """‖Δq̈‖ = 5, 13, 0 and 10; the first sample changes nothing, and neither does what stays as it was."""
+    """‖Δq̈‖ = 5, 13, 0 and 10; the first sample changes nothing, and neither does what stays as it
+    was.
+    """
     scores = running()
     for k, (phi, sigma, qdd, active) in enumerate(
         (
@@ -65,7 +83,9 @@ def test_scores_of_five_samples() -> None:
     assert scores.first_active.tolist() == [2, 0]
     assert scores.last_active.tolist() == [3, 3]
     assert scores.acceleration_max.tolist() == [5.0, 7.0]
-    np.testing.assert_allclose([scores.variation[0], scores.squared_variation[0]], [28.0, 294.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        [scores.variation[0], scores.squared_variation[0]], [28.0, 294.0], rtol=1e-15
+    )
     assert scores.switches.tolist() == [2]
     assert (scores.qdd.tolist(), scores.active.tolist()) == ([5.0, 1.0], [False, False])
 
@@ -73,14 +93,17 @@ def test_scores_of_five_samples() -> None:
 def acting(phi: Any, scale: Any, gain: Any, Lg: Any) -> list[bool]:
     """Which rows act where tracking alone gives (4, 1) and the command is (1, 2)."""
     active = np.zeros(len(phi), dtype=np.bool_)
-    given = RowArrays(np.array(phi), np.array(Lg), *(NONE,) * 4, np.array(gain), np.array(scale), NONE, NONE)
+    given = RowArrays(
+        np.array(phi), np.array(Lg), *(NONE,) * 4, np.array(gain), np.array(scale), NONE, NONE
+    )
     mark_acting(given, np.array([1.0, 2.0]), np.array([4.0, 1.0]), active)
     return [bool(acts) for acts in active]
 
 
 def test_rows_that_are_slowed_and_nearest_for_their_scale_act() -> None:
     """L_gφ = (2, −3) is slowed by 2 · 3 + 3 · 1 = 9, and (1, 3) by nothing."""
-    slowed, free = (2.0, -3.0), (1.0, 3.0)
+    slowed = (2.0, -3.0)
+    free = (1.0, 3.0)
     assert acting([0.5], [1.0], [8000.0], [slowed]) == [True]
     assert acting([0.5], [1.0], [9001.0], [slowed]) == [False]
     near = [-1.0, -0.5, 3.0], [4.0, 1.0, 1.0], [1.0, 1.0, 1.0]
@@ -91,17 +114,25 @@ def test_rows_that_are_slowed_and_nearest_for_their_scale_act() -> None:
 
 
 def test_errors_by_hand() -> None:
-    """A turn that takes x to y, y to z and z to x: by 120°; moved by (1, −2, 2); markers 5 px and 13 px away."""
+    """A turn that takes x to y, y to z and z to x: by 120°; moved by (1, −2, 2); markers 5 px and
+    13 px away.
+    """
     turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     found = camera_error(turn, np.array([2.0, -1.0, 5.0]), np.eye(3), np.array([1.0, 1.0, 3.0]))
     np.testing.assert_allclose(found, [3.0, 2.0 * np.pi / 3.0], rtol=1e-14)
     pixels = np.array([[4.0, 6.0], [-4.0, -10.0], [1.0, 2.0]])
     wanted = np.array([[1.0, 2.0], [1.0, 2.0], [1.0, 2.0]])
-    assert [feature_error(pixels[:count], wanted[:count]) for count in range(4)] == [0.0, 5.0, 13.0, 13.0]
+    assert [feature_error(pixels[:count], wanted[:count]) for count in range(4)] == [
+        0.0,
+        5.0,
+        13.0,
+        13.0,
+    ]
 
 
 def test_a_state_is_held_on() -> None:
-    transition, x = np.array([[1.0, 2.0], [3.0, -4.0]]), np.array([[1.0, 10.0, 100.0], [5.0, 6.0, 7.0]])
+    transition = np.array([[1.0, 2.0], [3.0, -4.0]])
+    x = np.array([[1.0, 10.0, 100.0], [5.0, 6.0, 7.0]])
     expected = transition @ x
     hold(transition, x, np.empty_like(x))
     np.testing.assert_array_equal(x, expected)
@@ -126,7 +157,8 @@ def loop(by_pose: bool) -> Loop:
         np.array([[0.5, 0.1, 1.0, 9.0], [0.5, 0.1, 1.0, 9.0]]),
         np.array([by_pose]),
     )
-    # q ← q + 0.5 u with u, the last, which is pushed and then forgotten; nothing touches what is between
+    # q ← q + 0.5 u with u, the last, which is pushed and then forgotten; nothing touches what is
+    # between
     transition = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     push = np.array([[1.0, 2.0], [3.0, 4.0]])
     return Loop(
@@ -157,8 +189,11 @@ def loop(by_pose: bool) -> Loop:
 
 
 def unreached(by_pose: bool, positions: Array) -> tuple[Loop, list[list[int]]]:
-    """The last sample in which each goal is not reached, after each sample: of pixels and the camera's z [m] (k, 3)."""
-    one, found = loop(by_pose), []
+    """The last sample in which each goal is not reached, after each sample: of pixels and the
+    camera's z [m] (k, 3).
+    """
+    one = loop(by_pose)
+    found = []
     for k, (u, v, z) in enumerate(positions):
         one.pixels[0] = u, v
         one.camera_t[2] = z
@@ -172,7 +207,9 @@ POSITIONS = np.array([(3.0, 4.0, 0.0), (0.0, 1.0, 0.6), (3.0, 4.0, 0.5), (3.0, 4
 
 
 def test_goals_are_reached_by_pose_or_by_markers() -> None:
-    """By markers: 5 px from the first goal, then 1 px; then at the second. By pose: at it, beyond, not yet, nearly."""
+    """By markers: 5 px from the first goal, then 1 px; then at the second. By pose: at it, beyond,
+    not yet, nearly.
+    """
     assert unreached(False, POSITIONS)[1] == [[0, -1]] * 4
     assert unreached(True, POSITIONS)[1] == [[-1, -1], [1, -1], [1, 2], [1, 2]]
 

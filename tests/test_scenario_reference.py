@@ -1,4 +1,6 @@
-"""The reference of scenario files names every key the loader knows, with its type and default, and no other."""
+"""The reference of scenario files names every key the loader knows, with its type and default, and
+no other.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ from vsconstraints.vision.tracking import Rest, TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
 KEY = re.compile(r"^- ((?:`\w+`(?:, )?)+) \(([^`,()]+)(?:, ([^()]+))?\):", flags=re.M)
-"""A line of the reference: keys, type, and the default or that the key is required, if there is one."""
+"""A line of the reference: keys, type, and the default or that the key is required, if there is
+one.
+"""
 
 TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "": (build.File,),
@@ -100,7 +104,9 @@ def by_title() -> dict[str, dict[str, tuple[str, str]]]:
     for text in re.split(r"^### ", PAGE.read_text(encoding="utf-8"), flags=re.M)[1:]:
         title, _, body = text.partition("\n")
         found[title] = {
-            key: (kind, default or "–") for keys, kind, default in KEY.findall(body) for key in re.findall(r"\w+", keys)
+            key: (kind, default or "–")
+            for keys, kind, default in KEY.findall(body)
+            for key in re.findall(r"\w+", keys)
         }
     return found
 
@@ -108,7 +114,9 @@ def by_title() -> dict[str, dict[str, tuple[str, str]]]:
 def documented() -> dict[str, dict[str, tuple[str, str]]]:
     """The same by the tables that the headings name."""
     titles = by_title()
-    named = {name: keys for title, keys in titles.items() for name in re.findall(r"`([^`]+)`", title)}
+    named = {
+        name: keys for title, keys in titles.items() for name in re.findall(r"`([^`]+)`", title)
+    }
     return {"": titles["Top level"], **named}
 
 
@@ -121,7 +129,11 @@ def _keys_of(table: str) -> dict[str, tuple[str, str]]:
 
 
 def test_every_key_is_in_the_reference() -> None:
-    missing = sorted(f"{table or 'the file'}: {key}" for table, key in (*KNOWN, *FURTHER) if key not in _keys_of(table))
+    missing = sorted(
+        f"{table or 'the file'}: {key}"
+        for table, key in (*KNOWN, *FURTHER)
+        if key not in _keys_of(table)
+    )
     assert not missing, f"docs/scenarios.md does not tell of {missing}"
 
 
@@ -134,11 +146,20 @@ def test_every_key_in_the_reference_is_known() -> None:
     unknown = []
     for title, keys in by_title().items():
         tables = re.findall(r"`([^`]+)`", title) or [""]  # one of them has it
-        unknown += [f"{title}: {key}" for key in keys if not any(key in read[table] for table in tables)]
+        unknown += [
+            f"{title}: {key}" for key in keys if not any(key in read[table] for table in tables)
+        ]
     assert not unknown, f"docs/scenarios.md tells of {unknown}, which the loader does not know"
 
 
-WORDS = {float: "number", int: "integer", str: "string", bool: "boolean", dict: "table", Mapping: "table"}
+WORDS = {
+    float: "number",
+    int: "integer",
+    str: "string",
+    bool: "boolean",
+    dict: "table",
+    Mapping: "table",
+}
 
 
 def _word(kind: Any) -> str:
@@ -158,7 +179,8 @@ def _word(kind: Any) -> str:
 def test_types_and_defaults_are_those_of_the_arguments() -> None:
     for (table, key), parameter in KNOWN.items():
         kind, written = _keys_of(table)[key]
-        where, default = f"{table or 'the file'}, {key}", parameter.default
+        where = f"{table or 'the file'}, {key}"
+        default = parameter.default
         word = _word(parameter.annotation)
         assert word in kind.replace("pairs", "list"), f"{where} is a {word}, not {kind}"
         if default is parameter.empty:
@@ -202,17 +224,29 @@ def test_the_examples_use_every_key(tmp_path: Any, monkeypatch: pytest.MonkeyPat
         if block.language != "sh":
             run(block, folder, names)
             used += block.code
-    left = sorted({key for _, key in (*KNOWN, *FURTHER) if not re.search(rf"\b{key}\b(\]| *=)", used)})
+    left = sorted(
+        {key for _, key in (*KNOWN, *FURTHER) if not re.search(rf"\b{key}\b(\]| *=)", used)}
+    )
     assert not left, f"no example on docs/scenarios.md uses {left}"
 
 
 def test_what_a_run_is_told_has_the_same_words_in_files_and_in_python() -> None:
     """What is not made from the arm, the scene and the task is handed on as it is."""
-    ours, theirs = parameters(build.File), parameters(Setup)
-    made = {"robot", "camera", "target", "constraints"} | {"title", "description", "start_deviation"}
+    ours = parameters(build.File)
+    theirs = parameters(Setup)
+    made = {"robot", "camera", "target", "constraints"} | {
+        "title",
+        "description",
+        "start_deviation",
+    }
     # a setup's plant is the robot itself, and its sensor what it makes of the images
-    in_python = {{"plant": "dynamics", "sensor": "images"}.get(key, key) for key in set(ours) - made}
+    in_python = {
+        {"plant": "dynamics", "sensor": "images"}.get(key, key) for key in set(ours) - made
+    }
     # how long a run may take beyond its duration, comparisons say
     assert in_python == set(theirs) - {"scene", "constraints", "time_limit"}
     for key in ("on_rank_loss", "on_hidden_markers", "actuation"):
-        assert (ours[key].annotation, ours[key].default) == (theirs[key].annotation, theirs[key].default)
+        assert (ours[key].annotation, ours[key].default) == (
+            theirs[key].annotation,
+            theirs[key].default,
+        )

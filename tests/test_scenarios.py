@@ -71,7 +71,9 @@ TABLES: dict[str, Any] = {
     "sampling_time": 0.005,
     "duration": 1.0,
     "camera": {"focal_px": [402.5, 402.5], "size_px": [512, 512]},
-    "target": {"markers": [[0.564, 0.3095, 0.0108], [0.4666, 0.1403, 0.0541], [0.2919, 0.2348, 0.0302]]},
+    "target": {
+        "markers": [[0.564, 0.3095, 0.0108], [0.4666, 0.1403, 0.0541], [0.2919, 0.2348, 0.0302]]
+    },
     "task": {
         "feature": "camera-pose",
         "Kp0": 20.0,
@@ -85,7 +87,14 @@ TABLES: dict[str, Any] = {
             "K": 0.1,
             "switching_gain": 2.0,
         },
-        {"type": "joint-range", "joints": [6], "lower": [-1.1], "upper": [0.1], "K": 0.1, "switching_gain": 2.0},
+        {
+            "type": "joint-range",
+            "joints": [6],
+            "lower": [-1.1],
+            "upper": [0.1],
+            "K": 0.1,
+            "switching_gain": 2.0,
+        },
         {"type": "joint-speed", "joints": [2], "upper": [0.4], "switching_gain": 1.0},
         {
             "type": "forbidden-sphere",
@@ -117,28 +126,50 @@ def test_the_scenario_to_spoil_is_sound() -> None:
     ("key", "value", "words"),
     [
         ("robot", "viper", ["robot 'viper'", "viper-s650", *READY_MADE]),
-        ("task.feature", "camera_pose", ["feature in own.task 'camera_pose'", "camera-pose", *FEATURES]),
+        (
+            "task.feature",
+            "camera_pose",
+            ["feature in own.task 'camera_pose'", "camera-pose", *FEATURES],
+        ),
         ("task.drift", "exactly", ["drift in own.task", "exact", "differences"]),
         ("task.velocity", "numeric", ["velocity in own.task", "exact", "differences"]),
         ("constraints.0.type", "fov", ["type in own.constraints[0] 'fov'", *CONSTRAINTS]),
-        ("constraints.1.curve.shape", "disc", ["shape in own.constraints[1].curve", "bowl", "circle", "heart"]),
+        (
+            "constraints.1.curve.shape",
+            "disc",
+            ["shape in own.constraints[1].curve", "bowl", "circle", "heart"],
+        ),
         ("on_rank_loss", "stop", ["on_rank_loss", "abort", "continue"]),
-        ("sample_time", 0.1, ["key in own 'sample_time'", "Did you mean 'sampling_time'", "duration"]),
+        (
+            "sample_time",
+            0.1,
+            ["key in own 'sample_time'", "Did you mean 'sampling_time'", "duration"],
+        ),
         ("camera.focal", [1, 1], ["key in own.camera 'focal'", "Did you mean 'focal_px'"]),
         ("camera.mount", {"xzy": [0, 0, 0]}, ["key in own.camera.mount 'xzy'", "'xyz'"]),
         ("target.marker", [[0, 0, 0]], ["key in own.target 'marker'", "Did you mean 'markers'"]),
         ("task.Kp", 1.0, ["key in own.task 'Kp'", "Kp0"]),
         ("task.goals.0.from", 1.0, ["key in own.task.goals[0] 'from'", "from_time"]),
-        ("tolerances", {"translation": 1.0}, ["key in own.tolerances 'translation'", "translation_m"]),
+        (
+            "tolerances",
+            {"translation": 1.0},
+            ["key in own.tolerances 'translation'", "translation_m"],
+        ),
         ("constraints.0.gain", 1.0, ["key in own.constraints[0] 'gain'", "switching_gain"]),
         ("constraints.1.curve.size", 3.0, ["own.constraints[1].curve", "size"]),
         ("constraints.2.joint", 3, ["key in own.constraints[2] 'joint'", "Did you mean 'joints'"]),
         ("constraints.3.K", 1.0, ["key in own.constraints[3] 'K'"]),
-        ("constraints.4.points.0.links", "a", ["key in own.constraints[4].points[0] 'links'", "'link'"]),
+        (
+            "constraints.4.points.0.links",
+            "a",
+            ["key in own.constraints[4].points[0] 'links'", "'link'"],
+        ),
         ("constraints.4.points.0.link", "link 7", ["link of 6R", "'link 7'", "link 6"]),
     ],
 )
-def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, words: list[str]) -> None:
+def test_unknown_names_are_refused_with_the_candidates(
+    key: str, value: object, words: list[str]
+) -> None:
     with pytest.raises(ConfigurationError) as error:
         scenario().with_override(key, value).setup()
     for word in words:
@@ -156,7 +187,11 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
         ("q0", "home", "own: q0 must be a list of numbers, not 'home'"),
         ("q0", [0.0, 0.0], "q0 of 6R"),
         ("q0", [0.0, 0.0, 0.0, 0.0, 0.0, float("nan")], "own: q0 must be finite"),
-        ("q0", [0.0, 0.0, 0.0, 0.0, 0.0, "zero"], "own: q0 must be a list of numbers, not .*'zero'"),
+        (
+            "q0",
+            [0.0, 0.0, 0.0, 0.0, 0.0, "zero"],
+            "own: q0 must be a list of numbers, not .*'zero'",
+        ),
         ("q0", [[0.0] * 6], "own: q0 must be a list of numbers, not"),
         ("qd0", [0.0], "qd0 of 6R"),
         ("sampling_time", "fast", "own: sampling_time must be an integer or a number, not 'fast'"),
@@ -170,11 +205,23 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
         ("camera.focal_px", [402.5], "own.camera: focal_px must be 2 numbers"),
         ("camera.focal_px", [402.5, 0.0], "camera focal_px must be positive"),
         ("camera.size_px", 512, "own.camera: size_px must be 2 numbers, not 512"),
-        ("camera.principal_point_px", [1, 2, 3], "own.camera: principal_point_px must be 2 numbers"),
+        (
+            "camera.principal_point_px",
+            [1, 2, 3],
+            "own.camera: principal_point_px must be 2 numbers",
+        ),
         ("camera.mount", {"rpy": [0, 0]}, "own.camera.mount: rpy must be 3 numbers"),
-        ("target.markers", [[0.0, 0.0]], "own.target: markers must be one or more rows of 3 numbers"),
+        (
+            "target.markers",
+            [[0.0, 0.0]],
+            "own.target: markers must be one or more rows of 3 numbers",
+        ),
         ("target.markers", [], "own.target: markers must be one or more rows of 3 numbers"),
-        ("target.markers", [[0, 0, 0], [0]], "own.target: markers must be one or more rows of 3 numbers"),
+        (
+            "target.markers",
+            [[0, 0, 0], [0]],
+            "own.target: markers must be one or more rows of 3 numbers",
+        ),
         ("target", {"square": {"side": 0.1}}, "own.target.square: the key 'xyz' is missing"),
         ("task.Kp0", 0.0, "Kp0 must be positive"),
         ("task.Kp_slope", -1.0, "slope must be zero or more"),
@@ -182,10 +229,18 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
         ("task.goals", {}, "own.task: goals must be a list"),
         ("task.goals", [3], r"own.task.goals\[0\] must be a table, not 3"),
         ("task.goals.0.camera_at_q", [0.0], r"own.task.goals\[0\]"),
-        ("task.goals.0", {"from_time": 1.0}, "needs one of camera_at_q, camera_pose and markers_px; it has none"),
+        (
+            "task.goals.0",
+            {"from_time": 1.0},
+            "needs one of camera_at_q, camera_pose and markers_px; it has none",
+        ),
         ("task.goals.0.markers_px", [[0, 0]] * 3, "needs one of .*'camera_at_q', 'markers_px'"),
         ("task.goals.0", {"markers_px": [[0, 0]] * 2}, r"markers_px must be 3 × 2 numbers"),
-        ("task.goals.0", {"markers_px": [[0, 0]] * 3}, "camera-pose task needs goals with a camera pose"),
+        (
+            "task.goals.0",
+            {"markers_px": [[0, 0]] * 3},
+            "camera-pose task needs goals with a camera pose",
+        ),
         (
             "task.goals.0",
             {"camera_pose": {"xyz": [0.5, 0.2, 0.3], "rpy": [0, 0, 0]}},
@@ -202,15 +257,31 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
         ("constraints.0.margin_px", 3, "not both"),
         ("constraints.0.markers", [4], "fov: there is no marker 4; the scene has 3"),
         ("constraints.0.markers", [0], "markers of fov are counted from 1"),
-        ("constraints.0.markers", ["first"], r"own.constraints\[0\]: markers must be a list of integers"),
-        ("constraints.0.markers", [1.5], r"own.constraints\[0\]: markers must be a list of integers"),
-        ("constraints.0.markers", 2, r"own.constraints\[0\]: markers must be a list of integers, not 2"),
+        (
+            "constraints.0.markers",
+            ["first"],
+            r"own.constraints\[0\]: markers must be a list of integers",
+        ),
+        (
+            "constraints.0.markers",
+            [1.5],
+            r"own.constraints\[0\]: markers must be a list of integers",
+        ),
+        (
+            "constraints.0.markers",
+            2,
+            r"own.constraints\[0\]: markers must be a list of integers, not 2",
+        ),
         ("constraints.1.curve.radius", -1.0, "radius of a shape must be a positive number"),
         ("constraints.1.curve.radius", "big", r"own.constraints\[1\].curve"),
         ("constraints.1.curve", {"shape": "circle"}, r"own.constraints\[1\].curve.*radius"),
         ("constraints.1.curve.rotation", "a", r"own.constraints\[1\].curve: rotation must be"),
         ("constraints.2.joints", [7], "joints of range are numbers from 1 to 6"),
-        ("constraints.2.joints", ["wrist"], r"own.constraints\[2\]: joints must be a list of integers"),
+        (
+            "constraints.2.joints",
+            ["wrist"],
+            r"own.constraints\[2\]: joints must be a list of integers",
+        ),
         ("constraints.2.lower", [1.0], "lower of range must be below upper"),
         ("constraints.2.lower", [1.0, 2.0], "lower of range must be a finite number for each"),
         ("constraints.3.upper", [-0.4], "lower < 0 < upper|below upper"),
@@ -223,7 +294,11 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
         ("robot", {"dh": [[0, 0, 1, 0]] * 6, "prismatic": [7]}, "prismatic"),
         ("robot", {"dh": [[0, 0, 1, 0]] * 6, "prismatic": ["2"]}, "prismatic"),
         ("robot", {"dh": [[0, 0, 1, 0]] * 6, "q_min": [0.0]}, "q_min must be 6 numbers"),
-        ("robot", {"dh": [[0, 0, 1, 0]] * 6, "urdf": "a.urdf"}, "no URDF file|key in own.robot 'dh'"),
+        (
+            "robot",
+            {"dh": [[0, 0, 1, 0]] * 6, "urdf": "a.urdf"},
+            "no URDF file|key in own.robot 'dh'",
+        ),
         ("robot", {}, "own.robot: the key 'dh' is missing"),
         ("robot", {"urdf": "nowhere.urdf"}, "no URDF file at .*nowhere.urdf"),
     ],
@@ -234,7 +309,9 @@ def test_wrong_values_are_refused_with_their_place(key: str, value: object, word
     assert re.search(r"\bown\b", str(refused.value)), "the scenario is not named"
 
 
-@pytest.mark.parametrize("key", ["robot", "q0", "sampling_time", "duration", "camera", "target", "task"])
+@pytest.mark.parametrize(
+    "key", ["robot", "q0", "sampling_time", "duration", "camera", "target", "task"]
+)
 def test_missing_keys_are_named(key: str) -> None:
     tables = copy.deepcopy(TABLES)
     del tables[key]
@@ -243,7 +320,8 @@ def test_missing_keys_are_named(key: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "key"), [("camera", "focal_px"), ("camera", "size_px"), ("task", "feature"), ("task", "Kp0")]
+    ("path", "key"),
+    [("camera", "focal_px"), ("camera", "size_px"), ("task", "feature"), ("task", "Kp0")],
 )
 def test_missing_keys_of_tables_are_named_with_their_table(path: str, key: str) -> None:
     tables = copy.deepcopy(TABLES)
@@ -279,11 +357,19 @@ def test_values_arrive_where_they_belong() -> None:
     np.testing.assert_array_equal(setup.scene.camera.principal_point_px, [250.0, 260.0])
     expected = Pose.from_xyz_rpy((0.0, 0.0, 0.01), (0.0, 0.0, 0.1))
     assert max(distance(setup.scene.camera.mount, expected)) < 1e-12
-    assert (setup.task.gains.Kp0, setup.task.gains.Kp_slope, setup.task.gains.damping) == (20.0, 60.0, 2.0)
+    assert (setup.task.gains.Kp0, setup.task.gains.Kp_slope, setup.task.gains.damping) == (
+        20.0,
+        60.0,
+        2.0,
+    )
     assert (setup.task.drift, setup.task.velocity) == ("differences", "exact")
     assert setup.on_rank_loss == "continue"
     np.testing.assert_array_equal(setup.qd0, [0.1] * 6)
-    assert (setup.tolerances.translation_m, setup.tolerances.rest_s, setup.tolerances.rotation_rad) == (
+    assert (
+        setup.tolerances.translation_m,
+        setup.tolerances.rest_s,
+        setup.tolerances.rotation_rad,
+    ) == (
         0.01,
         1.0,
         0.005,
@@ -295,7 +381,11 @@ def test_goals_of_all_three_kinds_mean_the_same() -> None:
     plain = scenario().with_override("task.feature", "image-points")
     by_q = plain.setup().task.goals[0]
     assert by_q.camera is not None
-    by_pixels = plain.with_override("task.goals.0", {"markers_px": by_q.pixels.tolist()}).setup().task.goals[0]
+    by_pixels = (
+        plain.with_override("task.goals.0", {"markers_px": by_q.pixels.tolist()})
+        .setup()
+        .task.goals[0]
+    )
     np.testing.assert_array_equal(by_pixels.pixels, by_q.pixels)
     np.testing.assert_allclose(by_pixels.normalised, by_q.normalised, rtol=1e-14)
     assert by_pixels.camera is None
@@ -314,13 +404,21 @@ def test_a_square_target_has_its_corners_at_half_the_side() -> None:
     assert markers.shape == (4, 3)
     np.testing.assert_allclose(markers.mean(axis=0), square["xyz"], atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(markers - np.roll(markers, 1, axis=0), axis=1), 0.2)
-    np.testing.assert_allclose(np.linalg.norm(markers - markers.mean(axis=0), axis=1), 0.1 * np.sqrt(2.0))
+    np.testing.assert_allclose(
+        np.linalg.norm(markers - markers.mean(axis=0), axis=1), 0.1 * np.sqrt(2.0)
+    )
     normal = np.cross(markers[1] - markers[0], markers[3] - markers[0]) / 0.04
-    np.testing.assert_allclose(normal, Pose.from_xyz_rpy(square["xyz"], square["rpy"]).R[:, 2], atol=1e-12)
+    np.testing.assert_allclose(
+        normal, Pose.from_xyz_rpy(square["xyz"], square["rpy"]).R[:, 2], atol=1e-12
+    )
 
 
 def test_own_dh_arms() -> None:
-    table = {"dh": [[0, 0, 1, 0], [0, 0, 1, 0], [0, 0, 0, -np.pi]], "name": "mine", "prismatic": [2]}
+    table = {
+        "dh": [[0, 0, 1, 0], [0, 0, 1, 0], [0, 0, 0, -np.pi]],
+        "name": "mine",
+        "prismatic": [2],
+    }
     tables = copy.deepcopy(TABLES) | {
         "robot": table | {"q_min": [-2, 0, -3], "q_max": [2, 1, 3], "qd_max": [1, 2, 3]},
         "q0": [0.1, 0.2, 0.3],
@@ -357,14 +455,17 @@ def test_trials_deviate_by_their_seed_and_number_alone() -> None:
 
 
 def test_a_scenario_says_only_what_is_different(tmp_path: Path) -> None:
-    (tmp_path / "base.toml").write_text((SHIPPED / "case-study-6r.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "base.toml").write_text(
+        (SHIPPED / "case-study-6r.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     (tmp_path / "middle.toml").write_text(
         'extends = "base.toml"\ntitle = "Middle"\n[task]\nKp0 = 5.0\n', encoding="utf-8"
     )
     (tmp_path / "own.toml").write_text(
         'extends = "middle.toml"\nduration = 3.0\n[camera.mount]\nxyz = [0.0, 0.0, 0.01]\n'
     )
-    own, base = Scenario.load(tmp_path / "own.toml"), Scenario.load("case-study-6r")
+    own = Scenario.load(tmp_path / "own.toml")
+    base = Scenario.load("case-study-6r")
     assert own.title == "Middle"
     assert "extends" not in own.tables
     assert own.tables["task"] == {**base.tables["task"], "Kp0": 5.0}
@@ -381,10 +482,15 @@ def test_a_scenario_says_only_what_is_different(tmp_path: Path) -> None:
         ({"own": 'extends = "case-study"'}, "scenario 'case-study'.*case-study-6r"),
         ({"own": 'extends = "nowhere.toml"'}, "cannot read .*nowhere.toml"),
         ({"own": "extends = 3"}, "extends must be the name or the path of a scenario, not 3"),
-        ({"own": 'extends = "other.toml"', "other": 'extends = "own.toml"'}, "extend each other in a circle"),
+        (
+            {"own": 'extends = "other.toml"', "other": 'extends = "own.toml"'},
+            "extend each other in a circle",
+        ),
     ],
 )
-def test_what_cannot_be_extended_is_refused(files: dict[str, str], words: str, tmp_path: Path) -> None:
+def test_what_cannot_be_extended_is_refused(
+    files: dict[str, str], words: str, tmp_path: Path
+) -> None:
     for name, text in files.items():
         (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=words):
@@ -420,7 +526,10 @@ def test_files_in_overrides_are_where_the_user_is(tmp_path: Path) -> None:
     again = by_key.with_override("robot.urdf", "b.urdf", tmp_path)
     assert again.tables["robot"] == {"urdf": str(tmp_path / "b.urdf")}
     elsewhere = str(tmp_path / "elsewhere.urdf")
-    assert shipped.with_override("robot", {"urdf": elsewhere}, Path("here")).tables["robot"]["urdf"] == elsewhere
+    assert (
+        shipped.with_override("robot", {"urdf": elsewhere}, Path("here")).tables["robot"]["urdf"]
+        == elsewhere
+    )
     walls = [{"type": "collision", "obstacle": {"shape": "mesh", "file": "wall.stl"}}]
     changed = shipped.with_override("constraints", walls, tmp_path).tables["constraints"]
     assert changed[0]["obstacle"] == {"shape": "mesh", "file": str(tmp_path / "wall.stl")}
@@ -429,11 +538,15 @@ def test_files_in_overrides_are_where_the_user_is(tmp_path: Path) -> None:
 
 def test_overrides_change_a_copy() -> None:
     own = scenario()
-    other = own.with_override("task.Kp0", 3.0).with_override("constraints.4.points.0.offset", [0.0, 0.0, 0.2])
+    other = own.with_override("task.Kp0", 3.0).with_override(
+        "constraints.4.points.0.offset", [0.0, 0.0, 0.2]
+    )
     assert own.tables == TABLES
     assert other.tables["task"]["Kp0"] == 3.0
     assert other.setup().scene.points[0].offset == (0.0, 0.0, 0.2)
-    slow = other.with_override("constraints.0", {"type": "joint-speed", "joints": [5], "switching_gain": 1.0})
+    slow = other.with_override(
+        "constraints.0", {"type": "joint-speed", "joints": [5], "switching_gain": 1.0}
+    )
     assert slow.setup().constraints.labels[0] == "speed[joint 5].upper"
 
 
@@ -503,7 +616,9 @@ def test_what_toml_leaves_open_is_refused(tmp_path: Path) -> None:
 def test_a_byte_order_mark_and_any_line_ends_are_accepted(tmp_path: Path) -> None:
     path = tmp_path / "mein Ärmchen.toml"
     path.write_bytes(b"\xef\xbb\xbf" + 'title = "ä"\r\nduration = 3.0\r\n'.encode())
-    assert Scenario.load(path) == Scenario("mein Ärmchen", {"title": "ä", "duration": 3.0}, tmp_path)
+    assert Scenario.load(path) == Scenario(
+        "mein Ärmchen", {"title": "ä", "duration": 3.0}, tmp_path
+    )
 
 
 def test_messages_do_not_grow_with_what_is_wrong() -> None:
@@ -516,11 +631,19 @@ def test_messages_do_not_grow_with_what_is_wrong() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("constraints.1.curve.radius", [20.0], r"own.constraints\[1\].curve: radius must be an integer or a number"),
+        (
+            "constraints.1.curve.radius",
+            [20.0],
+            r"own.constraints\[1\].curve: radius must be an integer or a number",
+        ),
         ("constraints.1.curve.radius", [[1.0], []], "radius must be an integer or a number"),
         ("constraints.1.curve.radius", True, "radius must be an integer or a number"),
         ("constraints.0.K", 1e308, "the start cannot be evaluated: FloatingPointError"),
-        ("task.goals.0", {"markers_px": [[1e300, 0.0]] * 3}, "cannot be evaluated: FloatingPointError"),
+        (
+            "task.goals.0",
+            {"markers_px": [[1e300, 0.0]] * 3},
+            "cannot be evaluated: FloatingPointError",
+        ),
         ("constraints.4.centre", [1e300, 0.0, 0.0], "FloatingPointError"),
         (
             "disturbances",
@@ -546,8 +669,14 @@ def test_what_cannot_be_computed_is_refused(key: str, value: object, words: str)
 
 
 def test_numbers_that_overflow_in_python_are_refused_too() -> None:
-    own = scenario().with_override("actuation", "position").with_override("disturbances", {"time_constant": 1e160})
-    with pytest.raises(ConfigurationError, match="own: its numbers cannot be computed with: OverflowError"):
+    own = (
+        scenario()
+        .with_override("actuation", "position")
+        .with_override("disturbances", {"time_constant": 1e160})
+    )
+    with pytest.raises(
+        ConfigurationError, match="own: its numbers cannot be computed with: OverflowError"
+    ):
         own.setup()
 
 
@@ -600,7 +729,9 @@ goals = [{ camera_at_q = [0.3, 0.8, 0.2] }]
 """
 
 
-def test_ten_lines_are_enough_for_an_own_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ten_lines_are_enough_for_an_own_arm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its URDF is found relative to the scenario file, wherever the program is started."""
     assert len(TEN_LINES.strip().splitlines()) == 10
     folder = tmp_path / "mine"
@@ -638,7 +769,9 @@ def test_ten_lines_are_enough_for_an_own_arm(tmp_path: Path, monkeypatch: pytest
         ("robot.prismatic", [1], "key in bench.robot 'prismatic'"),
     ],
 )
-def test_an_own_arm_that_is_described_wrongly_is_refused(tmp_path: Path, key: str, value: object, words: str) -> None:
+def test_an_own_arm_that_is_described_wrongly_is_refused(
+    tmp_path: Path, key: str, value: object, words: str
+) -> None:
     (tmp_path / "arms").mkdir()
     (tmp_path / "arms" / "bench.urdf").write_text(URDF)
     (tmp_path / "bench.toml").write_text(TEN_LINES)
@@ -659,7 +792,9 @@ def test_an_own_constraint_type_can_be_registered(monkeypatch: pytest.MonkeyPatc
 def make_half_speed(robot, *, of_joint: int):
     from vsconstraints.constraints import JointSpeed
 
-    return JointSpeed(robot, joints=[of_joint], upper=[0.5 * robot.qd_max[of_joint - 1]], switching_gain=1.0)
+    return JointSpeed(
+        robot, joints=[of_joint], upper=[0.5 * robot.qd_max[of_joint - 1]], switching_gain=1.0
+    )
 
 
 OWN_CONSTRAINT = """
@@ -686,7 +821,9 @@ class NoConstraint:
 """
 
 
-def test_an_own_constraint_class_beside_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_own_constraint_class_beside_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Named by module and class, it is made with the other keys of its table."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "fences_for_test.py").write_text(OWN_CONSTRAINT)
@@ -697,7 +834,10 @@ def test_an_own_constraint_class_beside_the_file(tmp_path: Path, monkeypatch: py
     assert simulate(setup, SlidingMode()).sigma.max() <= 0.0
     for spoilt, words in (
         ({"type": "fences_for_test:Fense"}, "holds no Constraint of the name 'Fense'"),
-        ({"type": "fences_for_test:NoConstraint"}, "holds no Constraint of the name 'NoConstraint'"),
+        (
+            {"type": "fences_for_test:NoConstraint"},
+            "holds no Constraint of the name 'NoConstraint'",
+        ),
         ({"type": "no_such_module:Fence"}, "cannot import 'no_such_module'"),
         ({"v": 3.0}, "fences_for_test:Fence cannot be made with .*'v'"),
         ({"u": -1.0}, "length of fence must be a positive number"),
@@ -732,7 +872,9 @@ class Late(ImageConstraint):
 """
 
 
-def test_an_own_class_that_fails_is_shown_with_file_and_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_own_class_that_fails_is_shown_with_file_and_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "failing_for_test.py").write_text(FAILING)
     (tmp_path / "ends_for_test.py").write_text("import sys\nsys.exit()\n")
@@ -742,8 +884,14 @@ def test_an_own_class_that_fails_is_shown_with_file_and_line(tmp_path: Path, mon
             {"type": "failing_for_test:Late", "calls": 0},
             r"the start.*KeyError: 'no more' \(failing_for_test.py, line 17\)",
         ),
-        ({"type": "failing_for_test:Late", "shape": 3}, "the start cannot be evaluated: ValueError"),
-        ({"type": "ends_for_test:Late"}, r"cannot import 'ends_for_test': SystemExit:  \(ends_for_test.py, line 2\)"),
+        (
+            {"type": "failing_for_test:Late", "shape": 3},
+            "the start cannot be evaluated: ValueError",
+        ),
+        (
+            {"type": "ends_for_test:Late"},
+            r"cannot import 'ends_for_test': SystemExit:  \(ends_for_test.py, line 2\)",
+        ),
     ):
         with pytest.raises(ConfigurationError, match=words):
             own.with_override("constraints", [table]).setup().check_start()
@@ -752,11 +900,15 @@ def test_an_own_class_that_fails_is_shown_with_file_and_line(tmp_path: Path, mon
 def test_a_constraint_that_goes_on_raising_leaves_the_trajectory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Clearances are looked at when a run is over, and raise there again: of that row they are not known."""
+    """Clearances are looked at when a run is over, and raise there again: of that row they are not
+    known.
+    """
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "failing_for_test.py").write_text(FAILING)
     tables = [{"type": "failing_for_test:Late", "calls": 150}, TABLES["constraints"][2]]
-    trajectory = simulate(scenario(folder=tmp_path).with_override("constraints", tables).setup(), SlidingMode())
+    trajectory = simulate(
+        scenario(folder=tmp_path).with_override("constraints", tables).setup(), SlidingMode()
+    )
     assert trajectory.status == "failed"
     assert "KeyError: 'no more' (failing_for_test.py, line 17)" in trajectory.reason
     assert len(trajectory.t) > 20
@@ -768,8 +920,14 @@ def test_a_constraint_that_goes_on_raising_leaves_the_trajectory(
 
 def test_values_from_python_may_be_those_of_numpy() -> None:
     scenario = Scenario.load("example-2d-fov")
-    changed = scenario.with_override("duration", np.float64(1.5)).with_override("q0", np.array(scenario.tables["q0"]))
+    changed = scenario.with_override("duration", np.float64(1.5)).with_override(
+        "q0", np.array(scenario.tables["q0"])
+    )
     setup = changed.with_override("task.Kp0", np.float32(2.0)).setup()
-    assert (setup.duration, setup.task.gains.Kp0, setup.q0.tolist()) == (1.5, 2.0, scenario.tables["q0"])
+    assert (setup.duration, setup.task.gains.Kp0, setup.q0.tolist()) == (
+        1.5,
+        2.0,
+        scenario.tables["q0"],
+    )
     with pytest.raises(ConfigurationError, match=r"camera must be a table, not 2\.0"):
         scenario.with_override("camera", np.float64(2.0)).setup()

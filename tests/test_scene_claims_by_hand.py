@@ -1,4 +1,6 @@
-"""What claims 10b to 10f find of made-up runs: verdict, text and every number, worked out by hand."""
+"""What claims 10b to 10f find of made-up runs: verdict, text and every number, worked out by
+hand.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ NAMES = [spec.name for spec in general.SCENES]
 
 
 def study(**numbers: float) -> StudyResult:
-    return StudyResult("made up", {tuple(name.split("__")): value for name, value in numbers.items()})
+    return StudyResult(
+        "made up", {tuple(name.split("__")): value for name, value in numbers.items()}
+    )
 
 
 def scenes(first: list[Told], others: Told) -> list[Told]:
@@ -40,7 +44,9 @@ class Shared(Told):
 
 def shared(asked: float = 0.75, phi: float = -1.0, least: float = 0.0, t: Array = T) -> Shared:
     """Two rows of which the second is inside; nothing is said of the clearance of a speed."""
-    run = Shared({ROW: at({5: phi}), "b": -1.0, SPEED: -1.0}, {}, {ROW: least, "b": 1.0, SPEED: -9.0}, t=t)
+    run = Shared(
+        {ROW: at({5: phi}), "b": -1.0, SPEED: -1.0}, {}, {ROW: least, "b": 1.0, SPEED: -9.0}, t=t
+    )
     run.asked = asked
     return run
 
@@ -50,13 +56,17 @@ def sweep(above: float, allowed: float, in_band: float) -> StudyResult:
 
 
 def test_10b_counts() -> None:
-    """Of 13 scenes the corner is left out and one asks for too much: 11, of which one each leaves band and boundary."""
+    """Of 13 scenes the corner is left out and one asks for too much: 11, of which one each leaves
+    band and boundary.
+    """
     runs = [shared(phi=3.0, t=2.0 * T), shared(1.25), shared(phi=1.0), shared(phi=0.75, least=-0.5)]
     of = found("10b", sweep(7.0, 6.0, 5.0), *scenes(runs, shared()))
     assert of.values == {"above": 18, "kept": 16, "band": 15}
     assert of.text == (
-        "of 18 runs above the bound 16 keep σ ≤ 0 and 15 keep φ ≤ T_s u⁺, not example-2d-fov (1.5 T_s u⁺); (12) asks "
-        "for more than the printed u⁺ in example-2d-fast (1.25 u⁺); (12) is about continuous time, in which tracking "
+        "of 18 runs above the bound 16 keep σ ≤ 0 and 15 keep φ ≤ T_s u⁺, not example-2d-fov (1.5 "
+        "T_s u⁺); (12) asks "
+        "for more than the printed u⁺ in example-2d-fast (1.25 u⁺); (12) is about continuous "
+        "time, in which tracking "
         "does not move φ while the law acts"
     )
     assert of.verdict == NO
@@ -66,7 +76,8 @@ def test_10b_where_all_keep_their_band() -> None:
     of = found("10b", sweep(7.0, 6.0, 7.0), *scenes([], shared()))
     assert of.values == {"above": 19, "kept": 18, "band": 19}
     assert of.text == (
-        "of 19 runs above the bound 18 keep σ ≤ 0 and 19 keep φ ≤ T_s u⁺; (12) asks for more than the printed u⁺ in no "
+        "of 19 runs above the bound 18 keep σ ≤ 0 and 19 keep φ ≤ T_s u⁺; (12) asks for more than "
+        "the printed u⁺ in no "
         "scene"
     )
     assert of.verdict == YES
@@ -76,25 +87,37 @@ def test_10b_where_all_keep_their_band() -> None:
 def test_10b_needs_a_run_above_the_bound() -> None:
     too_much = scenes([], shared(1.0))
     assert found("10b", sweep(0.0, 0.0, 0.0), *too_much).text == "no run is above the bound"
-    assert found("10b", sweep(1.0, 1.0, 1.0), *too_much).values == {"above": 1, "kept": 1, "band": 1}
+    assert found("10b", sweep(1.0, 1.0, 1.0), *too_much).values == {
+        "above": 1,
+        "kept": 1,
+        "band": 1,
+    }
 
 
 # --- claim 10c ---
 
 
 def test_10c_says_the_worst_row_of_every_scene() -> None:
-    """T_s u⁺ = 2 in a run with twice the period; a row that is positive for more than two samples is named."""
+    """T_s u⁺ = 2 in a run with twice the period; a row that is positive for more than two samples
+    is named.
+    """
     two = Told({"a": at({5: 0.0, 6: 0.5}), ROW: at({5: 0.0, 6: 1.0})}, t=2.0 * T)
-    long, short = Told({ROW: at({5: 0.0, 6: 0.25, 7: 0.0})}), Told({ROW: at({5: 0.0, 6: 0.125})})
-    numbers = study(s__greatest_excess=0.5, s__exponent=1.0, u__greatest_excess=0.75, u__exponent=0.9)
+    long = Told({ROW: at({5: 0.0, 6: 0.25, 7: 0.0})})
+    short = Told({ROW: at({5: 0.0, 6: 0.125})})
+    numbers = study(
+        s__greatest_excess=0.5, s__exponent=1.0, u__greatest_excess=0.75, u__exponent=0.9
+    )
     of = found("10c", numbers, *scenes([two, long, short], Told()))
     assert of.values == {
         "s": 0.5, "u": 0.75, f"{NAMES[0]}/scene": 0.5, f"{NAMES[1]}/scene": 0.25, f"{NAMES[2]}/scene": 0.125
     }  # fmt: skip
     assert of.text == (
-        "s: up to 0.50 T_s u⁺, growing with T_s to the power 1.00; u: up to 0.75 T_s u⁺, growing with T_s to the power "
-        f"0.90. In every scene: example-2d-fov 0.5, example-2d-fast 0.25 ({ROW}, φ ≥ 0 for 3 samples in a row), "
-        "example-2d-fast-high-gain 0.125. (43) is about one step of the constraint action alone, tracking moves φ as "
+        "s: up to 0.50 T_s u⁺, growing with T_s to the power 1.00; u: up to 0.75 T_s u⁺, growing "
+        "with T_s to the power "
+        f"0.90. In every scene: example-2d-fov 0.5, example-2d-fast 0.25 ({ROW}, φ ≥ 0 for 3 "
+        f"samples in a row), "
+        "example-2d-fast-high-gain 0.125. (43) is about one step of the constraint action alone, "
+        "tracking moves φ as "
         "well"
     )
     assert of.verdict == YES
@@ -103,7 +126,9 @@ def test_10c_says_the_worst_row_of_every_scene() -> None:
 def test_10c_asks_for_proportion_of_every_sweep() -> None:
     some = scenes([Told({ROW: at({5: 0.0, 6: 0.5})})], Told())
     for power, expected in ((1.2, PARTLY), (0.8, PARTLY), (1.3, NO), (0.7, NO)):
-        numbers = study(s__greatest_excess=1.5, s__exponent=1.0, u__greatest_excess=0.5, u__exponent=power)
+        numbers = study(
+            s__greatest_excess=1.5, s__exponent=1.0, u__greatest_excess=0.5, u__exponent=power
+        )
         assert verdict("10c", numbers, *some) == expected
     assert found("10c", study(s__exponent=1.0), *some).text == "the study sampling-time has no band"
 
@@ -113,7 +138,11 @@ def test_10c_asks_for_proportion_of_every_sweep() -> None:
 
 def test_the_start_outside_is_what_it_says() -> None:
     setup = general.OUTSIDE.load().setup()
-    assert (setup.Ts, setup.duration, setup.constraints.constraints[0].switching_gain) == (0.001, 1.0, 100.0)
+    assert (setup.Ts, setup.duration, setup.constraints.constraints[0].switching_gain) == (
+        0.001,
+        1.0,
+        100.0,
+    )
     np.testing.assert_array_equal(setup.qd0, [0.0, 0.0, -3.0])
 
 
@@ -131,18 +160,23 @@ PERIODS = np.arange(101) / 128.0
     ],
 )
 def test_10e(first: int, later: float, push: float, expected: str) -> None:
-    """φ starts at 4 and u⁺ − L_fφ = 100 − 36: within 1/16 s, which are eight periods, and one more."""
+    """φ starts at 4 and u⁺ − L_fφ = 100 − 36: within 1/16 s, which are eight periods, and one
+    more.
+    """
     bound = 100.0 / 128.0
     row = at({**dict.fromkeys(range(first), 0.0), 0: 4.0, first + 5: later * bound}, -1.0)
     run = Told({"a": 5.0, ROW: row}, t=PERIODS)
-    run.drift[:, 0], run.drift[2, 1], run.drift[first + 1, 1] = 1e3, push, 1e3
+    run.drift[:, 0] = 1e3
+    run.drift[2, 1] = push
+    run.drift[first + 1, 1] = 1e3
     of = found("10e", run)
     assert of.verdict == expected
     assert of.values["after"] == first / 128.0
     assert of.values["within"] == (0.0625 if push == 36.0 else pytest.approx(np.nan, nan_ok=True))
     promised = "within 62.5 ms" if push == 36.0 else "never"
     assert of.text == (
-        f"φ starts at 4; u⁺ = 100, L_fφ up to {push:g}: below zero after {1e3 * first / 128.0:.3g} ms, promised "
+        f"φ starts at 4; u⁺ = 100, L_fφ up to {push:g}: below zero after "
+        f"{1e3 * first / 128.0:.3g} ms, promised "
         f"{promised}; then at most {later:.2f} T_s u⁺"
     )
 
@@ -156,18 +190,29 @@ def test_10e_of_a_row_that_never_leaves() -> None:
 
 # --- claim 10f ---
 
-AXES = {"row a": (2.0, 0.0, 0.0), "row b": (0.0, 3.0, 0.0), "row c": (0.0, 3.0, 3e-7), "row d": (1e-7, 1e-7, 1e-7)}
+AXES = {
+    "row a": (2.0, 0.0, 0.0),
+    "row b": (0.0, 3.0, 0.0),
+    "row c": (0.0, 3.0, 3e-7),
+    "row d": (1e-7, 1e-7, 1e-7),
+}
 
 
 def active(*spans: tuple[int, str], until: int = 61, gradients: Any = None, **changed: Any) -> Told:
-    """Rows by their letters, active in these samples; the gradients of the rows are those above if not given."""
+    """Rows by their letters, active in these samples; the gradients of the rows are those above if
+    not given.
+    """
     t = T[:until]
-    phi = {name: at({k: 0.0 for k, letters in spans if name[-1] in letters}, -1.0, t) for name in AXES}
+    phi = {
+        name: at({k: 0.0 for k, letters in spans if name[-1] in letters}, -1.0, t) for name in AXES
+    }
     run: Any = Told(phi, t=t, q=np.zeros((until, 3)), qd=np.zeros((until, 3)), **changed)
     slopes = np.array([*AXES.values()] if gradients is None else gradients)
 
     def evaluate(t: float, q: Any, qd: Any) -> Any:
-        return SimpleNamespace(rows=SimpleNamespace(Lg=slopes, phi=run.trajectory.phi[round(t / 0.01)]))
+        return SimpleNamespace(
+            rows=SimpleNamespace(Lg=slopes, phi=run.trajectory.phi[round(t / 0.01)])
+        )
 
     run.setup = SimpleNamespace(world=lambda: SimpleNamespace(evaluate=evaluate))
     return run  # type: ignore[no-any-return]
@@ -195,8 +240,15 @@ def test_10f(last: str, changed: dict[str, Any], expected: str) -> None:
     known = active((10, "bc"), until=11, status="aborted", reason="row b")
     of = found("10f", WELL, lost, known, WELL)
     assert of.verdict == expected
-    here = f"experiment-1-pbvs, T_s = 0.01 s: rank lost at 0.60 s, {changed.get('status', 'aborted')}; "
-    assert of.text == (here if last != "abd" else "") + "experiment-2-ibvs, T_s = 0.01 s: rank lost at 0.10 s, aborted"
+    here = (
+        f"experiment-1-pbvs, T_s = 0.01 s: rank lost at 0.60 s, "
+        f"{changed.get('status', 'aborted')}; "
+    )
+    assert (
+        of.text
+        == (here if last != "abd" else "")
+        + "experiment-2-ibvs, T_s = 0.01 s: rank lost at 0.10 s, aborted"
+    )
 
 
 def test_10f_of_four_rows_that_span_all() -> None:

@@ -31,18 +31,28 @@ OF_RUN = (
     "duration_s", "settling_time_s", "final_translation_error_m", "final_rotation_error_rad", "final_feature_error_px",
     "acceleration_variation", "jerk_rms", "switching_rate_hz", "saturated_time_s",
 )  # fmt: skip
-OF_ROWS = ("phi_max", "active_time_s", "first_active_s", "last_active_s", "longest_positive_run_s", "share_to_hold")
+OF_ROWS = (
+    "phi_max",
+    "active_time_s",
+    "first_active_s",
+    "last_active_s",
+    "longest_positive_run_s",
+    "share_to_hold",
+)
 
 
 def assert_scores_are_those_of_the_trajectory(there: Setup, law: Controller) -> RunScores:
     """By the metrics that comparisons have of a trajectory, and by its columns."""
-    run, found = simulate(there, law), score_run(there, law)
+    run = simulate(there, law)
+    found = score_run(there, law)
     assert found.status == run.status
     assert run.reason.startswith(found.reason.split("; ")[0])
     assert (found.labels, found.compiled) == (run.labels, run.compiled)
     theirs = score(RunRecord.of(there, run, ""), None)
     for name in OF_RUN:
-        np.testing.assert_allclose(getattr(found, name), theirs.result[name], rtol=1e-10, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(found, name), theirs.result[name], rtol=1e-10, atol=1e-12, err_msg=name
+        )
     for name in OF_ROWS:
         expected = [row[name] for row in theirs.constraints]
         np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-10, err_msg=name)
@@ -53,24 +63,37 @@ def assert_scores_are_those_of_the_trajectory(there: Setup, law: Controller) -> 
     return found
 
 
-LAWS = [SlidingMode(), PotentialField(), PotentialField(blend="priority"), HierarchicalQP(), Tracking()]
+LAWS = [
+    SlidingMode(),
+    PotentialField(),
+    PotentialField(blend="priority"),
+    HierarchicalQP(),
+    Tracking(),
+]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("name", ["case-study-6r", "example-2d-fast", "moving-target", "panda-fov"])
 def test_scores_are_those_of_the_trajectory(name: str, law: Controller) -> None:
     there = Scenario.load(name).setup()
-    found = assert_scores_are_those_of_the_trajectory(replace(there, duration=min(there.duration, 3.0)), law)
+    found = assert_scores_are_those_of_the_trajectory(
+        replace(there, duration=min(there.duration, 3.0)), law
+    )
     assert found.compiled
 
 
 def test_scores_of_whole_runs() -> None:
-    found = assert_scores_are_those_of_the_trajectory(Scenario.load("case-study-6r").setup(), SlidingMode())
+    found = assert_scores_are_those_of_the_trajectory(
+        Scenario.load("case-study-6r").setup(), SlidingMode()
+    )
     assert found.status == "converged"
     assert found.settling_time_s > 0.0
     assert found.active_time_s.any()
     still = assert_scores_are_those_of_the_trajectory(setup(duration=2.5), Played(np.zeros((1, 6))))
-    assert (still.status, still.reason) == ("trapped", simulate(setup(duration=2.5), Played(np.zeros((1, 6)))).reason)
+    assert (still.status, still.reason) == (
+        "trapped",
+        simulate(setup(duration=2.5), Played(np.zeros((1, 6)))).reason,
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +104,9 @@ def test_scores_of_whole_runs() -> None:
     ],
 )
 def test_runs_go_on_until_they_settle(name: str, law: str, status: str, end: float) -> None:
-    """Beyond the duration, until they stay where they are for the time that it takes to tell: 2 s."""
+    """Beyond the duration, until they stay where they are for the time that it takes to tell: 2
+    s.
+    """
     short, long = (made(Scenario.load(name).setup()) for made in (lambda one: one, until_settled))
     controller = make_controller(law)
     found = assert_scores_are_those_of_the_trajectory(long, controller)
@@ -90,7 +115,10 @@ def test_runs_go_on_until_they_settle(name: str, law: str, status: str, end: flo
     cut = assert_scores_are_those_of_the_trajectory(short, controller)
     assert cut.status == "slow"
     # longer is not calmer
-    assert (found.acceleration_variation, found.jerk_rms) == (cut.acceleration_variation, cut.jerk_rms)
+    assert (found.acceleration_variation, found.jerk_rms) == (
+        cut.acceleration_variation,
+        cut.jerk_rms,
+    )
 
 
 def test_who_is_there_in_time_runs_no_longer() -> None:
@@ -124,15 +152,21 @@ def test_own_laws_have_the_same_scores() -> None:
     fov = {"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}
     accelerations = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 6))
     for law in (Played(accelerations), Meddles(), Fails()):
-        found = assert_scores_are_those_of_the_trajectory(setup(constraints=[fov], duration=0.2), law)
+        found = assert_scores_are_those_of_the_trajectory(
+            setup(constraints=[fov], duration=0.2), law
+        )
         assert not found.compiled
 
 
 @pytest.mark.parametrize("compiler", [True, False])
 def test_what_ends_a_run_ends_it_here_too(compiler: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not compiler:
-        monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
-    found = assert_scores_are_those_of_the_trajectory(setup(constraints=dependent_rows()), SlidingMode())
+        monkeypatch.setattr(
+            "vsconstraints.control.control_step.ControlStep.bound", lambda step: None
+        )
+    found = assert_scores_are_those_of_the_trajectory(
+        setup(constraints=dependent_rows()), SlidingMode()
+    )
     assert (found.status, found.duration_s) == ("aborted", 0.0)
     spin = np.zeros((1, 6))
     spin[0, 4] = 40.0
@@ -161,7 +195,9 @@ def test_a_robot_that_cannot_start_is_refused() -> None:
         score_run(setup(q0=[0.0, 0.0, 9.0, 0.0, 0.0, 0.0]), Tracking())
 
 
-def test_samples_are_the_same_however_many_are_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_are_the_same_however_many_are_taken_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     there = Scenario.load("case-study-6r").with_override("duration", 0.3).setup()
     whole = score_run(there, SlidingMode())
     monkeypatch.setattr("vsconstraints.simulation.loop.CHUNK", 7)
@@ -171,11 +207,12 @@ def test_samples_are_the_same_however_many_are_taken_at_once(monkeypatch: pytest
 
 @pytest.mark.parametrize("resolver", RESOLVERS, ids=lambda resolver: resolver.name)
 def test_rows_act_alike_whoever_says_what_tracking_commands(resolver: type[Resolver]) -> None:
-    # laws that come by it on their way tell the compiled loop, unless their rank tolerance is another one; asked by
-    # their public call, they tell nothing
+    # laws that come by it on their way tell the compiled loop, unless their rank tolerance is
+    # another one; asked by their public call, they tell nothing
     there = Scenario.load("case-study-6r").with_override("duration", 0.6).setup()
     law = Law(Switch(), resolver())
-    told, asked = simulate(there, law), simulate(there, law, by_public_call=True)
+    told = simulate(there, law)
+    asked = simulate(there, law, by_public_call=True)
     assert told.active.any()
     for name in ("active", "saturated", "phi", "qdd_command"):
         np.testing.assert_array_equal(getattr(told, name), getattr(asked, name), err_msg=name)
@@ -188,7 +225,9 @@ def test_a_run_makes_its_control_step_once_and_that_of_the_world_where_it_is_ano
     scenario = Scenario.load("case-study-6r").with_override("duration", 0.1)
     for key, value in disturbed.items():
         scenario = scenario.with_override(key, value)
-    there, packed, count = scenario.setup(), Packed.__init__, 0
+    there = scenario.setup()
+    packed = Packed.__init__
+    count = 0
 
     def counted(*arguments: Any, **named: Any) -> None:
         nonlocal count

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import load
-from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, compiled
+from vsconstraints.controllers import (
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+    compiled,
+)
 from vsconstraints.controllers.base import Controller
 from vsconstraints.rows import Rows, Task
 
@@ -14,8 +20,11 @@ pytestmark = pytest.mark.skipif(load("laws") is None, reason="there is no compil
 
 
 def taken(room: int, shapes: list[tuple[int, int]]) -> tuple[np.ndarray, int, list[np.ndarray]]:
-    """The scratch after matrices of these shapes were taken and filled with 1, 2, …, what is taken, and copies."""
-    scratch, structures = load("scratch"), load("workspace")
+    """The scratch after matrices of these shapes were taken and filled with 1, 2, …, what is taken,
+    and copies.
+    """
+    scratch = load("scratch")
+    structures = load("workspace")
     given = structures.Scratch(np.full(room, -1.0), np.zeros(1, dtype=np.int64))
     numba = load("compiler").numba
 
@@ -55,7 +64,13 @@ def test_what_has_no_room_is_made_and_leaves_the_rest_alone():
 @pytest.mark.parametrize("make", [SlidingMode, Tracking, PotentialField, HierarchicalQP])
 def test_laws_with_little_scratch_answer_bit_by_bit_as_with_enough(make, room, monkeypatch):
     random = np.random.default_rng(7)
-    problems = [problem(random, m, n, k) for m in (1, 4, 9) for n in (3, 6, 7) for k in (2, 6, 8) for _ in range(3)]
+    problems = [
+        problem(random, m, n, k)
+        for m in (1, 4, 9)
+        for n in (3, 6, 7)
+        for k in (2, 6, 8)
+        for _ in range(3)
+    ]
     enough = [answers(make(), *each) for each in problems]
     monkeypatch.setattr(compiled, "SCRATCH", room)
     for (rows, task), (qdd, acted) in zip(problems, enough, strict=True):

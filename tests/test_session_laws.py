@@ -1,4 +1,6 @@
-"""Laws that are defined in a session: copies have the globals of the moment, and results are found again later."""
+"""Laws that are defined in a session: copies have the globals of the moment, and results are found
+again later.
+"""
 
 from __future__ import annotations
 
@@ -76,23 +78,37 @@ def test_a_law_of_a_session_uses_the_present_values_of_its_globals() -> None:
 
 
 def test_a_comparison_goes_on_in_another_session(tmp_path: Path) -> None:
-    """Names of classes, cells and the order of sets differ from session to session, the law does not."""
+    """Names of classes, cells and the order of sets differ from session to session, the law does
+    not.
+    """
     out = tmp_path / "out"
     digest = session(AGAIN, str(out), seed="1")
     stored = {path.name: path.stat().st_mtime_ns for path in (out / "trajectories").iterdir()}
     assert session(AGAIN, str(out), seed="2") == digest
-    assert {path.name: path.stat().st_mtime_ns for path in (out / "trajectories").iterdir()} == stored
+    assert {
+        path.name: path.stat().st_mtime_ns for path in (out / "trajectories").iterdir()
+    } == stored
 
 
 def test_another_comparison_in_the_folder_is_told_in_the_words_of_a_session(tmp_path: Path) -> None:
     brief = Scenario.load("example-2d-fov").with_override("duration", 0.05)
     compare("sliding-mode", brief, workers=0, progress=False, out=tmp_path)
-    with pytest.raises(ConfigurationError, match=r"holds another comparison.*: give another folder as out=…") as told:
-        compare("tracking", brief.with_override("duration", 0.06), workers=0, progress=False, out=tmp_path)
+    with pytest.raises(
+        ConfigurationError, match=r"holds another comparison.*: give another folder as out=…"
+    ) as told:
+        compare(
+            "tracking",
+            brief.with_override("duration", 0.06),
+            workers=0,
+            progress=False,
+            out=tmp_path,
+        )
     assert "--" not in str(told.value)
 
 
-@pytest.mark.parametrize("value", [2.0, (1.0, 2.0), {"a": 1}, {"b"}, frozenset({3}), "text", b"bytes", [[1], [2]]])
+@pytest.mark.parametrize(
+    "value", [2.0, (1.0, 2.0), {"a": 1}, {"b"}, frozenset({3}), "text", b"bytes", [[1], [2]]]
+)
 def test_laws_that_hold_something_else_have_another_digest(value: object) -> None:
     import cloudpickle
 
@@ -108,7 +124,10 @@ def test_a_copy_shares_code_and_nothing_else() -> None:
     from vsconstraints.controllers import Tracking
 
     law = Tracking()
-    law.own, law.function, law.module = [1], max, os  # type: ignore[attr-defined]
+    # type: ignore[attr-defined]
+    law.own = [1]
+    law.function = max
+    law.module = os
     copy = copied(law)
     assert type(copy) is Tracking
     assert copy.own == [1]  # type: ignore[attr-defined]

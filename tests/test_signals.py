@@ -1,4 +1,6 @@
-"""Commands that are asked to end do so at once, keep what was finished, and go on when they are given again."""
+"""Commands that are asked to end do so at once, keep what was finished, and go on when they are
+given again.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from vsconstraints.paper.studies import STUDIES, RunSummary, run_studies
 pytestmark = needs_proc
 
 AT_ONCE = 60.0
-"""Much more than it takes, on a machine that does other things too; less than waiting for what is under way [s]."""
+"""Much more than it takes, on a machine that does other things too; less than waiting for what is
+under way [s].
+"""
 
 LAWS = """
 import time
@@ -55,7 +59,9 @@ def hanging(tmp_path: Path) -> list[str]:
 def ended(
     arguments: list[str], until: Callable[[], bool], number: signal.Signals, *, group: bool = False
 ) -> tuple[int, str]:
-    """Exit code and what was said after the signal, which is sent when it is time; it ended at once and whole."""
+    """Exit code and what was said after the signal, which is sent when it is time; it ended at once
+    and whole.
+    """
     environment, mark = marked()
     process = subprocess.Popen(
         [*MAIN, *arguments], env=environment, text=True, start_new_session=True,
@@ -81,7 +87,9 @@ def wait(until: Callable[[], bool], process: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_comparison_keeps_what_was_finished(hanging: list[str], number: signal.Signals, tmp_path: Path) -> None:
+def test_a_comparison_keeps_what_was_finished(
+    hanging: list[str], number: signal.Signals, tmp_path: Path
+) -> None:
     results = tmp_path / "out" / "results.csv"
     code, said = ended(hanging, results.exists, number)
     assert code == 128 + number
@@ -119,7 +127,15 @@ def test_a_run_that_hangs_is_named(hanging: list[str], tmp_path: Path) -> None:
 
 
 def test_drawing_figures_ends_at_once(tmp_path: Path) -> None:
-    arguments = ["compare", "--controller", "sliding-mode", "--set", "scenario.duration=0.02", "--out", str(tmp_path)]
+    arguments = [
+        "compare",
+        "--controller",
+        "sliding-mode",
+        "--set",
+        "scenario.duration=0.02",
+        "--out",
+        str(tmp_path),
+    ]
     for name in ("example-2d-fov", "example-2d-fast", "example-2d-bowl", "case-study-6r"):
         arguments += ["--scenario", name]
     code, said = ended(arguments, (tmp_path / "figures").exists, signal.SIGINT, group=True)
@@ -128,9 +144,16 @@ def test_drawing_figures_ends_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["study", "reproduce"])
-def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(command: str, tmp_path: Path) -> None:
+def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(
+    command: str, tmp_path: Path
+) -> None:
     kept = tmp_path / "unfinished"
-    code, said = ended([command, "--out", str(tmp_path)], lambda: any(kept.glob("*.npz")), signal.SIGINT, group=True)
+    code, said = ended(
+        [command, "--out", str(tmp_path)],
+        lambda: any(kept.glob("*.npz")),
+        signal.SIGINT,
+        group=True,
+    )
     assert code == 130
     assert f"Interrupted: finished runs are kept in {tmp_path}; the same command continues." in said
     assert list(kept.glob("*.npz"))
@@ -146,7 +169,9 @@ def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_studies(folder=tmp_path, workers=1, on_progress=interrupt, studies={"shrinking-region": few})
+        run_studies(
+            folder=tmp_path, workers=1, on_progress=interrupt, studies={"shrinking-region": few}
+        )
     summaries = {file: RunSummary.load(file) for file in (tmp_path / "unfinished").iterdir()}
     kept = {file: summary for file, summary in summaries.items() if summary is not None}
     assert len(kept) >= 2
@@ -154,16 +179,26 @@ def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     for file, summary in kept.items():
         write_arrays(file, vars(replace(summary, status="failed", reason="kept")))
     results = run_studies(folder=tmp_path, workers=1, studies={"shrinking-region": few})
-    assert sum(failure.endswith("failed, kept") for failure in results["shrinking-region"].failures) == 2
+    assert (
+        sum(failure.endswith("failed, kept") for failure in results["shrinking-region"].failures)
+        == 2
+    )
     assert not (tmp_path / "unfinished").exists()
 
 
 def test_a_summary_survives_storing_and_a_damaged_one_is_none(tmp_path: Path) -> None:
     file = tmp_path / "summary.npz"
-    write_arrays(file, vars(RunSummary("failed", "why — σ ≤ 0", {"a": float("nan"), "b": "x", "c": True})))
+    write_arrays(
+        file, vars(RunSummary("failed", "why — σ ≤ 0", {"a": float("nan"), "b": "x", "c": True}))
+    )
     again = RunSummary.load(file)
     assert again is not None
-    assert (again.status, again.reason, again.result["b"], again.result["c"]) == ("failed", "why — σ ≤ 0", "x", True)
+    assert (again.status, again.reason, again.result["b"], again.result["c"]) == (
+        "failed",
+        "why — σ ≤ 0",
+        "x",
+        True,
+    )
     assert again.result["a"] != again.result["a"]
     assert again.pixels.shape == (0, 0, 2)
     file.write_bytes(file.read_bytes()[:200])

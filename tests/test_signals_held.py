@@ -24,5 +24,7 @@ except Stopped as stopped:
 
 
 def test_a_signal_that_another_thread_lets_through_waits():
-    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, timeout=60, env=os.environ)
+    done = subprocess.run(
+        [sys.executable, "-c", CODE], capture_output=True, text=True, timeout=60, env=os.environ
+    )
     assert (done.stdout, done.stderr) == (f"['start'] {int(signal.SIGTERM)}\n", "")

@@ -1,4 +1,6 @@
-"""What stands before the tags, held against rays through pixels, and against coal's lines of sight."""
+"""What stands before the tags, held against rays through pixels, and against coal's lines of
+sight.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ from vsconstraints.vision.scene import Scene
 
 PINHOLE = Camera((200.0, 210.0), (160.0, 120.0), (83.0, 57.0))
 BENT = Camera(
-    (200.0, 210.0), (160.0, 120.0), (83.0, 57.0), distortion=Distortion("brown-conrady", (-0.3, 0.1, 0.0, 0.0))
+    (200.0, 210.0),
+    (160.0, 120.0),
+    (83.0, 57.0),
+    distortion=Distortion("brown-conrady", (-0.3, 0.1, 0.0, 0.0)),
 )
 TILT = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.3, -0.2, 0.0)).R[:, 2]
 BOARD = np.append(TILT, 0.5)
@@ -45,14 +50,16 @@ def meets(along: Array, enters: Array, leaves: Array) -> BoolArray:
 
 
 def through_a_ball(along: Array, middle: Array, radius: float) -> BoolArray:
-    square, mixed = (along**2).sum(axis=-1), along @ middle
+    square = (along**2).sum(axis=-1)
+    mixed = along @ middle
     root = mixed**2 - square * (middle @ middle - radius**2)
     reach = np.sqrt(np.maximum(root, 0.0))
     return (root > 0.0) & meets(along, (mixed - reach) / square, (mixed + reach) / square)
 
 
 def through_a_box(along: Array, at: Pose, half: Array) -> BoolArray:
-    eye, way = at.inverse.t, along @ at.R
+    eye = at.inverse.t
+    way = along @ at.R
     with np.errstate(divide="ignore"):
         ends = np.stack([(side * half - eye) / way for side in (-1.0, 1.0)])
     return meets(along, ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1))
@@ -69,7 +76,9 @@ def assert_alike(found: BoolArray, true: BoolArray) -> None:
 
 @pytest.mark.parametrize("camera", [PINHOLE, BENT])
 def test_solids_cover_what_rays_meet(camera: Camera) -> None:
-    along, rng, drawn = rays(camera), np.random.default_rng(3), 0
+    along = rays(camera)
+    rng = np.random.default_rng(3)
+    drawn = 0
     for k in range(40):
         middle = rng.uniform((-0.3, -0.2, -0.1), (0.3, 0.2, 0.7))
         if k % 2:
@@ -91,13 +100,18 @@ def test_solids_cover_what_rays_meet(camera: Camera) -> None:
 def test_what_is_behind_the_board_or_the_camera_covers_nothing() -> None:
     ball = hull_points(coal.Sphere(0.05))
     for z in (-0.5, 0.6):
-        assert not covered([ball + np.array([0.0, 0.0, z])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE).any()
-    assert covered([ball + np.array([0.0, 0.0, 0.4])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE).any()
+        assert not covered(
+            [ball + np.array([0.0, 0.0, z])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE
+        ).any()
+    assert covered(
+        [ball + np.array([0.0, 0.0, 0.4])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE
+    ).any()
     assert len(clipped(ball, np.array([0.0, 0.0, 1.0, 1.0]))) == 0
 
 
 def test_a_cut_keeps_what_is_on_one_side_of_a_plane() -> None:
-    box, plane = hull_points(coal.Box(2.0, 2.0, 2.0)), np.array([0.6, 0.0, 0.8, 0.2])
+    box = hull_points(coal.Box(2.0, 2.0, 2.0))
+    plane = np.array([0.6, 0.0, 0.8, 0.2])
     assert box is not None
     cut = clipped(box, plane)
     assert (cut @ plane[:3] > plane[3] - 1e-6).all()
@@ -123,9 +137,13 @@ def test_solids_have_their_own_extent() -> None:
 
 
 def test_links_hide_the_markers_that_lines_of_sight_say() -> None:
-    robot, rng, found = Scenario.load("ur5-fov").setup().scene.robot, np.random.default_rng(1), [0, 0]
+    robot = Scenario.load("ur5-fov").setup().scene.robot
+    rng = np.random.default_rng(1)
+    found = [0, 0]
     assert isinstance(robot, Robot)
-    markers = 0.05 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    markers = 0.05 * np.array(
+        [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+    )
     for _ in range(60):
         q = rng.uniform(-2.0, 2.0, 6)
         tip = robot.pose(q)
@@ -138,12 +156,16 @@ def test_links_hide_the_markers_that_lines_of_sight_say() -> None:
         camera = Camera((600.0, 600.0), (640.0, 480.0), fixed=fixed)
         scene = Scene(robot, camera, markers, ())
         told = {number for number, _ in LinesOfSight(scene).hidden(q[None], [0.0])[0]}
-        solids = [(points - eye) @ fixed.R for points in Occluders(scene, (), ("links",)).solids(q, 0.0)]
+        solids = [
+            (points - eye) @ fixed.R for points in Occluders(scene, (), ("links",)).solids(q, 0.0)
+        ]
         there = (tip.act(markers) - eye) @ fixed.R
         n = np.cross(there[1] - there[0], there[2] - there[0])
         n /= np.linalg.norm(n) * np.sign(n @ there[0])
         mask = covered(solids, np.append(n, n @ there[0]), camera)
-        for number, (u, v) in enumerate(camera.to_corner(camera.pixels(there[:, :2] / there[:, 2:]), "centres"), 1):
+        for number, (u, v) in enumerate(
+            camera.to_corner(camera.pixels(there[:, :2] / there[:, 2:]), "centres"), 1
+        ):
             around = mask[int(v) - 3 : int(v) + 5, int(u) - 3 : int(u) + 5]
             if around.size == 64 and around.all() == around.any():
                 assert around.all() == (number in told)
@@ -151,11 +173,18 @@ def test_links_hide_the_markers_that_lines_of_sight_say() -> None:
     assert min(found) > 20
 
 
-SPHERE: dict[str, Any] = {"type": "forbidden-sphere", "radius": 0.03, "K": 0.1, "switching_gain": 1.0}
+SPHERE: dict[str, Any] = {
+    "type": "forbidden-sphere",
+    "radius": 0.03,
+    "K": 0.1,
+    "switching_gain": 1.0,
+}
 
 
 @pytest.mark.parametrize(("opaque", "seen"), [(["links", "bodies"], True), (["regions"], False)])
-def test_a_tag_behind_a_solid_is_lost_because_the_image_hides_it(opaque: list[str], seen: bool) -> None:
+def test_a_tag_behind_a_solid_is_lost_because_the_image_hides_it(
+    opaque: list[str], seen: bool
+) -> None:
     scenario = Scenario.load("ur5-images").with_override("sensor.opaque", opaque)
     first = scenario.setup()
     q = first.q0 + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
@@ -163,9 +192,12 @@ def test_a_tag_behind_a_solid_is_lost_because_the_image_hides_it(opaque: list[st
     between = 0.6 * first.scene.markers[0] + 0.4 * eye
     constraints = [*scenario.tables["constraints"], {**SPHERE, "centre": between.tolist()}]
     setup = scenario.with_override("constraints", constraints).setup()
-    photographer, state = setup.photographer(), setup.scene.evaluate(0.0, q, setup.qd0)
+    photographer = setup.photographer()
+    state = setup.scene.evaluate(0.0, q, setup.qd0)
     image = photographer.image(0, state)
-    found = locate_board(image, DETECTORS["apriltag"](), photographer.renderer.board, setup.scene.camera)
+    found = locate_board(
+        image, DETECTORS["apriltag"](), photographer.renderer.board, setup.scene.camera
+    )
     assert found.seen.tolist() == [seen, True, True, True]
     # a marker that is hidden is where the other tags have it
     np.testing.assert_allclose(found.pixels, state.pixels.position, atol=0.3)

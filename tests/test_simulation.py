@@ -1,4 +1,6 @@
-"""The closed loop: exact integration, how runs end, where they may start, and what lies between samples."""
+"""The closed loop: exact integration, how runs end, where they may start, and what lies between
+samples.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,13 @@ import pytest
 
 from numpy_form import evaluate_rows
 from vsconstraints.constraints import Trace
-from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+)
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
 from vsconstraints.robots.geometry import distance
 from vsconstraints.rows import Array, Command, Rows, Task
@@ -39,7 +47,12 @@ TABLES: dict[str, Any] = {
             [0.3894, 0.404, -0.013],
         ]
     },
-    "task": {"feature": "camera-pose", "Kp0": 20.0, "Kp_slope": 0.0, "goals": [{"camera_at_q": GOAL}]},
+    "task": {
+        "feature": "camera-pose",
+        "Kp0": 20.0,
+        "Kp_slope": 0.0,
+        "goals": [{"camera_at_q": GOAL}],
+    },
 }
 
 
@@ -96,7 +109,9 @@ def test_a_double_integrator_is_exact_whatever_the_sampling_time(Ts: float) -> N
     qd0 = [0.05, 0.0, -0.05, 0.1, 0.0, -0.1]
     trajectory = simulate(setup(sampling_time=Ts, duration=0.5, qd0=qd0), Played(qdd[None]))
     t = trajectory.t[:, None]
-    np.testing.assert_allclose(trajectory.q, np.array(START) + np.array(qd0) * t + 0.5 * qdd * t**2, atol=1e-13)
+    np.testing.assert_allclose(
+        trajectory.q, np.array(START) + np.array(qd0) * t + 0.5 * qdd * t**2, atol=1e-13
+    )
     np.testing.assert_allclose(trajectory.qd, np.array(qd0) + qdd * t, atol=1e-13)
 
 
@@ -114,9 +129,18 @@ def test_commands_that_change_are_held_for_one_sample_each() -> None:
 
 @pytest.mark.parametrize(
     ("Ts", "duration", "samples"),
-    [(0.005, 1.0, 201), (0.1, 0.3, 4), (0.1, 0.1, 2), (0.002, 0.01, 6), (0.3, 1.0, 4), (0.7, 1.0, 2)],
+    [
+        (0.005, 1.0, 201),
+        (0.1, 0.3, 4),
+        (0.1, 0.1, 2),
+        (0.002, 0.01, 6),
+        (0.3, 1.0, 4),
+        (0.7, 1.0, 2),
+    ],
 )
-def test_runs_have_a_sample_at_the_start_and_at_the_end(Ts: float, duration: float, samples: int) -> None:
+def test_runs_have_a_sample_at_the_start_and_at_the_end(
+    Ts: float, duration: float, samples: int
+) -> None:
     there = setup(sampling_time=Ts, duration=duration)
     assert there.samples == samples
     trajectory = simulate(there, Played(np.zeros((1, 6))))
@@ -128,7 +152,9 @@ def test_runs_have_a_sample_at_the_start_and_at_the_end(Ts: float, duration: flo
 
 
 def test_what_is_logged_is_what_the_scene_says() -> None:
-    there = setup(constraints=[{"type": "field-of-view", "K": 0.1, "switching_gain": 2.0, "margin": 0.05}])
+    there = setup(
+        constraints=[{"type": "field-of-view", "K": 0.1, "switching_gain": 2.0, "margin": 0.05}]
+    )
     trajectory = simulate(there, SlidingMode())
     assert trajectory.labels == there.constraints.labels
     goal = there.task.goals[0]
@@ -137,16 +163,23 @@ def test_what_is_logged_is_what_the_scene_says() -> None:
         state = there.scene.evaluate(trajectory.t[k], trajectory.q[k], trajectory.qd[k])
         rows, sigma = evaluate_rows(there.constraints, state)
         # up to rounding: the loop may run in its compiled form
-        np.testing.assert_allclose(trajectory.features_px[k], state.pixels.position, rtol=0.0, atol=1e-10)
+        np.testing.assert_allclose(
+            trajectory.features_px[k], state.pixels.position, rtol=0.0, atol=1e-10
+        )
         np.testing.assert_allclose(trajectory.phi[k], rows.phi, rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(trajectory.sigma[k], sigma, rtol=0.0, atol=1e-12)
-        np.testing.assert_allclose(trajectory.camera_position[k], state.camera.t, rtol=0.0, atol=1e-14)
-        np.testing.assert_allclose(trajectory.camera_error[k], distance(goal.camera, state.camera), atol=1e-14)
+        np.testing.assert_allclose(
+            trajectory.camera_position[k], state.camera.t, rtol=0.0, atol=1e-14
+        )
+        np.testing.assert_allclose(
+            trajectory.camera_error[k], distance(goal.camera, state.camera), atol=1e-14
+        )
         away = np.linalg.norm(state.pixels.position - goal.pixels, axis=1).max()
         assert trajectory.feature_error_px[k] == pytest.approx(away)
         apart = np.linalg.norm(trajectory.error[k, :3])
         assert trajectory.camera_error[k, 0] == pytest.approx(apart, rel=1e-12)
-    run, size = trajectory, there.scene.camera.size
+    run = trajectory
+    size = there.scene.camera.size
     trace = Trace(run.t, run.q, run.qd, run.features_px, run.points, size)
     np.testing.assert_array_equal(there.constraints.clearance(trace), trajectory.clearance)
     assert (trajectory.rows_time > 0.0).all()
@@ -159,18 +192,22 @@ def test_two_runs_are_the_same_apart_from_the_clock() -> None:
     for make in (SlidingMode, partial(PotentialField, blend="priority"), HierarchicalQP):
         # on the same setup and law, which keep nothing from a run, and on new ones
         law = make()
-        first, again = simulate(there, law), simulate(there, law)
+        first = simulate(there, law)
+        again = simulate(there, law)
         fresh = simulate(scenario.setup(), make())
         for other in (again, fresh):
             assert (first.status, first.reason) == (other.status, other.reason)
             for name, values in columns(first).items():
                 if not name.endswith("_time"):
-                    np.testing.assert_array_equal(values, columns(other)[name], err_msg=f"{law.name}: {name}")
+                    np.testing.assert_array_equal(
+                        values, columns(other)[name], err_msg=f"{law.name}: {name}"
+                    )
         assert first.active.any()
 
 
 def test_a_run_resets_its_controller() -> None:
-    there, law = setup(duration=0.02), Played(np.arange(30.0).reshape(5, 6))
+    there = setup(duration=0.02)
+    law = Played(np.arange(30.0).reshape(5, 6))
     first = simulate(there, law)
     np.testing.assert_array_equal(simulate(there, law).qdd_command, first.qdd_command)
 
@@ -221,8 +258,16 @@ def test_a_law_that_explodes_ends_its_run_and_not_the_program(acceleration: floa
 
 
 def dependent_rows() -> list[dict[str, object]]:
-    """Two spheres around one centre, the tip inside both: they demand the same of it, so that rank is lost."""
-    sphere = {"type": "forbidden-sphere", "centre": [0.5, 0.2, 0.5], "radius": 5.0, "K": 0.1, "switching_gain": 0.2}
+    """Two spheres around one centre, the tip inside both: they demand the same of it, so that rank
+    is lost.
+    """
+    sphere = {
+        "type": "forbidden-sphere",
+        "centre": [0.5, 0.2, 0.5],
+        "radius": 5.0,
+        "K": 0.1,
+        "switching_gain": 0.2,
+    }
     return [{**sphere, "name": name} for name in ("inner", "outer")]
 
 
@@ -285,9 +330,13 @@ def test_a_robot_that_creeps_is_not_at_rest() -> None:
     assert simulate(there, Played(np.zeros((1, 6)))).status == "unfinished"
 
 
-@pytest.mark.parametrize(("rest", "Ts"), [(1e-3, 5e-3), (4.9e-3, 5e-3), (1e-300, 0.25), (0.02, 5e-3), (2.0, 3.0)])
+@pytest.mark.parametrize(
+    ("rest", "Ts"), [(1e-3, 5e-3), (4.9e-3, 5e-3), (1e-300, 0.25), (0.02, 5e-3), (2.0, 3.0)]
+)
 def test_a_window_of_few_samples_shows_no_rest(rest: float, Ts: float) -> None:
-    """0.1 m/s up to the end; with a period of 3 s there and back, so that the last samples are near each other."""
+    """0.1 m/s up to the end; with a period of 3 s there and back, so that the last samples are near
+    each other.
+    """
     push = 0.4 / Ts * (np.arange(8)[:, None] % 2 - 0.5) if Ts > 2.0 else np.zeros((1, 1))
     there = setup(
         duration=min(2.5, 6 * Ts) if Ts < 2.0 else 6.0,
@@ -351,7 +400,9 @@ def test_an_option_that_concerns_no_row_is_told_of_in_the_reason() -> None:
     fov = {"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}
     for solver in ("auto", "daqp"):
         law = HierarchicalQP(solver=solver, weights={"fov": 2.0, "rnage": 3.0})
-        assert simulate(setup(constraints=[fov]), law).reason.endswith("weights that begin no row's label: 'rnage'")
+        assert simulate(setup(constraints=[fov]), law).reason.endswith(
+            "weights that begin no row's label: 'rnage'"
+        )
 
 
 # --- where runs start ---
@@ -360,7 +411,8 @@ def test_an_option_that_concerns_no_row_is_told_of_in_the_reason() -> None:
 def test_a_joint_outside_its_range_is_no_start() -> None:
     outside = [*START[:2], 2.0, *START[3:]]
     with pytest.raises(
-        ConfigurationError, match=r"starts outside its ranges: joint 3 \(joint 3\) is at 2, 0\.[0-9]+ rad outside"
+        ConfigurationError,
+        match=r"starts outside its ranges: joint 3 \(joint 3\) is at 2, 0\.[0-9]+ rad outside",
     ):
         simulate(setup(q0=outside), Tracking())
 
@@ -368,18 +420,28 @@ def test_a_joint_outside_its_range_is_no_start() -> None:
 def test_a_marker_that_is_not_seen_at_the_start_is_named() -> None:
     markers = [list(marker) for marker in TABLES["target"]["markers"]]
     markers[2][0] -= 1.0
-    with pytest.raises(ConfigurationError, match=r"at the start, outside the image of 512 × 512 px: marker 3 at \("):
+    with pytest.raises(
+        ConfigurationError, match=r"at the start, outside the image of 512 × 512 px: marker 3 at \("
+    ):
         simulate(setup(target__markers=markers), Tracking())
     behind = [list(marker) for marker in TABLES["target"]["markers"]]
     behind[1] = [0.5, 0.2, 3.0]
     pixels = {"markers_px": [[0.0, 0.0]] * 4}
     there = setup(target__markers=behind, task__feature="image-points", task__goals=[pixels])
-    with pytest.raises(ConfigurationError, match=r"at the start, not in front of the camera: marker 2 \(depth"):
+    with pytest.raises(
+        ConfigurationError, match=r"at the start, not in front of the camera: marker 2 \(depth"
+    ):
         simulate(there, Tracking())
 
 
 CONSTRAINTS_VIOLATED_AT_THE_START = {
-    "field of view": {"type": "field-of-view", "margin": 0.13, "K": 0.1, "switching_gain": 10.0, "markers": [1]},
+    "field of view": {
+        "type": "field-of-view",
+        "margin": 0.13,
+        "K": 0.1,
+        "switching_gain": 10.0,
+        "markers": [1],
+    },
     "joint range": {
         "type": "joint-range",
         "joints": [6],
@@ -388,7 +450,13 @@ CONSTRAINTS_VIOLATED_AT_THE_START = {
         "K": 0.1,
         "switching_gain": 2.0,
     },
-    "sphere": {"type": "forbidden-sphere", "centre": [0.0, 0.0, 0.0], "radius": 0.0, "K": 0.1, "switching_gain": 0.5},
+    "sphere": {
+        "type": "forbidden-sphere",
+        "centre": [0.0, 0.0, 0.0],
+        "radius": 0.0,
+        "K": 0.1,
+        "switching_gain": 0.5,
+    },
 }
 
 
@@ -418,7 +486,12 @@ def test_a_constraint_violated_at_the_start_is_reported_and_recovered_from(kind:
 
 
 def test_a_start_inside_all_constraints_says_nothing() -> None:
-    assert setup(constraints=[{"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}]).check_start() == []
+    assert (
+        setup(
+            constraints=[{"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}]
+        ).check_start()
+        == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -438,7 +511,9 @@ def test_setups_that_are_none_are_refused(changes: dict[str, Any], words: str) -
         replace(setup(), **changes)
 
 
-@pytest.mark.parametrize("name", ["translation_m", "rotation_rad", "feature_px", "dwell_s", "rest_s"])
+@pytest.mark.parametrize(
+    "name", ["translation_m", "rotation_rad", "feature_px", "dwell_s", "rest_s"]
+)
 def test_tolerances_must_be_positive(name: str) -> None:
     for value in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InvalidInput, match=f"tolerance {name} must be positive"):
@@ -449,14 +524,17 @@ def test_tolerances_must_be_positive(name: str) -> None:
 
 
 def fine_clearance(there: Setup, trajectory: Trajectory, parts: int = 64) -> Array:
-    """(m,) least clearance on a grid inside every period of the run, by integrating the plant here."""
+    """(m,) least clearance on a grid inside every period of the run, by integrating the plant
+    here.
+    """
     least = np.full(len(trajectory.labels), np.inf)
     for k in range(len(trajectory.t) - 1):
         tau = there.Ts * np.arange(1, parts)[:, None] / parts
         q = trajectory.q[k] + tau * trajectory.qd[k] + 0.5 * tau**2 * trajectory.qdd_command[k]
         qd = trajectory.qd[k] + tau * trajectory.qdd_command[k]
         seen = [there.scene.glance(x) for x in q]
-        pixels, points = np.array([s[0] for s in seen]), np.array([s[1] for s in seen])
+        pixels = np.array([s[0] for s in seen])
+        points = np.array([s[1] for s in seen])
         trace = Trace(trajectory.t[k] + tau[:, 0], q, qd, pixels, points, there.scene.camera.size)
         least = np.minimum(least, there.constraints.clearance(trace).min(axis=0))
     return least
@@ -464,8 +542,14 @@ def fine_clearance(there: Setup, trajectory: Trajectory, parts: int = 64) -> Arr
 
 @pytest.mark.parametrize("law", [SlidingMode(), Tracking()], ids=lambda law: law.name)
 def test_clearance_between_samples_is_that_of_a_fine_grid(law: Controller) -> None:
-    """A slow loop, so that much happens inside a period; the rows that come near are found to a fraction of it."""
-    scenario = Scenario.load("case-study-6r").with_override("sampling_time", 0.05).with_override("duration", 3.0)
+    """A slow loop, so that much happens inside a period; the rows that come near are found to a
+    fraction of it.
+    """
+    scenario = (
+        Scenario.load("case-study-6r")
+        .with_override("sampling_time", 0.05)
+        .with_override("duration", 3.0)
+    )
     there = scenario.with_override("on_rank_loss", "continue").setup()
     trajectory = simulate(there, law)
     fine = np.minimum(fine_clearance(there, trajectory), trajectory.clearance.min(axis=0))
@@ -475,20 +559,30 @@ def test_clearance_between_samples_is_that_of_a_fine_grid(law: Controller) -> No
     assert near.any()
     assert (found >= fine - 1e-9 * length).all()
     missed_by_samples = trajectory.clearance.min(axis=0)[near] - fine[near]
-    # of a parabola's dip between two samples, quarters of the period miss at most (1/4)²; a third where it is none
+    # of a parabola's dip between two samples, quarters of the period miss at most (1/4)²; a third
+    # where it is none
     assert (found[near] - fine[near] <= missed_by_samples / 3.0 + 1e-5 * length[near]).all()
     # and looking there matters: samples alone miss some of it
     assert (missed_by_samples > 1e-4 * length[near]).any()
 
 
 def test_a_joint_that_goes_out_and_back_inside_periods_is_looked_at() -> None:
-    """Chatter of which samples show nothing, far out at first; then a slow drift, nearer to the boundary in samples."""
-    Ts, N = 0.05, 400
+    """Chatter of which samples show nothing, far out at first; then a slow drift, nearer to the
+    boundary in samples.
+    """
+    Ts = 0.05
+    N = 400
     k = np.arange(N + 1)
     speed = 6.4 * (-1.0) ** (k + 1) * 0.98**k - np.where(k > 0, 2e-3, 0.0)
     qdd = np.zeros((N, 6))
     qdd[:, 5] = np.diff(speed) / Ts
-    limits = {"type": "joint-range", "joints": [6], "lower": [START[5] - 0.044], "upper": [START[5] + 1.956], "K": 0.1}
+    limits = {
+        "type": "joint-range",
+        "joints": [6],
+        "lower": [START[5] - 0.044],
+        "upper": [START[5] + 1.956],
+        "K": 0.1,
+    }
     there = setup(
         sampling_time=Ts,
         duration=Ts * (N - 1),
@@ -510,13 +604,18 @@ def test_nothing_near_a_boundary_is_not_looked_at() -> None:
 
 
 def test_a_marker_that_is_lost_inside_a_period_does_not_stop_the_run() -> None:
-    """In front of the camera at both ends of a period, behind it in the middle: it has no clearance there."""
-    Ts, speed = 0.1, 80.0
+    """In front of the camera at both ends of a period, behind it in the middle: it has no clearance
+    there.
+    """
+    Ts = 0.1
+    speed = 80.0
     # joint 5 moves by −v τ + v τ²/Ts: back where it was after Ts, −v Ts/4 = −2 rad in the middle
     swing = np.zeros((1, 6))
     swing[0, 4] = 2.0 * speed / Ts
     fov = {"type": "field-of-view", "K": 0.1, "switching_gain": 2.0, "margin": 0.08, "markers": [1]}
-    there = setup(sampling_time=Ts, duration=0.4, constraints=[fov], qd0=[0.0, 0.0, 0.0, 0.0, -speed, 0.0])
+    there = setup(
+        sampling_time=Ts, duration=0.4, constraints=[fov], qd0=[0.0, 0.0, 0.0, 0.0, -speed, 0.0]
+    )
     with pytest.raises(SceneError):
         there.scene.glance(np.array(START) - np.array([0.0, 0.0, 0.0, 0.0, speed * Ts / 4, 0.0]))
     trajectory = simulate(there, Played(swing))
@@ -534,13 +633,19 @@ def test_intervals_merge_what_is_closer_than_the_gap() -> None:
     t = np.arange(10) * 0.1
     flags = np.array([0, 1, 1, 0, 1, 0, 0, 0, 0, 1], dtype=bool)
     assert [tuple(np.round(i, 9)) for i in intervals(t, flags, 0.25)] == [(0.1, 0.4), (0.9, 0.9)]
-    assert [tuple(np.round(i, 9)) for i in intervals(t, flags, 0.15)] == [(0.1, 0.2), (0.4, 0.4), (0.9, 0.9)]
+    assert [tuple(np.round(i, 9)) for i in intervals(t, flags, 0.15)] == [
+        (0.1, 0.2),
+        (0.4, 0.4),
+        (0.9, 0.9),
+    ]
     assert [tuple(np.round(i, 9)) for i in intervals(t, flags, 0.6)] == [(0.1, 0.9)]
     assert intervals(t, np.zeros(10, dtype=bool), 0.6) == []
 
 
 def test_active_intervals_are_those_of_phi() -> None:
-    run = simulate(Scenario.load("example-2d-fast").with_override("duration", 0.6).setup(), SlidingMode())
+    run = simulate(
+        Scenario.load("example-2d-fast").with_override("duration", 0.6).setup(), SlidingMode()
+    )
     spans = run.active_intervals("fov[marker 2]")
     assert len(spans) == 1
     inside = run.t[run.phi[:, run.labels.index("fov[marker 2]")] >= 0.0]
@@ -601,7 +706,9 @@ def test_a_run_too_long_to_keep_is_refused() -> None:
 
 def test_a_goal_that_no_controller_can_reach_is_remarked() -> None:
     scenario = Scenario.load("example-2d-fov")
-    narrow = scenario.with_override("constraints.0.margin_px", 40.0).with_override("constraints.0.markers", [2])
+    narrow = scenario.with_override("constraints.0.margin_px", 40.0).with_override(
+        "constraints.0.markers", [2]
+    )
     del narrow.tables["constraints"][0]["margin"]
     remarks = narrow.setup().check_start()
     # it starts and ends 217.5 px above or below the centre; 216 are allowed
@@ -615,7 +722,9 @@ def test_a_goal_that_no_controller_can_reach_is_remarked() -> None:
 
 
 def walled_in(gap: int | None) -> Setup:
-    """The first example, its first marker walled in by twelve discs that overlap; one is missing if there is a gap."""
+    """The first example, its first marker walled in by twelve discs that overlap; one is missing if
+    there is a gap.
+    """
     scenario = Scenario.load("example-2d-fov")
     bare = scenario.setup()
     u, v = bare.scene.evaluate(0.0, bare.q0, bare.qd0).pixels.position[0]
@@ -624,7 +733,11 @@ def walled_in(gap: int | None) -> Setup:
         {
             **common,
             "name": f"disc {i}",
-            "curve": {"shape": "circle", "centre_px": [u + 60.0 * np.cos(a), v + 60.0 * np.sin(a)], "radius": 20.0},
+            "curve": {
+                "shape": "circle",
+                "centre_px": [u + 60.0 * np.cos(a), v + 60.0 * np.sin(a)],
+                "radius": 20.0,
+            },
         }
         for i, a in enumerate(np.arange(12) * np.pi / 6.0)
         if i != gap

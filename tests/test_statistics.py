@@ -39,8 +39,8 @@ from vsconstraints.comparisons.statistics import (
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Array
 
-# Demšar 2006, Table 6: AUC of C4.5, C4.5+m, C4.5+cf, C4.5+m+cf on 14 data sets. In "voting" the paper ranks two equal
-# printed values 2 and 3, from digits that it does not print.
+# Demšar 2006, Table 6: AUC of C4.5, C4.5+m, C4.5+cf, C4.5+m+cf on 14 data sets. In "voting" the
+# paper ranks two equal printed values 2 and 3, from digits that it does not print.
 AUC = np.array(
     [
         [0.763, 0.768, 0.771, 0.798],
@@ -70,7 +70,9 @@ def test_none_of_ten_thousand_still_allows() -> None:
     assert rate_text(found) == "0 of 10 000: at most 3.7e-4 (95 %)"
 
 
-@pytest.mark.parametrize(("count", "of"), [(0, 1), (1, 1), (1, 10), (10, 20), (81, 263), (999, 1000)])
+@pytest.mark.parametrize(
+    ("count", "of"), [(0, 1), (1, 1), (1, 10), (10, 20), (81, 263), (999, 1000)]
+)
 @pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
 def test_rates_as_in_statsmodels(count: int, of: int, confidence: float) -> None:
     found = rate_of(count, of, confidence)
@@ -79,22 +81,30 @@ def test_rates_as_in_statsmodels(count: int, of: int, confidence: float) -> None
 
 
 def test_a_rate_in_a_textbook() -> None:
-    """81 of 263: 0.2527 to 0.3676 (Newcombe, Statistics in Medicine 17, 1998, Table I, method 5)."""
+    """81 of 263: 0.2527 to 0.3676 (Newcombe, Statistics in Medicine 17, 1998, Table I, method
+    5).
+    """
     found = rate_of(81, 263)
     assert (round(found.low, 4), round(found.high, 4)) == (0.2527, 0.3676)
 
 
 def test_a_paired_difference_as_published() -> None:
-    """Tango 1998, section 6.1: none and one of 44 discordant; lower limit at 90 % −0.096. And R's PropCIs, 48 and 41
-    of 549, at 90 %: −1.57 to 4.14 %.
+    """Tango 1998, section 6.1: none and one of 44 discordant; lower limit at 90 % −0.096. And R's
+    PropCIs, 48 and 41 of 549, at 90 %: −1.57 to 4.14 %.
     """
     assert round(difference_interval(0, 1, 44, 0.9, correction=0.0)[0], 3) == -0.096
-    assert [round(100 * end, 2) for end in difference_interval(48, 41, 549, 0.9, correction=0.0)] == [-1.57, 4.14]
+    assert [
+        round(100 * end, 2) for end in difference_interval(48, 41, 549, 0.9, correction=0.0)
+    ] == [-1.57, 4.14]
 
 
-@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 40), st.sampled_from([0.8, 0.95, 0.99]))
+@given(
+    st.integers(0, 40), st.integers(0, 40), st.integers(0, 40), st.sampled_from([0.8, 0.95, 0.99])
+)
 @settings(max_examples=80, deadline=None)
-def test_ends_of_a_paired_difference_are_where_the_score_test_turns(a: int, b: int, rest: int, level: float) -> None:
+def test_ends_of_a_paired_difference_are_where_the_score_test_turns(
+    a: int, b: int, rest: int, level: float
+) -> None:
     """The most likely probability under δ is sought by brute force, and the score test with it."""
     n = a + b + rest
     low, high = difference_interval(a, b, n, level)
@@ -107,7 +117,8 @@ def test_ends_of_a_paired_difference_are_where_the_score_test_turns(a: int, b: i
     z = scipy.stats.norm.ppf((1 + level) / 2)
     for end in (low, high):
         if abs(end) < 1.0 - 1e-9:
-            least, most = max(0.0, -end), (1.0 - end) / 2.0
+            least = max(0.0, -end)
+            most = (1.0 - end) / 2.0
             q = np.linspace(least, most, 200_001)
             likely = scipy.special.xlogy(a, q + end) + scipy.special.xlogy(b, q)
             likely += scipy.special.xlogy(rest, np.maximum(1.0 - 2.0 * q - end, 0.0))
@@ -117,7 +128,9 @@ def test_ends_of_a_paired_difference_are_where_the_score_test_turns(a: int, b: i
 
 
 def test_mcnemar_in_a_textbook() -> None:
-    """Agresti, Categorical Data Analysis: approval 794, 150, 86, 570 of 1600; and statsmodels, with correction."""
+    """Agresti, Categorical Data Analysis: approval 794, 150, 86, 570 of 1600; and statsmodels, with
+    correction.
+    """
     first = np.repeat([1, 1, 0, 0], [794, 150, 86, 570])
     second = np.repeat([1, 0, 1, 0], [794, 150, 86, 570])
     found = mcnemar(first, second)
@@ -125,17 +138,24 @@ def test_mcnemar_in_a_textbook() -> None:
     assert (found.only_a, found.only_b, found.n) == (150, 86, 1600)
     assert found.p == pytest.approx(known.pvalue, rel=1e-9)
     assert found.difference == pytest.approx(0.04)
-    assert (found.low, found.high) == pytest.approx((0.0206, 0.0594), abs=3e-4)  # ± 1.96 standard errors and 1/1600
+    # ± 1.96 standard errors and 1/1600
+    assert (found.low, found.high) == pytest.approx((0.0206, 0.0594), abs=3e-4)
 
 
-@given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.sampled_from([0.9, 0.95, 0.998]))
+@given(
+    st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.sampled_from([0.9, 0.95, 0.998])
+)
 @settings(max_examples=200, deadline=None)
 def test_an_interval_excludes_zero_where_its_test_rejects_and_only_there(
     a: int, b: int, rest: int, level: float
 ) -> None:
     """Of rates against statsmodels, of numbers against SciPy's binomial test of the signs."""
     rates = mcnemar([1] * a + [0] * (b + rest), [0] * a + [1] * b + [0] * rest, level)
-    known = contingency.mcnemar([[0, a], [b, rest]], exact=False, correction=True).pvalue if a + b else 1.0
+    known = (
+        contingency.mcnemar([[0, a], [b, rest]], exact=False, correction=True).pvalue
+        if a + b
+        else 1.0
+    )
     assert rates.p == pytest.approx(1.0 if a == b else known, rel=1e-9)
     assert distinguishable(rates.low, rates.high) == (rates.p <= 1.0 - level)
     values = np.concatenate([-np.arange(1.0, a + 1), np.arange(1.0, b + 1) ** 2, np.zeros(rest)])
@@ -154,12 +174,16 @@ def test_intervals_of_several_comparisons_hold_at_once() -> None:
 @pytest.mark.parametrize(
     ("n", "differing", "comparisons"), [(40, 0.3, 15), (80, 0.1, 15), (3500, 0.2, 45), (30, 0.9, 1)]
 )
-def test_what_is_detectable_is_found_in_four_of_five_simulations(n: int, differing: float, comparisons: int) -> None:
+def test_what_is_detectable_is_found_in_four_of_five_simulations(
+    n: int, differing: float, comparisons: int
+) -> None:
     level = simultaneous(0.95, comparisons)
     delta = detectable(n, differing, level)
     share = max(differing, delta)
     rng = np.random.default_rng(n)
-    wins, losses, _ = rng.multinomial(n, [(share + delta) / 2, (share - delta) / 2, 1.0 - share], 20_000).T
+    wins, losses, _ = rng.multinomial(
+        n, [(share + delta) / 2, (share - delta) / 2, 1.0 - share], 20_000
+    ).T
     score = (wins - losses - 1.0) / np.sqrt(np.maximum(wins + losses, 1))
     found = scipy.stats.norm.sf(score) * 2.0 <= 1.0 - level
     assert np.mean(found) == pytest.approx(0.8, abs=0.015)
@@ -182,7 +206,9 @@ def test_an_interval_that_is_exactly_as_sure_as_asked() -> None:
     assert math.isnan(median([]).median)
 
 
-@pytest.mark.parametrize(("n", "confidence"), [(6, 0.95), (7, 0.95), (20, 0.95), (501, 0.95), (30, 0.99), (5, 0.9)])
+@pytest.mark.parametrize(
+    ("n", "confidence"), [(6, 0.95), (7, 0.95), (20, 0.95), (501, 0.95), (30, 0.99), (5, 0.9)]
+)
 def test_the_interval_of_a_median_is_scipys(n: int, confidence: float) -> None:
     x = np.random.default_rng(n).normal(size=n)
     known = scipy.stats.quantile_test(x, q=0.0, p=0.5).confidence_interval(confidence)
@@ -191,11 +217,16 @@ def test_the_interval_of_a_median_is_scipys(n: int, confidence: float) -> None:
 
 def test_a_pair_by_hand_and_by_scipy() -> None:
     rng = np.random.default_rng(3)
-    a, b = rng.lognormal(size=40), rng.lognormal(size=40)
+    a = rng.lognormal(size=40)
+    b = rng.lognormal(size=40)
     found = paired(a, b)
     assert found.median == np.median(a - b)
     assert found.p == pytest.approx(descriptive.sign_test(a - b)[1])
-    assert (found.wins, found.losses, found.effect) == (int((a < b).sum()), int((a > b).sum()), np.mean(a < b))
+    assert (found.wins, found.losses, found.effect) == (
+        int((a < b).sum()),
+        int((a > b).sum()),
+        np.mean(a < b),
+    )
     assert paired(a, b, better="more").effect == np.mean(a > b)
     ratio = paired(a, b, "log-ratio")
     assert ratio.median == pytest.approx(np.median(np.log(a / b)))
@@ -205,19 +236,25 @@ def test_a_pair_by_hand_and_by_scipy() -> None:
 
 
 def test_the_sign_test_in_a_textbook() -> None:
-    """Siegel 1956, p. 70: eleven fathers rank higher and three lower of 17, three alike; one-sided p = .029."""
-    a, b = np.repeat([2.0, 0.0, 1.0], [11, 3, 3]), np.ones(17)
+    """Siegel 1956, p. 70: eleven fathers rank higher and three lower of 17, three alike; one-sided
+    p = .029.
+    """
+    a = np.repeat([2.0, 0.0, 1.0], [11, 3, 3])
+    b = np.ones(17)
     assert round(paired(a, b).p / 2.0, 3) == 0.029
 
 
 def test_slower_in_half_of_the_scenes_and_never_faster_is_slower() -> None:
-    """Three times as long in 48 of 100 scenes: in the others the laws are alike, and say nothing of which is faster."""
+    """Three times as long in 48 of 100 scenes: in the others the laws are alike, and say nothing of
+    which is faster.
+    """
     b = np.linspace(1.0, 2.0, 100)
     found = paired(np.where(np.arange(100) < 48, 3.0 * b, b), b, "log-ratio")
     assert np.exp([found.median, found.low, found.high]) == pytest.approx([3.0, 3.0, 3.0])
     assert (found.wins, found.losses, found.effect) == (0, 48, pytest.approx(0.26))
     assert verdict(found.low, found.high, n=found.n) == "worse"
-    assert paired(np.r_[1.1, b], np.r_[1.0, b], least=0.2)[:3] == (0.0, -math.inf, math.inf)  # too near to differ
+    # too near to differ
+    assert paired(np.r_[1.1, b], np.r_[1.0, b], least=0.2)[:3] == (0.0, -math.inf, math.inf)
 
 
 def test_only_scenes_in_which_both_count() -> None:
@@ -240,12 +277,16 @@ def test_nothing_differs(n: int, kind: str) -> None:
 
 
 @given(
-    st.integers(6, 120), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from(["difference", "log-ratio"])
+    st.integers(6, 120),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.0, 1.0),
+    st.sampled_from(["difference", "log-ratio"]),
 )
 @settings(max_examples=80, deadline=None)
 def test_no_pair_of_numbers_is_too_odd(n: int, seed: int, ties: float, kind: str) -> None:
     rng = np.random.default_rng(seed)
-    a, b = rng.integers(0, 3, n).astype(float), rng.lognormal(sigma=9.0, size=n)
+    a = rng.integers(0, 3, n).astype(float)
+    b = rng.lognormal(sigma=9.0, size=n)
     b[rng.random(n) < ties] = 0.0
     found = paired(a, b, kind)  # type: ignore[arg-type]
     other = paired(b, a, kind)  # type: ignore[arg-type]
@@ -274,7 +315,9 @@ def test_a_profile_by_brute_force() -> None:
     assert found.shift == 0.0
     for tau in (1.0, 1.3, 2.0, 5.0, 1e9):
         for law in range(4):
-            within = [row for row in costs if math.isfinite(row[law]) and row[law] / min(row) <= tau]
+            within = [
+                row for row in costs if math.isfinite(row[law]) and row[law] / min(row) <= tau
+            ]
             assert found.share(tau)[law] == len(within) / 50
     assert found.solved == pytest.approx(np.isfinite(costs).mean(axis=0))
     assert found.share([1.0, 2.0]).shape == (2, 4)
@@ -300,8 +343,8 @@ def test_costs_of_zero_are_shifted_as_said() -> None:
 
 
 def test_ranks_as_demsar_2006() -> None:
-    """Sections 3.2.2 and 3.2.4: ranks, critical differences 1.25 and 1.12; at 90 % pure C4.5 is worse
-    than both with m, and it cannot be told where C4.5+cf belongs.
+    """Sections 3.2.2 and 3.2.4: ranks, critical differences 1.25 and 1.12; at 90 % pure C4.5 is
+    worse than both with m, and it cannot be told where C4.5+cf belongs.
 
     His χ² of 9.28 takes no account of equal ranks; Friedman's test by scipy does.
     """
@@ -322,8 +365,8 @@ def test_ranks_as_demsar_2006() -> None:
 def test_bars_are_the_largest_groups_and_ties_are_neither_won_nor_lost() -> None:
     """30 scenes of 4 laws: with q = 2.569 the critical difference is 2.569 √(4·5/(6·30)) = 0.856.
 
-    Mean ranks 50/30, 72/30, 82/30 and 96/30: the first reaches the second, the second the last; the bar of the last two
-    lies within that. Of two laws 4 to 1, and one alike: 2 (5 + 1)/2⁵.
+    Mean ranks 50/30, 72/30, 82/30 and 96/30: the first reaches the second, the second the last; the
+    bar of the last two lies within that. Of two laws 4 to 1, and one alike: 2 (5 + 1)/2⁵.
     """
     found = ranks(np.repeat([[1, 2, 3, 4], [1, 3, 4, 2], [3, 2, 1, 4]], [8, 12, 10], axis=0))
     assert found.means == pytest.approx(np.array([50, 72, 82, 96]) / 30)
@@ -459,7 +502,10 @@ def mean_of_families(values: Array) -> float:
 def likelihood(mean: float, spread: float, counts: list[int], of: list[int]) -> float:
     """Of mixed logistic regression, by quadrature."""
     rates = scipy.special.expit(mean + spread * NORMAL)
-    each = [mean_of_families(scipy.stats.binom.pmf(*numbers, rates)) for numbers in zip(counts, of, strict=True)]
+    each = [
+        mean_of_families(scipy.stats.binom.pmf(*numbers, rates))
+        for numbers in zip(counts, of, strict=True)
+    ]
     return sum(map(math.log, each))
 
 
@@ -469,14 +515,20 @@ def rate_of_families(mean: float, spread: float) -> float:
 
 
 def test_families_as_random_effects_against_quadrature() -> None:
-    """The greatest likelihood, and that the ends of the interval are as much less likely as the F quantile says."""
-    counts, of = [58, 90, 80, 40, 99, 70, 93], [100, 100, 120, 60, 100, 100, 100]
+    """The greatest likelihood, and that the ends of the interval are as much less likely as the F
+    quantile says.
+    """
+    counts = [58, 90, 80, 40, 99, 70, 93]
+    of = [100, 100, 120, 60, 100, 100, 100]
     found = scipy.optimize.minimize(
         lambda x: -likelihood(x[0], math.exp(x[1]), counts, of), [1.0, 0.0], method="Nelder-Mead"
     )
     (across,) = across_families([counts], [of])
-    assert across.share == pytest.approx(rate_of_families(found.x[0], math.exp(found.x[1])), abs=0.01)
-    assert across.spread == pytest.approx(math.exp(found.x[1]), rel=0.15)  # on a grid of factors of 1.24
+    assert across.share == pytest.approx(
+        rate_of_families(found.x[0], math.exp(found.x[1])), abs=0.01
+    )
+    # on a grid of factors of 1.24
+    assert across.spread == pytest.approx(math.exp(found.x[1]), rel=0.15)
     drop = scipy.stats.t.ppf(0.975, len(of) - 1) ** 2 / 2.0
     for end in (across.low, across.high):
 
@@ -491,9 +543,12 @@ def test_families_as_random_effects_against_quadrature() -> None:
 
 def test_a_law_that_is_better_in_one_family_alone_is_not_better_in_a_further_one() -> None:
     """One that is a little better in all of them is: what counts is that families agree."""
-    once, always = across_families([[60, 0, 1, 0, 1, 0, 1], [20] * 7], [[60, 2, 2, 2, 2, 2, 2], [25] * 7])
+    once, always = across_families(
+        [[60, 0, 1, 0, 1, 0, 1], [20] * 7], [[60, 2, 2, 2, 2, 2, 2], [25] * 7]
+    )
     assert once.low < 0.5 < always.low
-    assert mcnemar([True] * 63 + [False] * 9, [False] * 63 + [True] * 9).low > 0.0  # as one list of scenes it is
+    # as one list of scenes it is
+    assert mcnemar([True] * 63 + [False] * 9, [False] * 63 + [True] * 9).low > 0.0
 
 
 def test_what_never_or_always_happens_in_any_family() -> None:
@@ -504,7 +559,9 @@ def test_what_never_or_always_happens_in_any_family() -> None:
     assert always.low == pytest.approx(1.0 - never.high)
 
 
-@pytest.mark.parametrize(("counts", "of"), [([[1.0]], [[2.0]]), ([[3, 1]], [[2, 2]]), ([[1, 1]], [[2, 2, 2]])])
+@pytest.mark.parametrize(
+    ("counts", "of"), [([[1.0]], [[2.0]]), ([[3, 1]], [[2, 2]]), ([[1, 1]], [[2, 2, 2]])]
+)
 def test_counts_of_families_that_are_none(counts: list[list[float]], of: list[list[float]]) -> None:
     """More successes than scenes, other families, or only one."""
     with pytest.raises(InvalidInput, match="counts"):

@@ -53,17 +53,25 @@ class Own(Tracking):
 """
 
 
-def law(imports: str = "", tolerance: str = "1e-3", begin: str = "pass", solve: str = "pass") -> str:
+def law(
+    imports: str = "", tolerance: str = "1e-3", begin: str = "pass", solve: str = "pass"
+) -> str:
     return LAW.format(imports=imports, tolerance=tolerance, begin=begin, solve=solve)
 
 
-def jobs(folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", trials: int = 1) -> list[RunSpec]:
+def jobs(
+    folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", trials: int = 1
+) -> list[RunSpec]:
     """The runs of an own law in a suite of that folder, 0.05 s each."""
     named = f'"{scenario}"'
     if trials > 1:
-        named = f'{{ scenario = "{scenario}", name = "{scenario}", set = {{ start_deviation = 0.001 }} }}'
+        named = (
+            f'{{ scenario = "{scenario}", name = "{scenario}", set = {{ start_deviation = '
+            f"0.001 }} }}"
+        )
     (folder / "s.toml").write_text(
-        f'scenarios = [{named}]\ntrials = {trials}\n[controllers.own]\ntype = "{kind}"\n', encoding="utf-8"
+        f'scenarios = [{named}]\ntrials = {trials}\n[controllers.own]\ntype = "{kind}"\n',
+        encoding="utf-8",
     )
     suite = Suite.load(folder / "s.toml").select(settings=["scenario.duration=0.05"])
     return [job for job in suite.with_baseline().runs() if job.controller.name == "own"]
@@ -90,7 +98,9 @@ def _imports_are_forgotten() -> Iterator[None]:
 
 
 def test_a_law_edited_while_a_comparison_runs_is_run_again(tmp_path: Path, out: Path) -> None:
-    """The process keeps what it has imported; its results are those of the old file, whenever they are made."""
+    """The process keeps what it has imported; its results are those of the old file, whenever they
+    are made.
+    """
     (tmp_path / "law.py").write_text(law())
     first, second = jobs(tmp_path, trials=2)
     assert run_stored(first, out, False)[0].result["status"] == "unfinished"
@@ -163,11 +173,15 @@ def test_a_changed_file_of_an_own_law_is_noticed(
 
 def _forget_imports() -> None:
     provenance.read_by_imports.clear()
-    for name in [name for name in sys.modules if "own file" in name or name.startswith(("lawful", "helpers"))]:
+    for name in [
+        name for name in sys.modules if "own file" in name or name.startswith(("lawful", "helpers"))
+    ]:
         del sys.modules[name]
 
 
-def test_a_law_imports_what_lies_beside_it_even_in_a_run_and_the_path_stays_as_it_is(tmp_path: Path, out: Path) -> None:
+def test_a_law_imports_what_lies_beside_it_even_in_a_run_and_the_path_stays_as_it_is(
+    tmp_path: Path, out: Path
+) -> None:
     (tmp_path / "helpers").mkdir()
     (tmp_path / "helpers" / "late.py").write_text("LATE = 1\n")
     (tmp_path / "law.py").write_text(law(solve="from helpers.late import LATE"))
@@ -178,8 +192,14 @@ def test_a_law_imports_what_lies_beside_it_even_in_a_run_and_the_path_stays_as_i
 
 
 def test_what_a_run_writes_is_not_what_it_is_made_from(tmp_path: Path, out: Path) -> None:
-    log = "Path(__file__).with_name('log').open('a').close(); Path(__file__).with_name('log').read_text()"
-    answer = "name = __file__ + '.answer'; os.system(f'echo > {name}'); Path(name).read_text(); os.remove(name)"
+    log = (
+        "Path(__file__).with_name('log').open('a').close(); "
+        "Path(__file__).with_name('log').read_text()"
+    )
+    answer = (
+        "name = __file__ + '.answer'; os.system(f'echo > {name}'); Path(name).read_text(); "
+        "os.remove(name)"
+    )
     (tmp_path / "law.py").write_text(law(begin=answer, solve=log))
     (job,) = jobs(tmp_path)
     run_stored(job, out, False)
@@ -223,7 +243,9 @@ link_radius = 0.01
 """
 
 
-@pytest.mark.parametrize("changed", ["six_axis.urdf", "arm.srdf", "meshes/box.stl", "meshes/link.stl"])
+@pytest.mark.parametrize(
+    "changed", ["six_axis.urdf", "arm.srdf", "meshes/box.stl", "meshes/link.stl"]
+)
 def test_a_changed_file_of_the_scene_is_noticed(changed: str, tmp_path: Path, out: Path) -> None:
     (tmp_path / "meshes").mkdir()
     for name in ("box", "link"):
@@ -233,8 +255,13 @@ def test_a_changed_file_of_the_scene_is_noticed(changed: str, tmp_path: Path, ou
     urdf = (EXAMPLES / "six_axis.urdf").read_text(encoding="utf-8")
     mesh = '<mesh filename="package://meshes/link.stl"/>'
     link = f'<link name="far"><collision><geometry>{mesh}</geometry></collision></link>'
-    joint = '<joint name="off" type="fixed"><parent link="tool"/><child link="far"/><origin xyz="0 0 -0.5"/></joint>'
-    (tmp_path / "six_axis.urdf").write_text(urdf.replace("</robot>", f"{link}{joint}</robot>"), encoding="utf-8")
+    joint = (
+        '<joint name="off" type="fixed"><parent link="tool"/><child link="far"/><origin '
+        'xyz="0 0 -0.5"/></joint>'
+    )
+    (tmp_path / "six_axis.urdf").write_text(
+        urdf.replace("</robot>", f"{link}{joint}</robot>"), encoding="utf-8"
+    )
     (tmp_path / "scene.toml").write_text(ARM)
     suite = replace(Suite.load(), scenarios=())
     suite = suite.select([str(tmp_path / "scene.toml")], ["tracking"])
@@ -271,17 +298,25 @@ def test_another_python_is_another_identity(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Packages of which no other result depends: of images, of another engine, of a solver, of the tuner."""
-    nominal, images = RunSpec("ur5-fov"), RunSpec("ur5-images")
+    """Packages of which no other result depends: of images, of another engine, of a solver, of the
+    tuner.
+    """
+    nominal = RunSpec("ur5-fov")
+    images = RunSpec("ur5-images")
     engine = RunSpec("ur5-fov", overrides={"plant": {"type": "mujoco"}})
     solver = RunSpec("ur5-fov", ControllerSpec("hierarchical-qp", options={"solver": "clarabel"}))
-    campaign = Campaign.load().select(["planar-arm"], ["hierarchical-qp"], settings=["hierarchical-qp.solver=clarabel"])
+    campaign = Campaign.load().select(
+        ["planar-arm"], ["hierarchical-qp"], settings=["hierarchical-qp.solver=clarabel"]
+    )
     real = replace(campaign, families=(Family.load("ur5"), Family.load(REAL_WORLD)))
     tuning = Problem(replace(campaign, half="training"), Budget())
 
     def identities() -> tuple[list[str], list[dict[str, object]]]:
         found = [real.identity(family) for family in real.families]
-        return [spec.fingerprint for spec in (nominal, images, engine, solver)], [*found, tuning.configuration()]
+        return [spec.fingerprint for spec in (nominal, images, engine, solver)], [
+            *found,
+            tuning.configuration(),
+        ]
 
     before, tables = identities()
     assert tables[0]["family"]["packages"] == {}  # type: ignore[index]
@@ -294,10 +329,14 @@ def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.Monkey
         ("mujoco", [2], []),
         ("optuna", [], [2]),
     ):
-        monkeypatch.setattr(machine, "module_version", lambda name, its=module: "9" if name == its else loaded(name))
+        monkeypatch.setattr(
+            machine, "module_version", lambda name, its=module: "9" if name == its else loaded(name)
+        )
         now, words = identities()
         assert [i for i in range(4) if now[i] != before[i]] == changed, module
-        differing = {i: list(differences(tables[i], words[i])) for i in range(3) if tables[i] != words[i]}
+        differing = {
+            i: list(differences(tables[i], words[i])) for i in range(3) if tables[i] != words[i]
+        }
         assert list(differing) == said
         assert all(module in text for texts in differing.values() for text in texts)
     monkeypatch.setattr(machine, "module_version", loaded)
@@ -308,7 +347,9 @@ def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.Monkey
 
 
 def test_an_old_baseline_challenges_no_row(out: Path) -> None:
-    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=3.5"])
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=3.5"]
+    )
     baseline, job = suite.with_baseline().runs()
     run_stored(baseline, out, False, baseline)
     assert any(row["challenged"] for row in run_stored(job, out, True, baseline)[0].constraints)
@@ -321,14 +362,19 @@ def test_an_old_baseline_challenges_no_row(out: Path) -> None:
         assert not any(row["challenged"] for row in score.constraints)
 
 
-def test_a_run_whose_process_dies_leaves_neither_an_old_trajectory_nor_a_figure(tmp_path: Path) -> None:
+def test_a_run_whose_process_dies_leaves_neither_an_old_trajectory_nor_a_figure(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "law.py").write_text(law(solve="os.path.exists('die') and os._exit(3)"))
     (job,) = jobs(tmp_path)
     suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.05"])
     here = Path.cwd()
     os.chdir(tmp_path)
     try:
-        assert compare(suite, tmp_path / "out", workers=1).scores[job.key].result["status"] == "unfinished"
+        assert (
+            compare(suite, tmp_path / "out", workers=1).scores[job.key].result["status"]
+            == "unfinished"
+        )
         (tmp_path / "die").touch()
         lines = compare(suite, tmp_path / "out", workers=1, fresh=True).scores
     finally:
@@ -338,7 +384,9 @@ def test_a_run_whose_process_dies_leaves_neither_an_old_trajectory_nor_a_figure(
 
 
 def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None:
-    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"])
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"]
+    )
     compare(suite, tmp_path, workers=1)
     lines = read_table(tmp_path / "results.csv")
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
@@ -352,7 +400,14 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
 def test_a_table_from_before_a_column_was_added_is_read_with_it_empty(tmp_path: Path) -> None:
     """Only a number is: an empty text would say that no row was violated."""
     line: dict[str, object] = dict.fromkeys(RESULT_COLUMNS, 1.0)
-    line |= {"suite": "s", "scenario": "a", "controller": "b", "status": "converged", "reason": "", "trial": 0}
+    line |= {
+        "suite": "s",
+        "scenario": "a",
+        "controller": "b",
+        "status": "converged",
+        "reason": "",
+        "trial": 0,
+    }
     line |= {"violated": "", "within_band": "", "violated_tolerant": "", "compiled": True}
     path = tmp_path / "results.csv"
     for missing in ("acceleration_max", "violated_tolerant"):
@@ -385,7 +440,8 @@ def test_no_damage_of_a_trajectory_raises(tmp_path: Path, out: Path) -> None:
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
     run_stored(job, out, False)
-    whole, path = run_file(out, *job.key).read_bytes(), tmp_path / "damaged.npz"
+    whole = run_file(out, *job.key).read_bytes()
+    path = tmp_path / "damaged.npz"
     rng = np.random.default_rng(0)
     for _ in range(300):
         damaged = bytearray(whole)
@@ -395,7 +451,9 @@ def test_no_damage_of_a_trajectory_raises(tmp_path: Path, out: Path) -> None:
         RunRecord.load(path)
 
 
-def test_a_full_disk_fails_the_run_in_one_line_and_leaves_nothing_half_written(tmp_path: Path, out: Path) -> None:
+def test_a_full_disk_fails_the_run_in_one_line_and_leaves_nothing_half_written(
+    tmp_path: Path, out: Path
+) -> None:
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
     run_stored(job, out, False)
@@ -408,8 +466,12 @@ def test_a_full_disk_fails_the_run_in_one_line_and_leaves_nothing_half_written(t
     assert list(path.parent.iterdir()) == []
 
 
-def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(tmp_path: Path) -> None:
-    suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
+def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(
+    tmp_path: Path,
+) -> None:
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"]
+    )
     (tmp_path / "constraints.csv").touch()
     (tmp_path / ".vsconstraints-lock").touch()
     (tmp_path / "constraints.csv.part").mkdir()
@@ -419,8 +481,12 @@ def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(tmp
     assert len(read_table(tmp_path / "results.csv")) == 1
 
 
-def test_a_report_that_does_not_fit_leaves_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
+def test_a_report_that_does_not_fit_leaves_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    suite = Suite.load().select(
+        ["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"]
+    )
     compare(suite, tmp_path, workers=1)
     report = write_report(tmp_path)
     before = report.read_bytes()
@@ -430,13 +496,17 @@ def test_a_report_that_does_not_fit_leaves_the_one_before(tmp_path: Path, monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(StorageError, match=r"the report cannot be written .*No space left on device"):
+    with pytest.raises(
+        StorageError, match=r"the report cannot be written .*No space left on device"
+    ):
         write_report(tmp_path)
     assert report.read_bytes() == before
     assert not list(tmp_path.rglob("*.part"))
 
 
-def test_a_line_that_does_not_fit_is_not_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_that_does_not_fit_is_not_added(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
     append_lines(tmp_path / "t.csv", CONSTRAINT_COLUMNS, [line])
     before = (tmp_path / "t.csv").read_bytes()
@@ -457,7 +527,9 @@ def test_a_line_that_does_not_fit_is_not_added(tmp_path: Path, monkeypatch: pyte
 def test_a_law_that_changes_the_working_directory_changes_it_for_itself(
     tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "law.py").write_text(law("os.chdir('/')", begin="os.chdir('/')", solve="os.chdir('/')"))
+    (tmp_path / "law.py").write_text(
+        law("os.chdir('/')", begin="os.chdir('/')", solve="os.chdir('/')")
+    )
     monkeypatch.chdir(tmp_path)
     first, second = jobs(Path(), trials=2)
     for job in (first, second):
@@ -467,9 +539,13 @@ def test_a_law_that_changes_the_working_directory_changes_it_for_itself(
 
 
 @pytest.mark.parametrize(
-    "message", ["'x' * 200_000", "chr(0xD800)", "'two\\nlines'", "Nasty()"], ids=["long", "surrogate", "lines", "nasty"]
+    "message",
+    ["'x' * 200_000", "chr(0xD800)", "'two\\nlines'", "Nasty()"],
+    ids=["long", "surrogate", "lines", "nasty"],
 )
-def test_whatever_a_law_says_is_a_reason_of_one_line(message: str, tmp_path: Path, out: Path) -> None:
+def test_whatever_a_law_says_is_a_reason_of_one_line(
+    message: str, tmp_path: Path, out: Path
+) -> None:
     nasty = "class Nasty:\n    def __str__(self):\n        raise ValueError('even that')"
     (tmp_path / "law.py").write_text(law(nasty, solve=f"raise RuntimeError({message})"))
     (job,) = jobs(tmp_path)
@@ -520,10 +596,16 @@ class Wrong(ImageConstraint):
 """
 
 
-def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(tmp_path: Path, out: Path) -> None:
+def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(
+    tmp_path: Path, out: Path
+) -> None:
     (tmp_path / "limit.py").write_text(CONSTRAINT)
-    (tmp_path / "wrong.toml").write_text('extends = "example-2d-fov"\n[[constraints]]\ntype = "limit:Wrong"\n')
-    (tmp_path / "s.toml").write_text('scenarios = ["example-2d-fov", "wrong.toml"]\n[controllers.tracking]\n')
+    (tmp_path / "wrong.toml").write_text(
+        'extends = "example-2d-fov"\n[[constraints]]\ntype = "limit:Wrong"\n'
+    )
+    (tmp_path / "s.toml").write_text(
+        'scenarios = ["example-2d-fov", "wrong.toml"]\n[controllers.tracking]\n'
+    )
     suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.05"])
     assert [remark.partition(": ")[0] for remark in suite.remarks()] == ["wrong"]
     right, wrong = (run_stored(job, out, False)[0].result for job in suite.runs())
@@ -532,11 +614,21 @@ def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(tmp_
 
 
 def test_what_does_not_become_smaller_is_stored_as_it_is(tmp_path: Path) -> None:
-    file, numbers = tmp_path / "some.npz", np.random.default_rng(0).normal(size=(5000, 3))
-    given = {"numbers": numbers, "flags": numbers > 9.0, "none": np.empty((0, 3)), "one": np.array(3.5), "k": 4}
+    file = tmp_path / "some.npz"
+    numbers = np.random.default_rng(0).normal(size=(5000, 3))
+    given = {
+        "numbers": numbers,
+        "flags": numbers > 9.0,
+        "none": np.empty((0, 3)),
+        "one": np.array(3.5),
+        "k": 4,
+    }
     write_arrays(file, given)
     with zipfile.ZipFile(file) as archive:
-        sizes = {member.filename: member.compress_size / member.file_size for member in archive.infolist()}
+        sizes = {
+            member.filename: member.compress_size / member.file_size
+            for member in archive.infolist()
+        }
     assert sizes["numbers.npy"] == 1.0
     assert sizes["flags.npy"] < 0.05
     again = read_arrays(file)
@@ -545,8 +637,17 @@ def test_what_does_not_become_smaller_is_stored_as_it_is(tmp_path: Path) -> None
         np.testing.assert_array_equal(again[name], value, strict=name != "k")
 
 
-def test_what_laws_need_is_compiled_before_runs_and_no_code_of_own_laws_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_laws_need_is_compiled_before_runs_and_no_code_of_own_laws_is_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked: list[tuple[str, ...]] = []
-    monkeypatch.setattr("vsconstraints.comparisons.runs.spec.prepare", lambda *names: asked.append(names))
-    prepare_laws([*map(ControllerSpec, ("predictive", "goal-governor")), ControllerSpec("mine", "nowhere:Law")])
+    monkeypatch.setattr(
+        "vsconstraints.comparisons.runs.spec.prepare", lambda *names: asked.append(names)
+    )
+    prepare_laws(
+        [
+            *map(ControllerSpec, ("predictive", "goal-governor")),
+            ControllerSpec("mine", "nowhere:Law"),
+        ]
+    )
     assert asked == [("goal_governor", "predictive", "task_priority")]

@@ -23,7 +23,9 @@ def package(folder, **files):
 
 
 def test_circles_are_found_wherever_imports_stand(tmp_path, capsys):
-    """At the top, in a function, for type checkers only, and through a package around what is imported."""
+    """At the top, in a function, for type checkers only, and through a package around what is
+    imported.
+    """
     inside = "def f():\n    from .c import x\n\n\nf()\n"
     typed = "from typing import TYPE_CHECKING\n\nif TYPE_CHECKING:\n    from .a import f\n\nx = 1\n"
     (tmp_path / "circle").mkdir()
@@ -43,13 +45,20 @@ def test_circles_are_found_wherever_imports_stand(tmp_path, capsys):
 def test_floors_are_counted(tmp_path, capsys):
     names = {"a": "", "b": "from .a import x\n", "c": "from .b import x\nfrom .a import x\n"}
     assert package(tmp_path, **names) == 0
-    lines = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().out.splitlines() if line[:1] in "abc"}
+    lines = {
+        line.split()[0]: line.split()[-1]
+        for line in capsys.readouterr().out.splitlines()
+        if line[:1] in "abc"
+    }
     assert {name: lines[name] for name in names} == {"a": "1", "b": "2", "c": "3"}
     assert lines["all"] == "3"
 
 
 def test_long_parameter_lists_are_named(tmp_path, capsys):
-    assert package(tmp_path, rows="x = 1\n\n\ndef f(self, a, b, c, d, e, g, h, *, i, j):\n    pass\n") == 1
+    assert (
+        package(tmp_path, rows="x = 1\n\n\ndef f(self, a, b, c, d, e, g, h, *, i, j):\n    pass\n")
+        == 1
+    )
     said = capsys.readouterr().out
     assert "parameters: 9 p.rows.f, 8 allowed" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
@@ -58,7 +67,11 @@ def test_long_parameter_lists_are_named(tmp_path, capsys):
 def test_pages_and_words_are_counted(tmp_path, capsys):
     """README and pages beside the package, pages in folders not."""
     (tmp_path / "docs" / "api").mkdir(parents=True)
-    for name, text in (("README.md", "one two"), ("docs/a.md", "| three |\n"), ("docs/api/b.md", "not counted")):
+    for name, text in (
+        ("README.md", "one two"),
+        ("docs/a.md", "| three |\n"),
+        ("docs/api/b.md", "not counted"),
+    ):
         (tmp_path / name).write_text(text)
     (tmp_path / "src").mkdir()
     assert package(tmp_path / "src", a="x = 1\n") == 0
@@ -91,27 +104,42 @@ def test_only_listed_commands_have_more_parameters(tmp_path):
     many = "def {}(a, b, c, d, e, g, h, i, j):\n    {}()\n"
     cli = tmp_path / "vsconstraints" / "cli"
     cli.mkdir(parents=True)
-    for folder, text in ((cli.parent, ""), (cli, "from . import some\n\nGROUPS = {'run': some.run}\n")):
+    for folder, text in (
+        (cli.parent, ""),
+        (cli, "from . import some\n\nGROUPS = {'run': some.run}\n"),
+    ):
         (folder / "__init__.py").write_text(text)
     (cli / "some.py").write_text(many.format("run", "helper") + many.format("helper", "run"))
-    assert structure.long_parameter_lists(structure.read(tmp_path)) == ["9 vsconstraints.cli.some.helper"]
+    assert structure.long_parameter_lists(structure.read(tmp_path)) == [
+        "9 vsconstraints.cli.some.helper"
+    ]
 
 
 def test_what_nothing_refers_to_is_named(tmp_path, capsys):
     """A name that stands where it is defined and nowhere else, unless a decorator has it."""
-    text = "def used():\n    pass\n\n\ndef unused():\n    used()\n\n\n@registered\ndef kept():\n    pass\n"
+    text = (
+        "def used():\n    pass\n\n\ndef unused():\n    used()\n\n\n@registered\ndef kept():\n  "
+        "  pass\n"
+    )
     assert package(tmp_path, a=text) == 1
     assert "exceeded: nothing refers to p.a.unused\n" in capsys.readouterr().out
 
 
 def test_lines_are_told_apart():
-    """By hand: a text of three lines with a blank one in it, a comment, code, and what is between them."""
-    module = '"""One.\n\nTwo.\n"""\n\n# a remark\nx = 1  # code\n"""Of x."""\n\n\ny = """no\ndocstring"""\n'
+    """By hand: a text of three lines with a blank one in it, a comment, code, and what is between
+    them.
+    """
+    module = (
+        '"""One.\n\nTwo.\n"""\n\n# a remark\nx = 1  # code\n"""Of x."""\n\n\ny = '
+        '"""no\ndocstring"""\n'
+    )
     assert structure.Lines.of(module, structure.ast.parse(module)) == (3, 6, 3)
 
 
 def test_the_page_on_structure_names_what_is_there():
-    """Folders and files under ``src/vsconstraints``, of which all folders are named, and tests by name."""
+    """Folders and files under ``src/vsconstraints``, of which all folders are named, and tests by
+    name.
+    """
     root = Path(__file__).parents[1]
     page = (root / "docs" / "structure.md").read_text(encoding="utf-8")
     paths = re.findall(r"`([a-z_/]+(?:/|\.py))`", page)
@@ -119,7 +147,9 @@ def test_the_page_on_structure_names_what_is_there():
     assert len(paths) > 40
     assert len(tests) >= 2  # of the pairs that stand twice
     package = root / "src" / "vsconstraints"
-    assert [path for path in paths if not (package / path).exists() and not (root / path).exists()] == []
+    assert [
+        path for path in paths if not (package / path).exists() and not (root / path).exists()
+    ] == []
     assert {f"{file.parent.name}/" for file in package.glob("*/__init__.py")} <= set(paths)
     text = "".join(file.read_text(encoding="utf-8") for file in (root / "tests").glob("test_*.py"))
     assert [test for test in tests if f"def {test}(" not in text] == []
@@ -155,14 +185,20 @@ def test_no_test_needs_private_names():
         own = {
             node.attr
             for node in nodes
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self"
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id == "self"
         }
         words = [node.attr for node in nodes if isinstance(node, ast.Attribute)]
-        words += [alias.name for node in nodes if isinstance(node, ast.ImportFrom) for alias in node.names]
+        words += [
+            alias.name for node in nodes if isinstance(node, ast.ImportFrom) for alias in node.names
+        ]
         words += [
             argument.value.rpartition(".")[2]
             for node in nodes
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setattr"
+            if isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and node.func.attr == "setattr"
             for argument in node.args[:2]
             if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
         ]
@@ -171,16 +207,31 @@ def test_no_test_needs_private_names():
 
 
 @pytest.mark.parametrize(
-    ("imported", "others"), [("vsconstraints.controllers", {"typer", "rich"}), ("vsconstraints.cli", set())]
+    ("imported", "others"),
+    [("vsconstraints.controllers", {"typer", "rich"}), ("vsconstraints.cli", set())],
 )
 def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, others: set[str]):
     """In little time beside that of NumPy, and without what takes as long to import."""
-    heavy = {"pinocchio", "coal", "numba", "scipy", "qpsolvers", "daqp", "osqp", "proxsuite", "cvxpy", "matplotlib"}
+    heavy = {
+        "pinocchio",
+        "coal",
+        "numba",
+        "scipy",
+        "qpsolvers",
+        "daqp",
+        "osqp",
+        "proxsuite",
+        "cvxpy",
+        "matplotlib",
+    }
     code = (
         f"import sys, time, numpy\nbefore = time.process_time()\nimport {imported}\n"
         f"print(sorted({heavy | others} & set(sys.modules)), time.process_time() - before)"
     )
-    done = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(3)]
+    done = [
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        for _ in range(3)
+    ]
     loaded, seconds = zip(*(run.stdout.rsplit(maxsplit=1) for run in done), strict=True)
     assert set(loaded) == {"[]"}
     assert min(map(float, seconds)) < 0.3  # 0.1 s on a machine that does nothing else
@@ -188,7 +239,10 @@ def test_a_law_and_the_help_load_nothing_that_they_do_not_need(imported: str, ot
 
 def test_every_slow_test_is_there():
     """A renamed one would come back into the quick tests unnoticed."""
-    files = {path.stem: path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("test_*.py")}
+    files = {
+        path.stem: path.read_text(encoding="utf-8")
+        for path in Path(__file__).parent.glob("test_*.py")
+    }
     for name in SLOW:
         file, _, test = name.partition("::")
         assert f"def {test}" in files[file], name

@@ -11,7 +11,8 @@ from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.tables import Numbers
 from vsconstraints.paper.verdicts import CLAIMS, Finding
 
-ONE, OTHER = "example-2d-fov", "case-study-6r"
+ONE = "example-2d-fov"
+OTHER = "case-study-6r"
 
 
 def verdict(key: str, numbers: Numbers) -> str:
@@ -28,7 +29,9 @@ def pareto(**changed: float) -> Numbers:
         found[(scenario, "sliding-mode", "kept")] = 3.0
         found[(scenario, "sliding-mode", "least_unused")] = changed.get(f"{short}_left", 1.0)
         found[(scenario, "potential-field", "least_unused")] = changed.get(f"{short}_field", 1.0)
-        found[(scenario, "potential-field-priority", "least_unused")] = changed.get(f"{short}_priority", 1.0)
+        found[(scenario, "potential-field-priority", "least_unused")] = changed.get(
+            f"{short}_priority", 1.0
+        )
     return found
 
 
@@ -43,7 +46,10 @@ def pareto(**changed: float) -> Numbers:
         ({"one_field": 0.99}, PARTLY),
         ({"other_priority": 0.99}, PARTLY),
         ({"one_field": nan, "other_field": nan}, YES),
-        ({"one_field": 0.5, "one_priority": 0.5, "other_field": 0.5, "other_priority": 0.5}, PARTLY),
+        (
+            {"one_field": 0.5, "one_priority": 0.5, "other_field": 0.5, "other_priority": 0.5},
+            PARTLY,
+        ),
     ],
 )
 def test_7a_and_7c(key: str, changed: dict[str, float], expected: str) -> None:
@@ -56,7 +62,9 @@ def test_7a_compares_only_what_keeps_its_boundaries() -> None:
     assert verdict("7c", pareto(one_printed=0.0, other_printed=0.0)) == YES
 
 
-def shrinking(floor: float = 0.1, far: float = 1.0, near: float = 0.2, falls: float = 1.0) -> Numbers:
+def shrinking(
+    floor: float = 0.1, far: float = 1.0, near: float = 0.2, falls: float = 1.0
+) -> Numbers:
     found = {}
     for scenario in (ONE, OTHER):
         own = (floor, far, near, falls) if scenario == OTHER else (0.1, 1.0, 0.1, 1.0)
@@ -64,7 +72,8 @@ def shrinking(floor: float = 0.1, far: float = 1.0, near: float = 0.2, falls: fl
         found[(scenario, "priority", "distance_largest_region")] = own[1]
         found[(scenario, "priority", "distance_smallest_region")] = own[2]
         found[(scenario, "priority", "distance_falls")] = own[3]
-        found[(scenario, "priority", "region_largest")], found[(scenario, "priority", "region_smallest")] = 0.5, 1e-3
+        found[(scenario, "priority", "region_largest")] = 0.5
+        found[(scenario, "priority", "region_smallest")] = 1e-3
     return found
 
 
@@ -110,7 +119,9 @@ def test_9b(depth: float, converged: float, expected: str) -> None:
 def test_10a(bounds: tuple[float, ...], gains: tuple[float, ...], expected: str) -> None:
     # by number, not by letter: 9 comes before 20 and 100
     found = {(Kp0, "bound_12"): float(v) for Kp0, v in zip((9, 20, 100), bounds, strict=True)}
-    found |= {(Kp0, "smallest_in_band"): float(v) for Kp0, v in zip((9, 20, 100), gains, strict=True)}
+    found |= {
+        (Kp0, "smallest_in_band"): float(v) for Kp0, v in zip((9, 20, 100), gains, strict=True)
+    }
     assert verdict("10a", found) == expected
 
 
@@ -139,15 +150,22 @@ NONE = pytest.approx(nan, nan_ok=True)
 
 
 def test_7a_says() -> None:
-    """The second scenario does not keep its boundaries with the printed gains, and one of its fields never does."""
-    of = found("7a", pareto(one_left=0.5, one_field=0.75, one_priority=2.0, other_printed=0.5, other_field=nan))
+    """The second scenario does not keep its boundaries with the printed gains, and one of its
+    fields never does.
+    """
+    of = found(
+        "7a",
+        pareto(one_left=0.5, one_field=0.75, one_priority=2.0, other_printed=0.5, other_field=nan),
+    )
     assert of.values == {
         f"{ONE}/sliding-mode": 0.5, f"{ONE}/potential-field": 0.75, f"{ONE}/potential-field-priority": 2.0,
         f"{OTHER}/sliding-mode": NONE, f"{OTHER}/potential-field": NONE, f"{OTHER}/potential-field-priority": 1.0,
     }  # fmt: skip
     assert of.text == (
-        f"{ONE}: sliding-mode leaves 0.5 %; potential-field leaves 0.75 %, potential-field-priority leaves 2 % at "
-        f"best. {OTHER}: sliding-mode does not keep its boundaries (5d), so that it is not compared; potential-field "
+        f"{ONE}: sliding-mode leaves 0.5 %; potential-field leaves 0.75 %, "
+        f"potential-field-priority leaves 2 % at "
+        f"best. {OTHER}: sliding-mode does not keep its boundaries (5d), so that it is not "
+        f"compared; potential-field "
         "has no such run, potential-field-priority leaves 1 % at best"
     )
     assert of.verdict == PARTLY
@@ -155,15 +173,21 @@ def test_7a_says() -> None:
 
 
 def test_7c_says() -> None:
-    of = found("7c", pareto(one_left=0.5, one_field=0.25, one_printed=0.0, other_left=1.5, other_priority=nan))
+    of = found(
+        "7c",
+        pareto(one_left=0.5, one_field=0.25, one_printed=0.0, other_left=1.5, other_priority=nan),
+    )
     assert of.values == {
         f"{ONE}/sliding-mode": 0.5, f"{ONE}/potential-field": 0.25, f"{ONE}/potential-field-priority": 1.0,
         f"{OTHER}/sliding-mode": 1.5, f"{OTHER}/potential-field": 1.0, f"{OTHER}/potential-field-priority": NONE,
     }  # fmt: skip
     assert of.text == (
-        f"{ONE} (the printed gains break (12): 5d): sliding-mode leaves 0.5 %, potential-field leaves 0.25 %, "
-        f"potential-field-priority leaves 1 %, so that it holds partly there; {OTHER}: sliding-mode leaves 1.5 %, "
-        "potential-field leaves 1 %, potential-field-priority has no such run, so that it does not hold there"
+        f"{ONE} (the printed gains break (12): 5d): sliding-mode leaves 0.5 %, potential-field "
+        f"leaves 0.25 %, "
+        f"potential-field-priority leaves 1 %, so that it holds partly there; {OTHER}: "
+        f"sliding-mode leaves 1.5 %, "
+        "potential-field leaves 1 %, potential-field-priority has no such run, so that it does "
+        "not hold there"
     )
     assert of.verdict == PARTLY
     assert "so that" not in found("7c", pareto()).text
@@ -171,8 +195,13 @@ def test_7c_says() -> None:
 
 @pytest.mark.parametrize("key", ["7a", "7c"])
 def test_of_two_scenarios_each_has_fields_of_its_own(key: str) -> None:
-    """Only the second's, or only the first's, leave less than the law: in both cases one scenario is left."""
-    assert verdict(key, pareto(one_left=0.5, other_left=0.75, other_field=0.5, one_field=0.5)) == PARTLY
+    """Only the second's, or only the first's, leave less than the law: in both cases one scenario
+    is left.
+    """
+    assert (
+        verdict(key, pareto(one_left=0.5, other_left=0.75, other_field=0.5, one_field=0.5))
+        == PARTLY
+    )
     assert verdict(key, pareto(one_left=1.5, other_left=0.75)) == PARTLY
     assert verdict(key, pareto(one_left=0.75, other_left=1.5)) == PARTLY
 
@@ -182,7 +211,9 @@ def test_a_number_that_is_not_there_is_not_measured() -> None:
     del numbers[(OTHER, "sliding-mode", "kept")]
     assert found("7c", numbers).text == f"the study made up has no {OTHER}.sliding-mode.kept"
     of = found("7c", numbers, "one: lost", "two: lost")
-    assert of == Finding("not measured", f"the study made up has no {OTHER}.sliding-mode.kept: one: lost")
+    assert of == Finding(
+        "not measured", f"the study made up has no {OTHER}.sliding-mode.kept: one: lost"
+    )
 
 
 def test_8a_says() -> None:
@@ -192,8 +223,10 @@ def test_8a_says() -> None:
         f"{OTHER}/far": 2.0, f"{OTHER}/near": 0.25, f"{OTHER}/floor": 0.125,
     }  # fmt: skip
     assert of.text == (
-        f"{ONE}: 1e+03 mrad rms with a region of 0.5, 100 mrad with 0.001 (never rising by more than the 100 mrad "
-        f"between T_s and T_s/2 explain); {OTHER}: 2e+03 mrad rms with a region of 0.5, 250 mrad with 0.001 (rising in "
+        f"{ONE}: 1e+03 mrad rms with a region of 0.5, 100 mrad with 0.001 (never rising by more "
+        f"than the 100 mrad "
+        f"between T_s and T_s/2 explain); {OTHER}: 2e+03 mrad rms with a region of 0.5, 250 mrad "
+        f"with 0.001 (rising in "
         "between by more than the 125 mrad between T_s and T_s/2 explain)"
     )
     assert of.verdict == PARTLY
@@ -214,14 +247,18 @@ def test_9b_says() -> None:
     of = found("9b", off(("a", 0.5, 1.0), ("b", 0.0, 1.0), ("c", 0.25, 0.5)))
     assert of.values == {"a": 0.5, "b": 0.0, "c": 0.25}
     assert of.text == (
-        "a: converges, violates 0.5 % of L, tracks deviate by 3 px; b: converges, violates nothing, tracks deviate by "
+        "a: converges, violates 0.5 % of L, tracks deviate by 3 px; b: converges, violates "
+        "nothing, tracks deviate by "
         "nan px; c: does not converge, violates 0.25 % of L, tracks deviate by nan px"
     )
     assert of.verdict == NO
     assert verdict("9b", off(("a", 0.5, 1.0), ("b", 0.0, 1.0))) == PARTLY
     assert verdict("9b", off(("a", 2.0, 1.0), ("b", 0.0, 1.0))) == NO
     assert verdict("9b", off(("a", 0.0, 1.0), ("b", 0.0, 2.0))) == NO
-    assert found("9b", {}).text == "the study gradient-error has no run of the sliding mode with c_e = 0.3"
+    assert (
+        found("9b", {}).text
+        == "the study gradient-error has no run of the sliding mode with c_e = 0.3"
+    )
 
 
 def test_10a_says() -> None:
@@ -229,7 +266,8 @@ def test_10a_says() -> None:
     of = found("10a", numbers | {(9, "bound_12"): 1.0, (9, "smallest_in_band"): 8.0})
     assert of.values == {"9": 8.0, "20": 8.0, "100": inf}
     assert of.text == (
-        "K_T,p(0) = 9: (12) asks for 1, 8 is enough; K_T,p(0) = 20: (12) asks for 2, 8 is enough; K_T,p(0) = 100: (12) "
+        "K_T,p(0) = 9: (12) asks for 1, 8 is enough; K_T,p(0) = 20: (12) asks for 2, 8 is enough; "
+        "K_T,p(0) = 100: (12) "
         "asks for 3, no gain tried is enough"
     )
     assert of.verdict == YES
@@ -239,5 +277,7 @@ def test_10a_says() -> None:
 
 def test_10d_says() -> None:
     of = found("10d", {(ONE, "band", 10): 0.5, (ONE, "band", 2.5): 0.02, (OTHER, "band", 1): 9.0})
-    assert of == Finding(YES, "band of φ: 0.500 at 10 ms, 0.020 at 2.5 ms", {"10": 0.5, "2.5": 0.02})
+    assert of == Finding(
+        YES, "band of φ: 0.500 at 10 ms, 0.020 at 2.5 ms", {"10": 0.5, "2.5": 0.02}
+    )
     assert found("10d", {}).text == "the study sampling-time has no band of the first example"

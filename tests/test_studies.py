@@ -25,7 +25,12 @@ from vsconstraints.paper.studies import (
     tables,
 )
 from vsconstraints.paper.studies.laws import LAWS, front, not_kept, scaled_gains, unused
-from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
+from vsconstraints.paper.studies.summary import (
+    clearance_distance,
+    gains,
+    joint_distance,
+    pixel_distance,
+)
 from vsconstraints.paper.studies.unselected_experiments import (
     compared,
     counted,
@@ -40,7 +45,9 @@ def small(tmp_path_factory):
     """Every study in its small form, run once, and the folder it was written to."""
     folder = tmp_path_factory.mktemp("studies")
     done = []
-    results = run_studies(folder=folder, workers=2, small=True, on_progress=lambda *now: done.append(now))
+    results = run_studies(
+        folder=folder, workers=2, small=True, on_progress=lambda *now: done.append(now)
+    )
     return results, folder, done
 
 
@@ -97,8 +104,14 @@ class TestWhatThePaperClaims:
         numbers = small[0]["shrinking-region"].numbers
         name = ("example-2d-fov", "priority")
         assert numbers[(*name, "distance_falls")] == 1.0
-        assert numbers[(*name, "distance_smallest_region")] < 0.1 * numbers[(*name, "distance_largest_region")]
-        assert numbers[(*name, "distance_smallest_region")] < numbers["example-2d-fov", "sampling_distance"]
+        assert (
+            numbers[(*name, "distance_smallest_region")]
+            < 0.1 * numbers[(*name, "distance_largest_region")]
+        )
+        assert (
+            numbers[(*name, "distance_smallest_region")]
+            < numbers["example-2d-fov", "sampling_distance"]
+        )
 
     def test_additive_blend_does_not(self, small):
         numbers = small[0]["shrinking-region"].numbers
@@ -109,13 +122,22 @@ class TestWhatThePaperClaims:
     def test_condition_12_is_sufficient_but_not_necessary(self, small):
         numbers = small[0]["switching-gain"].numbers
         assert numbers["above_bound",] >= 2
-        assert numbers["above_bound_in_band",] == numbers["above_bound_allowed",] == numbers["above_bound",]
+        assert (
+            numbers["above_bound_in_band",]
+            == numbers["above_bound_allowed",]
+            == numbers["above_bound",]
+        )
         assert numbers["below_bound_allowed",] >= 1
         assert 18.0 < numbers[50.0, "bound_12"] < 20.0
 
     def test_too_small_a_gain_leaves_the_band_though_sigma_holds(self, small):
         outcomes = {p["switching_gain"]: p["outcome"] for p in small[0]["switching-gain"].points}
-        assert outcomes == {5.0: "violated", 10.0: "beyond band", 20.0: "band, not sliding", 40.0: "sliding"}
+        assert outcomes == {
+            5.0: "violated",
+            10.0: "beyond band",
+            20.0: "band, not sliding",
+            40.0: "sliding",
+        }
 
     def test_band_is_proportional_to_the_sampling_time(self, small):
         numbers = small[0]["sampling-time"].numbers
@@ -133,7 +155,9 @@ class TestWhatThePaperClaims:
 
     def test_barrier_uses_more_of_the_space_the_faster_it_may_approach(self, small):
         unused = {
-            p["parameter"]: p["unused"] for p in small[0]["pareto"].points if p["controller"] == "hierarchical-qp"
+            p["parameter"]: p["unused"]
+            for p in small[0]["pareto"].points
+            if p["controller"] == "hierarchical-qp"
         }
         assert unused[20.0] <= unused[5.0]
 
@@ -141,7 +165,12 @@ class TestWhatThePaperClaims:
 def summary(status="converged", *, q=0.0, pixel=0.0, clearance=0.0, **given):
     """A made-up run of two joints, one marker and one row over ten seconds."""
     t = np.linspace(0.0, 10.0, 11)
-    result = {"utilization": 0.99, "violation_depth": 0.0, "acceleration_variation": 1.0, "violated": ""}
+    result = {
+        "utilization": 0.99,
+        "violation_depth": 0.0,
+        "acceleration_variation": 1.0,
+        "violated": "",
+    }
     result.update(given.pop("result", {}))
     return RunSummary(
         status,
@@ -159,7 +188,8 @@ def summary(status="converged", *, q=0.0, pixel=0.0, clearance=0.0, **given):
 
 class TestDistances:
     def test_of_known_trajectories(self):
-        one, other = summary(q=1.0, clearance=0.3, pixel=3.0), summary(q=4.0, clearance=0.1, pixel=0.0)
+        one = summary(q=1.0, clearance=0.3, pixel=3.0)
+        other = summary(q=4.0, clearance=0.1, pixel=0.0)
         assert joint_distance(one, other) == pytest.approx(3.0 * math.sqrt(2.0))
         assert clearance_distance(one, other) == pytest.approx(0.2)
         assert pixel_distance(one, other) == pytest.approx(3.0 * math.sqrt(2.0))
@@ -169,15 +199,20 @@ class TestDistances:
             assert math.isnan(distance(summary(), RunSummary("failed", "lost")))
 
     def test_over_the_time_that_both_have(self):
-        short = RunSummary("aborted", "", t=np.array([0.0, 2.0]), q=np.array([[1.0, 0.0], [1.0, 0.0]]))
+        short = RunSummary(
+            "aborted", "", t=np.array([0.0, 2.0]), q=np.array([[1.0, 0.0], [1.0, 0.0]])
+        )
         assert joint_distance(summary(), short) == pytest.approx(1.0)
 
 
 class TestDrift:
     def test_what_condition_12_needs_is_what_moves_phi(self):
-        """Between samples φ changes as L_fφ + L_gφ q̈ says, with the tracking command where no row acts."""
+        """Between samples φ changes as L_fφ + L_gφ q̈ says, with the tracking command where no row
+        acts.
+        """
         made = perform(RunSpec("example-2d-fast", overrides={"duration": 1.0}))
-        found, phi = gains(made), made.trajectory.phi
+        found = gains(made)
+        phi = made.trajectory.phi
         active = phi >= 0.0
         enters, row = np.nonzero(active[1:] & ~active[:-1])
         assert len(enters)
@@ -187,7 +222,11 @@ class TestDrift:
 
     @pytest.mark.parametrize("known", [True, False])
     def test_a_motion_that_the_controller_is_not_told_of_is_left_out(self, known):
-        made = perform(RunSpec("moving-sphere", overrides={"constraints.0.motion.known": known, "duration": 1.5}))
+        made = perform(
+            RunSpec(
+                "moving-sphere", overrides={"constraints.0.motion.known": known, "duration": 1.5}
+            )
+        )
         assert (made.trajectory.phi >= 0.0).any()
         same = gains(made)["needed_gain"] == pytest.approx(made.needed_gain().max(), rel=1e-9)
         assert same == known
@@ -206,12 +245,19 @@ class TestEvaluation:
         numbers = STUDIES["shrinking-region"].evaluate(runs).numbers
         assert numbers["example-2d-fov", "priority", "distance_falls"] == 1.0
         assert numbers["example-2d-fov", "additive", "distance_falls"] == 0.0
-        assert numbers["example-2d-fov", "sampling_distance"] == pytest.approx(0.001 * math.sqrt(2.0))
+        assert numbers["example-2d-fov", "sampling_distance"] == pytest.approx(
+            0.001 * math.sqrt(2.0)
+        )
         assert numbers["example-2d-fov", "priority", "distance_smallest_region"] == 0.0
 
     def test_switching_gain_finds_the_thresholds(self):
         def run(depth, phi, samples):
-            gains = {"needed_gain": 15.0, "entry_push": 16.0, "phi_max": phi, "longest_run": samples}
+            gains = {
+                "needed_gain": 15.0,
+                "entry_push": 16.0,
+                "phi_max": phi,
+                "longest_run": samples,
+            }
             return summary(result={"violation_depth": depth}, **gains)
 
         runs = {
@@ -226,7 +272,11 @@ class TestEvaluation:
         assert numbers[50.0, "smallest_sliding"] == 40.0
         assert numbers[50.0, "bound_12"] == 15.0
         assert numbers[50.0, "bound_sampled"] == 31.0
-        assert (numbers["above_bound",], numbers["below_bound",], numbers["below_bound_allowed",]) == (2.0, 2.0, 1.0)
+        assert (
+            numbers["above_bound",],
+            numbers["below_bound",],
+            numbers["below_bound_allowed",],
+        ) == (2.0, 2.0, 1.0)
 
     def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
         made = {10.0: summary(phi_max=0.0), 20.0: summary("failed"), 40.0: summary(phi_max=0.0)}
@@ -236,10 +286,16 @@ class TestEvaluation:
     def test_sampling_time_finds_the_exponent(self):
         def run(Ts):
             return summary(
-                Ts=Ts, entry_push=4.0, longest_run=1, result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts}
+                Ts=Ts,
+                entry_push=4.0,
+                longest_run=1,
+                result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts},
             )
 
-        runs = {STUDIES["sampling-time"].Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
+        runs = {
+            STUDIES["sampling-time"].Case("example-2d-fov", 1e3 * Ts): run(Ts)
+            for Ts in (0.001, 0.01, 0.1)
+        }
         numbers = STUDIES["sampling-time"].evaluate(runs).numbers
         assert numbers["example-2d-fov", "exponent"] == pytest.approx(2.0)
         assert numbers["example-2d-fov", "greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
@@ -248,14 +304,16 @@ class TestEvaluation:
         case = partial(STUDIES["gradient-error"].Case, "example-2d-fov")
         runs = {
             case("sliding-mode", 0.0): summary(),
-            case("sliding-mode", 0.3): summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
+            case("sliding-mode", 0.3): summary(
+                pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}
+            ),
             case("potential-field", 0.0): summary(pixel=5.0),
             case("potential-field", 0.3): summary(pixel=5.0),
         }
         result = STUDIES["gradient-error"].evaluate(runs)
-        assert result.numbers["example-2d-fov", "sliding-mode", 0.3, "deviation_px"] == pytest.approx(
-            5.0 * math.sqrt(2.0)
-        )
+        assert result.numbers[
+            "example-2d-fov", "sliding-mode", 0.3, "deviation_px"
+        ] == pytest.approx(5.0 * math.sqrt(2.0))
         assert result.numbers["example-2d-fov", "potential-field", 0.3, "deviation_px"] == 0.0
         assert "violates fov by 1.00 % of L" in result.sentences[0]
 
@@ -264,11 +322,20 @@ class TestEvaluation:
             return {
                 "unused": unused,
                 "acceleration_variation": variation,
-                "not_kept": status if status != "converged" else "a row is violated" if violation else "",
+                "not_kept": status
+                if status != "converged"
+                else "a row is violated"
+                if violation
+                else "",
             }
 
         best = [point(0.1, 9.0), point(1.0, 3.0), point(5.0, 1.0)]
-        beaten = [point(1.0, 4.0), point(6.0, 1.0), point(0.01, 0.01, 2.0), point(0.0, 0.0, 0.0, "unfinished")]
+        beaten = [
+            point(1.0, 4.0),
+            point(6.0, 1.0),
+            point(0.01, 0.01, 2.0),
+            point(0.0, 0.0, 0.0, "unfinished"),
+        ]
         assert front([*beaten, *best]) == best
 
 
@@ -282,17 +349,26 @@ class TinyStudy(Study):
     figure_caption = "Nothing."
 
     def __init__(self, laws, spoiled=""):
-        self.laws, self.spoiled = laws, spoiled
+        self.laws = laws
+        self.spoiled = spoiled
 
     def runs(self, *, small=False):
         return {
-            key: RunSpec("example-2d-fov", ControllerSpec(law), {"duration": 0.1}) for key, law in self.laws.items()
+            key: RunSpec("example-2d-fov", ControllerSpec(law), {"duration": 0.1})
+            for key, law in self.laws.items()
         }
 
     def measure(self, results):
         if self.spoiled == "measure":
             raise ZeroDivisionError("in measure")
-        return [{"key": key, "status": run.status, "reason": run.reason} for key, run in results.items()], {}, []
+        return (
+            [
+                {"key": key, "status": run.status, "reason": run.reason}
+                for key, run in results.items()
+            ],
+            {},
+            [],
+        )
 
     def draw(self, result, path):
         if self.spoiled == "draw":
@@ -310,11 +386,21 @@ class Deadly(Tracking):
 
 @pytest.fixture(scope="module")
 def spoiled(tmp_path_factory):
-    """Results of studies of which two go wrong themselves and one has runs that do, made together."""
+    """Results of studies of which two go wrong themselves and one has runs that do, made
+    together.
+    """
     folder = tmp_path_factory.mktemp("spoiled")
     (folder / "deadly_law.py").write_text(DEADLY)
-    laws = {"good": "sliding-mode", "bad": "no-such-law", "deadly": "deadly_law:Deadly", "two": "tracking"}
-    studies = {"measure": TinyStudy({"one": "tracking"}, "measure"), "draw": TinyStudy({"one": "tracking"}, "draw")}
+    laws = {
+        "good": "sliding-mode",
+        "bad": "no-such-law",
+        "deadly": "deadly_law:Deadly",
+        "two": "tracking",
+    }
+    studies = {
+        "measure": TinyStudy({"one": "tracking"}, "measure"),
+        "draw": TinyStudy({"one": "tracking"}, "draw"),
+    }
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
         return run_studies(folder=folder, workers=2, studies={**studies, "other": TinyStudy(laws)})
@@ -323,13 +409,20 @@ def spoiled(tmp_path_factory):
 class TestFailures:
     def test_a_run_that_cannot_be_made_or_whose_process_dies_costs_itself_only(self, spoiled):
         result = spoiled["other"]
-        assert [point["status"] == "failed" for point in result.points] == [False, True, True, False]
+        assert [point["status"] == "failed" for point in result.points] == [
+            False,
+            True,
+            True,
+            False,
+        ]
         bad, deadly = result.failures
         assert "no-such-law" in bad
         assert deadly == "deadly: failed, the process that ran it died"
 
     @pytest.mark.parametrize(("where", "points"), [("measure", 0), ("draw", 1)])
-    def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(self, spoiled, where, points):
+    def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(
+        self, spoiled, where, points
+    ):
         assert len(spoiled[where].points) == points
         (failure,) = spoiled[where].failures
         assert f"in {where}" in failure
@@ -346,9 +439,14 @@ class TestFailures:
 
 def test_obstacles_of_unknown_velocity_are_met_with_the_gain_of_their_scenario():
     unknown = [case for case in STUDIES["non-static"].runs() if not case.known]
-    shipped = {case.scenario: Scenario.load(case.scenario).tables["constraints"][0] for case in unknown}
+    shipped = {
+        case.scenario: Scenario.load(case.scenario).tables["constraints"][0] for case in unknown
+    }
     assert len(unknown) == 5
-    assert all(case.speed and case.switching_gain == shipped[case.scenario]["switching_gain"] for case in unknown)
+    assert all(
+        case.speed and case.switching_gain == shipped[case.scenario]["switching_gain"]
+        for case in unknown
+    )
 
 
 def test_gains_are_scaled_row_by_row():
@@ -372,7 +470,9 @@ def test_a_misspelt_key_is_refused_by_name(right, wrong, where):
     text = Path(tables.__file__).with_name("studies.toml").read_text(encoding="utf-8")
     before, name, after = text.partition("[pareto]\n")
     assert right in after
-    with pytest.raises(ConfigurationError, match=rf"key in {where} '{wrong.split()[0]}'.*{right.split()[0]}"):
+    with pytest.raises(
+        ConfigurationError, match=rf"key in {where} '{wrong.split()[0]}'.*{right.split()[0]}"
+    ):
         tables.read_tables(before + name + after.replace(right, wrong, 1))
     assert tables.read_tables(text).keys() == tables.TABLES.keys()
 
@@ -415,9 +515,22 @@ class TestUnselectedExperiments:
             assert ((experiment.depth(pixels) > 0.0) == (constraint.sigma(pixels) > 0.0)).all()
 
     @staticmethod
-    def run(status="converged", *, clearance=1.0, phi=0.01, pixel=0.0, speed=0.1, rows=("fov[marker 1]",)):
+    def run(
+        status="converged",
+        *,
+        clearance=1.0,
+        phi=0.01,
+        pixel=0.0,
+        speed=0.1,
+        rows=("fov[marker 1]",),
+    ):
         made = {
-            label: {"clearance_min": clearance, "usage_max": 1.0 - clearance / 200.0, "phi_max": phi} for label in rows
+            label: {
+                "clearance_min": clearance,
+                "usage_max": 1.0 - clearance / 200.0,
+                "phi_max": phi,
+            }
+            for label in rows
         }
         return replace(summary(status, pixel=pixel, rows=made), qd=np.full((11, 2), speed))
 
@@ -451,7 +564,9 @@ class TestUnselectedExperiments:
     )
     def test_what_an_error_changes(self, change, similar, satisfactory, little, applied):
         line = compared("fov", self.run(**change), self.run())
-        assert line["clearance_share"] == pytest.approx(100.0 * change.get("clearance", 1.0) / 200.0)
+        assert line["clearance_share"] == pytest.approx(
+            100.0 * change.get("clearance", 1.0) / 200.0
+        )
         found = [line[what] for what in ("similar", "satisfactory", "little_speed", "applied")]
         assert found == [similar, satisfactory, little, applied]
 
@@ -468,7 +583,12 @@ class TestUnselectedExperiments:
 class TestKeptBoundaries:
     @staticmethod
     def row(**changes):
-        row = {"kind": "fov", "longest_positive_run_s": 0.01, "phi_max": 0.3, "switching_gain": 10.0}
+        row = {
+            "kind": "fov",
+            "longest_positive_run_s": 0.01,
+            "phi_max": 0.3,
+            "switching_gain": 10.0,
+        }
         return {**row, "violation_depth": 0.0, "usage_max": 0.99, "challenged": True, **changes}
 
     @pytest.mark.parametrize(

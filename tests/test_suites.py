@@ -1,4 +1,6 @@
-"""Variants of scenarios in a suite: named, changed, told apart, and refused where they are wrong."""
+"""Variants of scenarios in a suite: named, changed, told apart, and refused where they are
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ def test_a_variant_is_the_scenario_with_other_values(tmp_path: Path) -> None:
     suite = load(
         tmp_path,
         '"example-2d-fov"',
-        '{ scenario = "example-2d-fov", name = "slow", title = "Slow", set = { "task.Kp0" = 5.0, duration = 4.0 } }',
+        '{ scenario = "example-2d-fov", name = "slow", title = "Slow", set = { "task.Kp0" = 5.0, '
+        "duration = 4.0 } }",
     )
     base, slow = suite.scenarios
     assert (slow.name, slow.title, slow.shipped) == ("slow", "Slow", True)
@@ -41,7 +44,12 @@ def test_each_makes_a_variant_of_every_combination(tmp_path: Path) -> None:
         '{ scenario = "example-2d-fov", name = "fov", title = "FOV", set = { duration = 1.0 }, '
         'each = { "task.Kp0" = [10, 20], "constraints.0.n" = [2, 4] } }',
     )
-    assert [scenario.name for scenario in suite.scenarios] == ["fov-10-2", "fov-10-4", "fov-20-2", "fov-20-4"]
+    assert [scenario.name for scenario in suite.scenarios] == [
+        "fov-10-2",
+        "fov-10-4",
+        "fov-20-2",
+        "fov-20-4",
+    ]
     assert suite.scenarios[1].title == "FOV, 10, 4"
     for scenario, Kp, n in zip(suite.scenarios, (10, 10, 20, 20), (2, 4, 2, 4), strict=True):
         assert scenario.tables["task"]["Kp0"] == Kp
@@ -56,7 +64,10 @@ def test_a_suite_is_named_as_text_too() -> None:
 
 def test_a_variant_of_a_file_finds_what_the_file_names(tmp_path: Path) -> None:
     example = (Path(__file__).parent.parent / "examples" / "my-arm.toml").resolve()
-    suite = load(tmp_path, f'{{ scenario = "{example.as_posix()}", name = "short", set = {{ duration = 1.0 }} }}')
+    suite = load(
+        tmp_path,
+        f'{{ scenario = "{example.as_posix()}", name = "short", set = {{ duration = 1.0 }} }}',
+    )
     (variant,) = suite.scenarios
     assert variant.folder == example.parent
     assert not variant.shipped
@@ -68,7 +79,9 @@ def test_overrides_are_in_the_configuration_and_the_fingerprint(tmp_path: Path) 
     entry = '{{ scenario = "example-2d-fov", name = "fov", set = {{ "task.Kp0" = {} }} }}'
     one, other = (load(tmp_path, entry.format(Kp)) for Kp in (5.0, 6.0))
     assert one.resolved()["scenarios"]["fov"]["tables"]["task"]["Kp0"] == 5.0
-    fingerprints = {RunSpec(suite.scenarios[0], suite.controllers[0]).fingerprint for suite in (one, other)}
+    fingerprints = {
+        RunSpec(suite.scenarios[0], suite.controllers[0]).fingerprint for suite in (one, other)
+    }
     assert len(fingerprints) == 2
 
 
@@ -88,14 +101,29 @@ def test_the_command_line_selects_and_changes_variants(tmp_path: Path) -> None:
         ("{ scenario = 'example-3d', name = 'a' }", ["example-3d", "example-2d-fov"]),
         ("{ scenario = 'example-2d-fov', name = 'a', sets = {} }", ["sets", "each"]),
         ("{ scenario = 'example-2d-fov', name = 'a', set = 1 }", ["set must be a table"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = 2.0 } }", ["each", "duration", "list"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = [] } }", ["each", "duration", "list"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'tasks.Kp0' = 1 } }", ["tasks", "in a"]),
+        (
+            "{ scenario = 'example-2d-fov', name = 'a', each = { duration = 2.0 } }",
+            ["each", "duration", "list"],
+        ),
+        (
+            "{ scenario = 'example-2d-fov', name = 'a', each = { duration = [] } }",
+            ["each", "duration", "list"],
+        ),
+        (
+            "{ scenario = 'example-2d-fov', name = 'a', set = { 'tasks.Kp0' = 1 } }",
+            ["tasks", "in a"],
+        ),
         ("{ scenario = 'example-2d-fov', name = 'a', set = { 'task.Kp' = 1 } }", ["a.task", "Kp"]),
         ("{ scenario = 'example-2d-fov', name = 'a', set = { 'task.Kp0' = -1 } }", ["Kp0"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'constraints.7.K' = 1 } }", ["7", "in a"]),
+        (
+            "{ scenario = 'example-2d-fov', name = 'a', set = { 'constraints.7.K' = 1 } }",
+            ["7", "in a"],
+        ),
         ("{ scenario = 'example-2d-fov', name = 'a/b' }", ["a/b", "file names"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = [1.0, 1.0] } }", ["a-1.0", "more than once"]),
+        (
+            "{ scenario = 'example-2d-fov', name = 'a', each = { duration = [1.0, 1.0] } }",
+            ["a-1.0", "more than once"],
+        ),
         ("{ scenario = 'example-2d-fov', name = 'a', each = { title = ['so/so'] } }", ["a-so/so"]),
     ],
 )
@@ -109,7 +137,10 @@ def test_wrong_entries_are_refused_by_name(tmp_path: Path, entry: str, words: li
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"trials": 10**9}, r"1 scenarios × 1 controllers × 1000000000 trials are 1e\+09 runs; .* may have 100000"),
+        (
+            {"trials": 10**9},
+            r"1 scenarios × 1 controllers × 1000000000 trials are 1e\+09 runs; .* may have 100000",
+        ),
         (
             {"entry": "each = { duration = [%s], 'task.Kp0' = [%s] }"},
             r"scenarios\[0\].each makes 6e\+07 variants.* 10000",
@@ -145,17 +176,25 @@ def test_settings_have_bounds() -> None:
 def test_a_set_of_a_suite_finds_files_beside_the_suite(tmp_path: Path) -> None:
     example = (Path(__file__).parent.parent / "examples" / "my-arm.toml").resolve()
     (tmp_path / "arm.urdf").write_bytes((example.parent / "six_axis.urdf").read_bytes())
-    entry = f'{{ scenario = "{example.as_posix()}", name = "own", set = {{ "robot.urdf" = "arm.urdf" }} }}'
+    entry = (
+        f'{{ scenario = "{example.as_posix()}", name = "own", set = {{ "robot.urdf" = '
+        f'"arm.urdf" }} }}'
+    )
     (variant,) = load(tmp_path, entry).scenarios
     assert variant.files[0] == tmp_path / "arm.urdf"
 
 
-def test_a_relative_file_in_a_setting_is_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "arm.urdf").write_bytes((Path(__file__).parent.parent / "examples" / "six_axis.urdf").read_bytes())
+def test_a_relative_file_in_a_setting_is_in_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "arm.urdf").write_bytes(
+        (Path(__file__).parent.parent / "examples" / "six_axis.urdf").read_bytes()
+    )
     monkeypatch.chdir(tmp_path)
     suite = Suite.load().select(["ur5-fov"], ["sliding-mode"])
     with pytest.raises(
-        ConfigurationError, match=r"starts outside|outside the image|in front of|hides markers|tool0"
+        ConfigurationError,
+        match=r"starts outside|outside the image|in front of|hides markers|tool0",
     ) as error:
         suite.select(settings=['ur5-fov.robot={urdf = "arm.urdf", tip = "tool"}'])
     assert "no URDF file" not in str(error.value)
@@ -186,5 +225,7 @@ def test_a_selection_is_called_one() -> None:
 
 def test_a_folder_of_results_is_no_suite(tmp_path: Path) -> None:
     (tmp_path / "results.csv").touch()
-    with pytest.raises(ConfigurationError, match=r"is a folder of results, not a suite: vsconstraints report"):
+    with pytest.raises(
+        ConfigurationError, match=r"is a folder of results, not a suite: vsconstraints report"
+    ):
         Suite.load(tmp_path)

@@ -1,4 +1,6 @@
-"""Test sets: frozen scenes are those that were drawn, whoever changed one is told, and campaigns run on them."""
+"""Test sets: frozen scenes are those that were drawn, whoever changed one is told, and campaigns
+run on them.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def every(tmp_path_factory: pytest.TempPathFactory) -> TestSet:
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> TestSet:
     counts = {"training": 1, "held-out": 3}
-    return TestSet.make(tmp_path_factory.mktemp("three"), [Family.load("planar-arm")], "t", counts, 0, quiet)
+    return TestSet.make(
+        tmp_path_factory.mktemp("three"), [Family.load("planar-arm")], "t", counts, 0, quiet
+    )
 
 
 @pytest.fixture
@@ -54,11 +58,15 @@ def lines(folder: Path) -> list[str]:
 
 
 def write(folder: Path, changed: list[str], index: bool = False) -> None:
-    """Write lines instead of those that are there, and their hashes too if somebody makes a set of them by hand."""
+    """Write lines instead of those that are there, and their hashes too if somebody makes a set of
+    them by hand.
+    """
     (folder / FILE).write_bytes(gzip.compress("".join(f"{line}\n" for line in changed).encode()))
     if index:
         said = json.loads((folder / "testset.json").read_text())
-        said["families"]["planar-arm"]["sha256"]["held-out"] = [hashlib.sha256(s.encode()).hexdigest() for s in changed]
+        said["families"]["planar-arm"]["sha256"]["held-out"] = [
+            hashlib.sha256(s.encode()).hexdigest() for s in changed
+        ]
         (folder / "testset.json").write_text(json.dumps(said))
 
 
@@ -76,7 +84,8 @@ def told(scene: Drawn) -> str:
 @pytest.mark.parametrize("name", families())
 def test_a_frozen_scene_is_the_drawn_one_bit_by_bit(name: str, every: TestSet) -> None:
     frozen = next(family for family in every.families if family.name == name)
-    (read, setups), (drawn, others) = frozen.set_up(0, seed=3), frozen.source.set_up(0, seed=3)
+    read, setups = frozen.set_up(0, seed=3)
+    drawn, others = frozen.source.set_up(0, seed=3)
     assert told(read) == told(drawn)
     assert tuple(setups) == frozen.conditions == frozen.source.conditions
     for condition in (frozen.conditions[0], frozen.conditions[-1]):
@@ -97,12 +106,15 @@ def test_the_shipped_set_is_whole() -> None:
 
 def test_families_of_a_test_set_do_not_draw_the_same_numbers(every: TestSet) -> None:
     scenes = {family.name: family.scene(0, seed=3) for family in every.families}
-    # without the name in the seed, whoever takes as many attempts as another family has the same noise
+    # without the name in the seed, whoever takes as many attempts as another family has the same
+    # noise
     assert len({scene.noise for scene in scenes.values()}) == len(scenes)
     for first, second in combinations(scenes.values(), 2):
         shared = first.values.keys() & second.values.keys() - {"q0"}
         assert not any(
-            first.values[key] == second.values[key] != 1.0 for key in shared if isinstance(first.values[key], float)
+            first.values[key] == second.values[key] != 1.0
+            for key in shared
+            if isinstance(first.values[key], float)
         )
 
 
@@ -127,13 +139,18 @@ def test_scenes_that_test_the_tracker_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda all_: [all_[0], all_[1].replace('"focal_px":[5', '"focal_px":[6', 1), all_[2]], "scene 1 was changed"),
+        (
+            lambda all_: [all_[0], all_[1].replace('"focal_px":[5', '"focal_px":[6', 1), all_[2]],
+            "scene 1 was changed",
+        ),
         (lambda all_: all_[:2], "scene 2 is missing"),
         (lambda all_: [*all_, all_[0]], "scene 3 is not in the index"),
         (lambda all_: [all_[1], all_[0], all_[2]], "scene 0 was changed"),
     ],
 )
-def test_what_is_not_as_it_was_made_is_named(change: Callable[..., list[str]], words: str, copy: Path) -> None:
+def test_what_is_not_as_it_was_made_is_named(
+    change: Callable[..., list[str]], words: str, copy: Path
+) -> None:
     assert say("verify", str(copy)).exit_code == 0
     before = lines(copy)
     assert change(before) != before
@@ -155,7 +172,8 @@ def _with(line: str, **changes: Any) -> str:
         (lambda line: _with(line, duration=float("nan")), "invalid character"),
         (
             lambda line: line.replace('"disturbed"', '"disturbd"', 1),
-            "number 1 with conditions nominal, disturbd, limited; they are nominal, disturbed, limited",
+            "number 1 with conditions nominal, disturbd, limited; they are nominal, disturbed, "
+            "limited",
         ),
         (lambda line: _with(line, number=2), "says that it is number 2"),
         (lambda line: _with(line, noise="many"), "Expected `int`, got `str`"),
@@ -196,8 +214,12 @@ def test_files_that_are_cut_off_added_or_gone_are_named(copy: Path) -> None:
 def test_scenes_that_are_drawn_otherwise_are_found(copy: Path) -> None:
     assert not list(TestSet.load(copy).problems(redraw=1.0))
     all_ = lines(copy)
-    write(copy, [all_[0], all_[1].replace('"focal_px":[5', '"focal_px":[6', 1), all_[2]], index=True)
-    assert list(TestSet.load(copy).problems(redraw=1.0)) == [f"{FILE}: scene 1 is another one when it is drawn here"]
+    write(
+        copy, [all_[0], all_[1].replace('"focal_px":[5', '"focal_px":[6', 1), all_[2]], index=True
+    )
+    assert list(TestSet.load(copy).problems(redraw=1.0)) == [
+        f"{FILE}: scene 1 is another one when it is drawn here"
+    ]
     assert say("verify", str(copy), "--redraw", "1").exit_code == 1
 
 
@@ -209,28 +231,40 @@ def test_laws_are_run_on_frozen_and_on_secret_scenes(
     three: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    law = "from vsconstraints.controllers import SlidingMode\nclass Mine(SlidingMode):\n    name = 'mine'\n"
+    law = (
+        "from vsconstraints.controllers import SlidingMode\nclass Mine(SlidingMode):\n    name "
+        "= 'mine'\n"
+    )
     (tmp_path / "law_of_testset.py").write_text(law)
     few = ("--set", "conditions=['nominal']", "--scenes", "1", "--jobs", "1", "--no-figures")
     for out, more in (("frozen", ()), ("secret", ("--secret-seed", "5"))):
-        done = say("run", str(three.folder), "--entry", "law_of_testset:Mine", "--out", out, *few, *more)
+        done = say(
+            "run", str(three.folder), "--entry", "law_of_testset:Mine", "--out", out, *few, *more
+        )
         assert done.exit_code == 0, done.exception or done.output
     frozen, secret = (Evidence.load(tmp_path / out, trust=True) for out in ("frozen", "secret"))
     assert {"mine", "sliding-mode", "predictive", "tracking"} <= {*frozen.controllers}
     for evidence in (frozen, secret):
-        own, reference = (evidence.runs[evidence.runs.controller == name] for name in ("mine", "sliding-mode"))
+        own, reference = (
+            evidence.runs[evidence.runs.controller == name] for name in ("mine", "sliding-mode")
+        )
         assert own.settling_time_s.tolist() == reference.settling_time_s.tolist()
     assert told(frozen.drawn("planar-arm", 0)) == told(three.families[0].scene(0))
     assert told(secret.drawn("planar-arm", 0)) == told(three.families[0].source.scene(0, seed=5))
     assert secret.drawn("planar-arm", 0).values != frozen.drawn("planar-arm", 0).values
 
 
-def test_laws_of_a_suite_are_run_on_its_scenes(three: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_laws_of_a_suite_are_run_on_its_scenes(
+    three: TestSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ran: list[Campaign] = []
-    monkeypatch.setattr("vsconstraints.cli.testset.run_campaign", lambda campaign, *_: ran.append(campaign))
+    monkeypatch.setattr(
+        "vsconstraints.cli.testset.run_campaign", lambda campaign, *_: ran.append(campaign)
+    )
     suite = tmp_path / "two.toml"
     suite.write_text(
-        'scenarios = ["example-2d-fov"]\n[controllers.calm]\ntype = "sliding-mode"\nswitching_gain = 0.5\n'
+        'scenarios = ["example-2d-fov"]\n[controllers.calm]\ntype = '
+        '"sliding-mode"\nswitching_gain = 0.5\n'
         '[controllers.saturation]\ntype = "law"\ndemand = "barrier"\nresolver = "saturation"\n'
     )
     assert say("run", str(three.folder), "--laws", str(suite)).exit_code == 0
@@ -240,7 +274,9 @@ def test_laws_of_a_suite_are_run_on_its_scenes(three: TestSet, tmp_path: Path, m
 
 def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path) -> None:
     write(copy, lines(copy)[:2], index=True)
-    ours, theirs = (Campaign.load().changed(families=each.families) for each in (three, TestSet.load(copy)))
+    ours, theirs = (
+        Campaign.load().changed(families=each.families) for each in (three, TestSet.load(copy))
+    )
     assert ours.identities() != theirs.identities()
 
 
@@ -254,21 +290,37 @@ def test_results_of_another_version_are_not_mixed_in(three: TestSet, copy: Path)
         (("--slower", "20"), "give --time-passes, too"),
     ],
 )
-def test_what_cannot_be_run_is_refused(words: tuple[str, ...], answer: str, three: TestSet, tmp_path: Path) -> None:
+def test_what_cannot_be_run_is_refused(
+    words: tuple[str, ...], answer: str, three: TestSet, tmp_path: Path
+) -> None:
     refused = say("run", str(three.folder), "--out", str(tmp_path / "out"), *words)
     assert isinstance(refused.exception, ConfigurationError)
     assert answer in str(refused.exception)
-    with pytest.raises(ConfigurationError, match="has 3 scenes of seed 0, and no scene 3 of seed 1"):
+    with pytest.raises(
+        ConfigurationError, match="has 3 scenes of seed 0, and no scene 3 of seed 1"
+    ):
         three.families[0].scene(3, seed=1)
 
 
 def test_a_test_set_is_made_once_and_of_scenes_alone(tmp_path: Path) -> None:
-    made = say("make", "--family", "planar-arm", "--scenes", "1", "--version", "t", "--out", str(tmp_path / "a"))
+    made = say(
+        "make",
+        "--family",
+        "planar-arm",
+        "--scenes",
+        "1",
+        "--version",
+        "t",
+        "--out",
+        str(tmp_path / "a"),
+    )
     assert made.exit_code == 0, made.exception
     again = say("make", "--family", "planar-arm", "--scenes", "1", "--out", str(tmp_path / "a"))
     assert "never changed" in str(again.exception)
     (tmp_path / "arm.urdf").write_text("<robot/>")
-    (tmp_path / "own.toml").write_text('extends = "example-2d-fov"\nrobot = { urdf = "arm.urdf" }\n')
+    (tmp_path / "own.toml").write_text(
+        'extends = "example-2d-fov"\nrobot = { urdf = "arm.urdf" }\n'
+    )
     needs = say("make", "--family", str(tmp_path / "own.toml"), "--out", str(tmp_path / "b"))
     assert "needs files" in str(needs.exception)
     twice = ("--family", "planar-arm", "--family", "planar-arm", "--scenes", "1")

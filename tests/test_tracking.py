@@ -26,7 +26,9 @@ def scene_and_goals(count: int = 2, seed: int = 1) -> tuple[Scene, Array, Array,
     rng = np.random.default_rng(seed)
     scene, q, qd = random_scene(robot("viper-s650"), rng)
     state = scene.evaluate(0.0, q, qd)
-    goals = [replace(random_goal(state, scene.camera, rng, 0.8), from_time=2.0 * i) for i in range(count)]
+    goals = [
+        replace(random_goal(state, scene.camera, rng, 0.8), from_time=2.0 * i) for i in range(count)
+    ]
     return scene, q, qd, goals
 
 
@@ -89,7 +91,9 @@ def test_gains_that_are_none_are_refused(arguments: dict[str, float], words: str
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.name)
 def test_the_task_makes_the_error_obey_a_damped_oscillator(feature: Feature) -> None:
-    """With J q̈ = b, ë = −K_v ė − K_p e: checked on the error's own second derivative along that motion."""
+    """With J q̈ = b, ë = −K_v ė − K_p e: checked on the error's own second derivative along that
+    motion.
+    """
     scene, q, qd, goals = scene_and_goals()
     gains = TrackingGains(7.0, 3.0)
     task = VisualTask(feature, goals, gains)
@@ -106,7 +110,9 @@ def test_the_task_makes_the_error_obey_a_damped_oscillator(feature: Feature) -> 
 
     Kp, Kv = gains.at(error)
     wanted = -Kv * motion.velocity - Kp * error
-    np.testing.assert_allclose(slope(velocity, 2e-4), wanted + (met - demand.b), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        slope(velocity, 2e-4), wanted + (met - demand.b), rtol=1e-6, atol=1e-6
+    )
     assert np.abs(wanted).max() > 0.1
     np.testing.assert_array_equal(error, motion.error)
 
@@ -124,7 +130,9 @@ def test_goals_change_at_their_times(feature: Feature) -> None:
     for t, goal in ((0.0, goals[0]), (2.0, goals[1]), (4.5, goals[2])):
         state = scene.evaluate(t, q, qd)
         _, error = evaluate_task(task, state)
-        np.testing.assert_allclose(error, feature_motion(feature, state, goal, None).error, atol=1e-12)
+        np.testing.assert_allclose(
+            error, feature_motion(feature, state, goal, None).error, atol=1e-12
+        )
 
 
 def test_the_first_goal_holds_from_the_start_whatever_its_time() -> None:
@@ -160,7 +168,9 @@ def terms(feature: Feature, state: State, goal: Goal, gains: TrackingGains, b: A
 
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.name)
-def test_differences_start_afresh_at_the_first_sample_and_where_the_goal_changes(feature: Feature) -> None:
+def test_differences_start_afresh_at_the_first_sample_and_where_the_goal_changes(
+    feature: Feature,
+) -> None:
     scene, q, qd, goals = scene_and_goals(2)
     gains = TrackingGains(5.0)
     task = VisualTask(feature, goals, gains, drift="differences", velocity="differences")
@@ -174,7 +184,11 @@ def test_differences_start_afresh_at_the_first_sample_and_where_the_goal_changes
     np.testing.assert_allclose(started.b, -Kp * motion.error - Kv * motion.velocity, rtol=1e-12)
     running, _ = evaluate_task(task, second)
     now = feature_motion(feature, second, goals[0], motion.error)
-    expected = -Kp * now.error - Kv * (now.error - motion.error) / Ts - (now.J - motion.J) @ second.robot.qd / Ts
+    expected = (
+        -Kp * now.error
+        - Kv * (now.error - motion.error) / Ts
+        - (now.J - motion.J) @ second.robot.qd / Ts
+    )
     Kp_now = gains.at(now.error)[0]
     assert Kp_now == Kp
     np.testing.assert_allclose(running.b, expected, rtol=1e-9, atol=1e-9)
@@ -187,7 +201,9 @@ def test_differences_start_afresh_at_the_first_sample_and_where_the_goal_changes
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.name)
 @pytest.mark.parametrize("which", ["drift", "velocity"])
-def test_differences_converge_to_the_exact_derivative_with_first_order(feature: Feature, which: str) -> None:
+def test_differences_converge_to_the_exact_derivative_with_first_order(
+    feature: Feature, which: str
+) -> None:
     scene, q, qd, goals = scene_and_goals(1)
     gains = TrackingGains(4.0)
     exact, _ = evaluate_task(VisualTask(feature, goals, gains), scene.evaluate(1.0, q, qd))
@@ -206,7 +222,9 @@ def test_differences_converge_to_the_exact_derivative_with_first_order(feature: 
 
 def test_two_samples_at_one_time_do_not_divide_by_zero() -> None:
     scene, q, qd, goals = scene_and_goals(1)
-    task = VisualTask(CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences")
+    task = VisualTask(
+        CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences"
+    )
     state = scene.evaluate(1.0, q, qd)
     first, _ = evaluate_task(task, state)
     again, _ = evaluate_task(task, state)
@@ -215,13 +233,17 @@ def test_two_samples_at_one_time_do_not_divide_by_zero() -> None:
 
 def test_reset_forgets_the_last_sample() -> None:
     scene, q, qd, goals = scene_and_goals(1)
-    task = VisualTask(CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences")
+    task = VisualTask(
+        CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences"
+    )
     early, late = states_along(scene, q, qd, np.array([0.0, 0.01]))
     evaluate_task(task, early)
     continued, _ = evaluate_task(task, late)
     reset(task)
     afresh, _ = evaluate_task(task, late)
-    other = VisualTask(CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences")
+    other = VisualTask(
+        CameraPose(), goals, TrackingGains(1.0), drift="differences", velocity="differences"
+    )
     alone, _ = evaluate_task(other, late)
     np.testing.assert_array_equal(afresh.b, alone.b)
     assert not np.array_equal(afresh.b, continued.b)
@@ -254,7 +276,12 @@ def test_the_rotation_stays_continuous_through_half_a_turn() -> None:
 def test_a_reference_goes_from_start_to_goal_and_rests_there() -> None:
     start = np.array([0.4, -1.2])
     reference = MinimumJerk(2.5)
-    for elapsed, expected in ((0.0, start), (2.5, 0.0 * start), (7.0, 0.0 * start), (1.25, 0.5 * start)):
+    for elapsed, expected in (
+        (0.0, start),
+        (2.5, 0.0 * start),
+        (7.0, 0.0 * start),
+        (1.25, 0.5 * start),
+    ):
         s_ref, rate, acceleration = reference.at(elapsed, start)
         np.testing.assert_allclose(s_ref, expected, atol=1e-15)
         if elapsed != 1.25:
@@ -263,11 +290,17 @@ def test_a_reference_goes_from_start_to_goal_and_rests_there() -> None:
 
 
 def test_derivatives_of_a_reference_are_those_of_finite_differences() -> None:
-    start, reference, h = np.array([0.4, -1.2]), MinimumJerk(2.5), 1e-5
+    start = np.array([0.4, -1.2])
+    reference = MinimumJerk(2.5)
+    h = 1e-5
     for elapsed in np.linspace(0.05, 2.4, 17):
-        before, (_, rate, acceleration), after = (reference.at(elapsed + step, start) for step in (-h, 0.0, h))
+        before, (_, rate, acceleration), after = (
+            reference.at(elapsed + step, start) for step in (-h, 0.0, h)
+        )
         np.testing.assert_allclose(rate, (after[0] - before[0]) / (2.0 * h), rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(acceleration, (after[1] - before[1]) / (2.0 * h), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            acceleration, (after[1] - before[1]) / (2.0 * h), rtol=1e-6, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
@@ -278,7 +311,9 @@ def test_a_reference_takes_a_positive_time(duration: float) -> None:
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.name)
 def test_a_reference_enters_error_rate_and_acceleration(feature: Feature) -> None:
-    """b = s̈_ref − K_p (s − s_ref) − K_v (ṡ − ṡ_ref) − J̇_s q̇, with s_ref written out here (eqs. 41 and 42)."""
+    """b = s̈_ref − K_p (s − s_ref) − K_v (ṡ − ṡ_ref) − J̇_s q̇, with s_ref written out here (eqs.
+    41 and 42).
+    """
     scene, q, qd, goals = scene_and_goals(1)
     gains = TrackingGains(5.0, 3.0)
     task = VisualTask(feature, [replace(goals[0], reference=MinimumJerk(1.6))], gains)
@@ -289,24 +324,31 @@ def test_a_reference_enters_error_rate_and_acceleration(feature: Feature) -> Non
         if t == 0.2:
             start = motion.error
         x = min((t - 0.2) / 1.6, 1.0)
-        left, rate, acceleration = np.polyval([-6, 15, -10, 0, 0, 1], x), 0.0, 0.0
+        left = np.polyval([-6, 15, -10, 0, 0, 1], x)
+        rate = 0.0
+        acceleration = 0.0
         if x < 1.0:
             rate = np.polyval([-30, 60, -30, 0, 0], x) / 1.6
             acceleration = np.polyval([-120, 180, -60, 0], x) / 1.6**2
         np.testing.assert_allclose(error, motion.error - left * start, atol=1e-12)
         Kp, Kv = gains.at(error)
-        expected = acceleration * start - Kp * error - Kv * (motion.velocity - rate * start) - motion.drift
+        expected = (
+            acceleration * start - Kp * error - Kv * (motion.velocity - rate * start) - motion.drift
+        )
         np.testing.assert_allclose(found.b, expected, rtol=1e-10, atol=1e-10)
 
 
 def test_lines_3_and_4_of_appendix_b_difference_the_reference() -> None:
     scene, q, qd, goals = scene_and_goals(1)
-    reference, Ts, gains = MinimumJerk(1.6), 0.01, TrackingGains(5.0)
+    reference = MinimumJerk(1.6)
+    Ts = 0.01
+    gains = TrackingGains(5.0)
     goal = replace(goals[0], reference=reference)
     task = VisualTask(CameraPose(), [goal], gains, reference="differences")
     exact = VisualTask(CameraPose(), [goal], gains)
     start = feature_motion(CameraPose(), scene.evaluate(0.0, q, qd), goal, None).error
-    s_ref, rate = start, np.zeros(6)
+    s_ref = start
+    rate = np.zeros(6)
     for k in range(6):
         state = scene.evaluate(k * Ts, q + k * Ts * qd, qd)
         found, error = evaluate_task(task, state)
@@ -315,7 +357,8 @@ def test_lines_3_and_4_of_appendix_b_difference_the_reference() -> None:
         now, its_rate, its_acceleration = reference.at(k * Ts, start)
         new_rate = (now - s_ref) / Ts if k else np.zeros(6)
         acceleration = (new_rate - rate) / Ts if k else np.zeros(6)
-        s_ref, rate = now, new_rate
+        s_ref = now
+        rate = new_rate
         Kv = gains.at(error)[1]
         change = acceleration - its_acceleration + Kv * (rate - its_rate)
         np.testing.assert_allclose(found.b - other.b, change, rtol=1e-9, atol=1e-9)
@@ -330,7 +373,9 @@ def test_differences_of_a_reference_start_afresh_where_the_goal_changes() -> Non
     for state in states_along(scene, q, qd, np.array([1.98, 1.99])):
         evaluate_task(task, state)
     (at_change,) = states_along(scene, q, qd, np.array([2.0]))
-    np.testing.assert_array_equal(evaluate_task(task, at_change)[0].b, evaluate_task(fresh, at_change)[0].b)
+    np.testing.assert_array_equal(
+        evaluate_task(task, at_change)[0].b, evaluate_task(fresh, at_change)[0].b
+    )
     np.testing.assert_allclose(evaluate_task(task, at_change)[1], 0.0, atol=1e-12)
 
 
@@ -342,7 +387,8 @@ def test_a_scenario_with_a_reference_follows_it() -> None:
     run = simulate(setup, Tracking())
     assert run.status == "converged"
     at_once = simulate(
-        scenario.with_override("task.goals", [{"camera_at_q": [-0.72, -1.744, 4.2]}]).setup(), Tracking()
+        scenario.with_override("task.goals", [{"camera_at_q": [-0.72, -1.744, 4.2]}]).setup(),
+        Tracking(),
     )
     assert np.abs(run.error).max() < 0.02 < np.abs(at_once.error).max()
     halfway = int(np.argmin(np.abs(run.t - 1.5)))
@@ -351,30 +397,43 @@ def test_a_scenario_with_a_reference_follows_it() -> None:
 
 @pytest.mark.parametrize("value", [0.0, -1.0, "soon"])
 def test_a_scenario_says_what_is_wrong_with_its_reference(value: object) -> None:
-    with pytest.raises((ConfigurationError, InvalidInput), match=r"reach_in|duration of a reference"):
+    with pytest.raises(
+        (ConfigurationError, InvalidInput), match=r"reach_in|duration of a reference"
+    ):
         Scenario.load("example-2d-fov").with_override("task.goals.0.reach_in", value).setup()
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
 def test_a_held_rest_is_by_the_implicit_midpoint_rule(h: float) -> None:
     """What is held equals what is asked in the middle, of a motion that holds it."""
-    damping, stiffness, posture, q, qd = 5.0, 6.25, 0.3, 0.7, -0.4
+    damping = 5.0
+    stiffness = 6.25
+    posture = 0.3
+    q = 0.7
+    qd = -0.4
     a = held_rest(resting(q, qd, posture, damping, stiffness), qd, damping, stiffness, h)
-    q_mid, qd_mid = 0.5 * (q + q + h * qd + 0.5 * h * h * a), qd + 0.5 * h * a
+    q_mid = 0.5 * (q + q + h * qd + 0.5 * h * h * a)
+    qd_mid = qd + 0.5 * h * a
     assert a == pytest.approx(-damping * qd_mid + stiffness * (posture - q_mid), rel=1e-12)
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
 def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
     """What is held equals what the law asks in the middle, of a motion that holds it."""
-    Kp, Kv, e, rate = 20.0, 13.0, 0.7, -0.4
+    Kp = 20.0
+    Kv = 13.0
+    e = 0.7
+    rate = -0.4
     P, V = held_gains(Kp, Kv, h)
     a = -P * e - V * rate
-    e_mid, rate_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a), rate + 0.5 * h * a
+    e_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a)
+    rate_mid = rate + 0.5 * h * a
     assert a == pytest.approx(-Kp * e_mid - Kv * rate_mid, rel=1e-12)
     energy = Kp * e * e + rate * rate
     for _ in range(200):
-        a, before = -P * e - V * rate, energy
-        e, rate = e + h * rate + 0.5 * h * h * a, rate + h * a
+        a = -P * e - V * rate
+        before = energy
+        e = e + h * rate + 0.5 * h * h * a
+        rate = rate + h * a
         energy = Kp * e * e + rate * rate
         assert energy < before

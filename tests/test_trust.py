@@ -1,4 +1,6 @@
-"""Stored results are data: whoever reads them runs nothing, writes nothing elsewhere, and asks nobody."""
+"""Stored results are data: whoever reads them runs nothing, writes nothing elsewhere, and asks
+nobody.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,11 @@ def watch() -> Watch:
 def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("real") / "results"
     settings = ["scenario.duration=0.2"]
-    compare(Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings), folder, workers=1)
+    compare(
+        Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings),
+        folder,
+        workers=1,
+    )
     return folder
 
 
@@ -122,7 +128,8 @@ READERS: dict[str, Callable[[Path, bool], object]] = {
 
 @pytest.mark.parametrize("reader", READERS)
 def test_a_comparison_that_names_code_is_read_without_it(reader: str, with_code: Path) -> None:
-    path, said = list(sys.path), ""
+    path = list(sys.path)
+    said = ""
     try:
         READERS[reader](with_code, False)
     except ConfigurationError as error:
@@ -136,10 +143,20 @@ def test_a_comparison_that_names_code_is_read_without_it(reader: str, with_code:
     assert ran(with_code)
 
 
-def test_one_line_of_each_command_says_that_code_is_not_run(with_code: Path, tmp_path: Path) -> None:
-    for words in (["report", str(with_code)], ["replay", str(with_code / "trajectories" / NPZ), "--gif", "a.gif"]):
+def test_one_line_of_each_command_says_that_code_is_not_run(
+    with_code: Path, tmp_path: Path
+) -> None:
+    for words in (
+        ["report", str(with_code)],
+        ["replay", str(with_code / "trajectories" / NPZ), "--gif", "a.gif"],
+    ):
         done = CliRunner().invoke(app, words)
-        assert done.stderr.count("note: some of what is drawn needs code that is named there, 'own:Mine'") == 1
+        assert (
+            done.stderr.count(
+                "note: some of what is drawn needs code that is named there, 'own:Mine'"
+            )
+            == 1
+        )
     assert not ran(with_code)
     for words in (["diff", str(with_code), str(with_code)], ["verify", str(with_code)]):
         CliRunner().invoke(app, words)
@@ -148,7 +165,9 @@ def test_one_line_of_each_command_says_that_code_is_not_run(with_code: Path, tmp
     assert ran(with_code)
 
 
-def test_code_in_an_installed_package_is_not_run_either(real: Path, tmp_path: Path, watch: Watch) -> None:
+def test_code_in_an_installed_package_is_not_run_either(
+    real: Path, tmp_path: Path, watch: Watch
+) -> None:
     def name(manifest: dict[str, Any]) -> None:
         (scenario,) = manifest["configuration"]["scenarios"].values()
         scenario["tables"]["constraints"][0]["type"] = "antigravity:Mine"
@@ -200,8 +219,15 @@ def test_a_law_of_a_campaign_is_made_only_where_it_is_trusted(
     folder = shutil.copytree(drawn, tmp_path / "results")
     for path in folder.rglob("*.parquet"):
         path.unlink()
-    changed(folder, lambda manifest: manifest["configuration"]["controllers"].update(mine={"type": "own_law:Law"}))
-    with pytest.raises(ConfigurationError, match="controller mine needs code that is named there, 'own_law:Law'"):
+    changed(
+        folder,
+        lambda manifest: manifest["configuration"]["controllers"].update(
+            mine={"type": "own_law:Law"}
+        ),
+    )
+    with pytest.raises(
+        ConfigurationError, match="controller mine needs code that is named there, 'own_law:Law'"
+    ):
         replay(folder, "quick", 0, "nominal", "mine")
     assert not ran(folder)
     replay(folder, "quick", 0, "nominal", "mine", trust=True)
@@ -220,14 +246,20 @@ def test_no_pickle_is_read(real: Path, tmp_path: Path) -> None:
     file = folder / "trajectories" / NPZ
     with np.load(file) as stored:
         arrays = {name: stored[name] for name in stored.files}
-    np.savez_compressed(file, allow_pickle=True, **{**arrays, "phi": np.array([Acts()], dtype=object)})
+    np.savez_compressed(
+        file, allow_pickle=True, **{**arrays, "phi": np.array([Acts()], dtype=object)}
+    )
     assert StoredComparison.load(folder).run("example-2d-fov", "sliding-mode") is None
     assert not (tmp_path / "has-run").exists()
 
 
 @pytest.mark.parametrize("what", ["scenarios", "controllers"])
-@pytest.mark.parametrize("name", ["../../../x", "/tmp/x", "a/b", "..", "", "a--b", "![x](y)", "a\nb", "x" * 101])
-def test_names_that_files_are_named_after_are_looked_at(what: str, name: str, real: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["../../../x", "/tmp/x", "a/b", "..", "", "a--b", "![x](y)", "a\nb", "x" * 101]
+)
+def test_names_that_files_are_named_after_are_looked_at(
+    what: str, name: str, real: Path, tmp_path: Path
+) -> None:
     def rename(manifest: dict[str, Any]) -> None:
         table = manifest["configuration"][what]
         table[name] = table.pop(list(table)[-1])
@@ -279,19 +311,28 @@ def test_a_device_is_no_file_of_a_scenario(real: Path, tmp_path: Path) -> None:
         scenario["tables"]["camera"] = {"calibration": "/dev/zero"}
 
     folder = changed(shutil.copytree(real, tmp_path / "results"), name)
-    assert "'/dev/zero', which is neither a file" in write_report(folder).read_text(encoding="utf-8")
+    assert "'/dev/zero', which is neither a file" in write_report(folder).read_text(
+        encoding="utf-8"
+    )
 
 
 BAIT = "http://127.0.0.1:9/bait"
 HOSTILE = (
-    f"![x]({BAIT}) [here]({BAIT}) <img src={BAIT}> <{BAIT}> <script>fetch('{BAIT}')</script> `x` | ![][b]\n\n"
+    f"![x]({BAIT}) [here]({BAIT}) <img src={BAIT}> <{BAIT}> <script>fetch('{BAIT}')</script> `x` "
+    f"| ![][b]\n\n"
     f"[b]: {BAIT}\n\n<img src='{BAIT}'>\n\n![x]({BAIT})"
 )
 """A text that asks a server, in every way that Markdown and HTML know."""
 
 
 def everywhere(data: Any) -> Iterator[tuple[Any, Any]]:
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    items = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data)
+        if isinstance(data, list)
+        else ()
+    )
     for key, inner in items:
         if isinstance(inner, str):
             yield data, key
@@ -304,12 +345,18 @@ def addresses(text: str) -> set[str]:
     for token in MarkdownIt("commonmark").enable("table").parse(text):
         for one in (token, *(token.children or ())):
             found |= {str(one.attrs[name]) for name in ("src", "href") if name in one.attrs}
-            found |= {one.content} if one.type.startswith("html") and "<a id=" not in one.content else set()
+            found |= (
+                {one.content}
+                if one.type.startswith("html") and "<a id=" not in one.content
+                else set()
+            )
     return found - {"</a>"}
 
 
 def hostile(folder: Path) -> Path:
-    """A comparison with such a text wherever one can be: in the manifest and in the cells of its tables."""
+    """A comparison with such a text wherever one can be: in the manifest and in the cells of its
+    tables.
+    """
 
     def bait(manifest: dict[str, Any]) -> None:
         configuration = manifest["configuration"]
@@ -332,7 +379,11 @@ def hostile(folder: Path) -> Path:
     ):
         lines = read_table(folder / name, columns)
         for i, line in enumerate(lines):
-            line |= {text: f"{HOSTILE}{i}" if text == "constraint" else HOSTILE for text in texts if text in columns}
+            line |= {
+                text: f"{HOSTILE}{i}" if text == "constraint" else HOSTILE
+                for text in texts
+                if text in columns
+            }
             line["trial"] = int(line["trial"])
             line["violation_depth"] = 0.5
             line |= (
@@ -345,7 +396,9 @@ def hostile(folder: Path) -> Path:
 
 
 def test_whatever_a_text_says_a_report_asks_nobody(real: Path, tmp_path: Path) -> None:
-    folder = hostile(shutil.copytree(real, tmp_path / "results", ignore=shutil.ignore_patterns("trajectories")))
+    folder = hostile(
+        shutil.copytree(real, tmp_path / "results", ignore=shutil.ignore_patterns("trajectories"))
+    )
     report = write_report(folder, figures=False)
     text = report.read_text(encoding="utf-8")
     assert text.count(BAIT) > 20
@@ -353,23 +406,35 @@ def test_whatever_a_text_says_a_report_asks_nobody(real: Path, tmp_path: Path) -
     assert not [address for address in found if BAIT in address], found
     page = page_of(report).read_text(encoding="utf-8")
     elements = html5lib.parse(page, namespaceHTMLElements=False).iter()
-    asked = [str(one.get(name)) for one in elements for name in ("src", "href", "srcset", "style") if one.get(name)]
+    asked = [
+        str(one.get(name))
+        for one in elements
+        for name in ("src", "href", "srcset", "style")
+        if one.get(name)
+    ]
     assert not [address for address in asked if BAIT in address], asked
     assert "default-src 'none'" in page
 
 
-@pytest.mark.skipif(program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed")
+@pytest.mark.skipif(
+    program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed"
+)
 def test_a_page_fetches_nothing_even_where_it_says_so(real: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(real, tmp_path / "results")
     page_file = page_of(write_report(folder))
     page = page_file.read_text(encoding="utf-8")
     # what escaping may have missed
-    bait = f"<img src='{BAIT}'><link rel='stylesheet' href='{BAIT}'><iframe src='{BAIT}'></iframe><script>x=1</script>"
+    bait = (
+        f"<img src='{BAIT}'><link rel='stylesheet' href='{BAIT}'><iframe "
+        f"src='{BAIT}'></iframe><script>x=1</script>"
+    )
     page_file.write_text(page.replace("<main>", f"<main>{bait}"), encoding="utf-8")
     with browser(tmp_path / "browser") as opened:
         opened.open(page_file.as_uri())
         opened.wait("document.readyState === 'complete' && location.protocol === 'file:'")
-        figures = opened.value("[...document.images].filter(i => !i.src.includes('bait')).map(i => i.naturalWidth)")
+        figures = opened.value(
+            "[...document.images].filter(i => !i.src.includes('bait')).map(i => i.naturalWidth)"
+        )
         blocked = [text for text in opened.complaints if "Content Security Policy" in text]
     assert figures
     assert all(width > 0 for width in figures)
@@ -377,7 +442,9 @@ def test_a_page_fetches_nothing_even_where_it_says_so(real: Path, tmp_path: Path
 
 
 CELLS = {
-    "run code": lambda did: any(text.startswith(("import", "os.system", "subprocess")) for text in did),
+    "run code": lambda did: any(
+        text.startswith(("import", "os.system", "subprocess")) for text in did
+    ),
     "write": lambda did: any(text.startswith(("open", "os.")) for text in did),
     "reach the network": lambda did: any(text.startswith("socket") for text in did),
 }
@@ -386,7 +453,11 @@ CELLS = {
 def page_table() -> dict[str, dict[str, str]]:
     """The table of the page on trust, by kind of file."""
     text = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+    lines = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in text.splitlines()
+        if line.startswith("|")
+    ]
     return {line[0]: dict(zip(lines[0], line, strict=True)) for line in lines[2:]}
 
 
@@ -403,7 +474,10 @@ KINDS: dict[str, Callable[[Path, Path], object]] = {
 def test_the_page_on_trust_says_what_readers_do(
     kind: str, real: Path, drawn: Path, tmp_path: Path, watch: Watch
 ) -> None:
-    folders = shutil.copytree(real, tmp_path / "in" / "real"), shutil.copytree(drawn, tmp_path / "in" / "drawn")
+    folders = (
+        shutil.copytree(real, tmp_path / "in" / "real"),
+        shutil.copytree(drawn, tmp_path / "in" / "drawn"),
+    )
     with watch.over(tmp_path / "in") as did:
         KINDS[kind](*folders)
     cells = page_table()[kind]
@@ -425,11 +499,15 @@ def test_the_page_on_trust_says_what_pages_do(kind: str) -> None:
     assert "*" not in policy
     cells = page_table()[kind]
     assert cells["may reach the network"] == "no"
-    assert cells["may run code"] == ("no" if "script-src" not in rules else "its own scripts, in the browser")
+    assert cells["may run code"] == (
+        "no" if "script-src" not in rules else "its own scripts, in the browser"
+    )
 
 
 def test_folders_without_checksums_are_read_with_a_line_that_says_so(tmp_path: Path) -> None:
-    kept = shutil.copytree(ROOT / "reports" / "default", tmp_path / "kept", ignore=shutil.ignore_patterns(SUMS))
+    kept = shutil.copytree(
+        ROOT / "reports" / "default", tmp_path / "kept", ignore=shutil.ignore_patterns(SUMS)
+    )
     done = CliRunner().invoke(app, ["report", str(kept), "--no-figures"])
     assert done.exit_code == 0, done.output
     assert done.stderr.count("carries no checksums") == 1

@@ -25,9 +25,21 @@ from vsconstraints.errors import VsconstraintsError
 
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")
 PROCESSES = ("os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen")
-CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.truncate", "os.symlink", "os.link", "shutil.")
+CHANGES = (
+    "os.remove",
+    "os.rename",
+    "os.mkdir",
+    "os.rmdir",
+    "os.truncate",
+    "os.symlink",
+    "os.link",
+    "shutil.",
+)
 MARK = "HAS_RUN"
-OWN = f"import os\nos.environ['{MARK}'] = '1'\nfrom vsconstraints.controllers import Tracking as Law\n"
+OWN = (
+    f"import os\nos.environ['{MARK}'] = '1'\nfrom vsconstraints.controllers import Tracking as "
+    f"Law\n"
+)
 
 
 @dataclass
@@ -47,7 +59,11 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
     for seen in _seen or ():  # None once the interpreter ends
         if event == "open" and isinstance(arguments[0], (str, os.PathLike)):
             _, mode, flags = arguments
-            writes = any(letter in mode for letter in "wax+") if mode else flags & (os.O_WRONLY | os.O_RDWR)
+            writes = (
+                any(letter in mode for letter in "wax+")
+                if mode
+                else flags & (os.O_WRONLY | os.O_RDWR)
+            )
             (seen.written if writes else seen.read).add(os.fspath(arguments[0]))
         elif event.startswith(CHANGES):
             seen.written.add(str(arguments[0]))
@@ -75,12 +91,17 @@ def watched(seen: Seen | None = None) -> Iterator[Seen]:
 
 
 def toml(folder: Path) -> Seen:
-    """A suite with a law of its own, and a scenario that names a calibration; without the law nothing is run."""
+    """A suite with a law of its own, and a scenario that names a calibration; without the law
+    nothing is run.
+    """
     written(folder / "eye.yaml", ros())
     (folder / "mine.py").write_text(OWN)
     (folder / "scene.toml").write_text('extends = "ur5-fov"\n[camera]\ncalibration = "eye.yaml"\n')
     suite = folder / "suite.toml"
-    for controllers, runs in (('[controllers.mine]\ntype = "mine:Law"\n', True), ("[controllers.tracking]\n", False)):
+    for controllers, runs in (
+        ('[controllers.mine]\ntype = "mine:Law"\n', True),
+        ("[controllers.tracking]\n", False),
+    ):
         suite.write_text(f'scenarios = ["scene.toml"]\n{controllers}')
         with watched() as seen:
             loaded = Suite.load(suite).checked()
@@ -90,7 +111,10 @@ def toml(folder: Path) -> Seen:
         assert seen.run == ({"own code"} if runs else set())
         if runs:
             found = seen
-    assert {Path(path).name for path in found.read if path.startswith(str(folder))} >= {"suite.toml", "eye.yaml"}
+    assert {Path(path).name for path in found.read if path.startswith(str(folder))} >= {
+        "suite.toml",
+        "eye.yaml",
+    }
     return found
 
 
@@ -99,7 +123,11 @@ def calibration(folder: Path) -> Seen:
     file = written(folder / "eye.yaml", ros())
     with watched() as seen:
         Camera.from_calibration(file)
-    for value in ("!!python/module:mine", "!!python/object/apply:os.system ['touch here']", "!include /etc/passwd"):
+    for value in (
+        "!!python/module:mine",
+        "!!python/object/apply:os.system ['touch here']",
+        "!include /etc/passwd",
+    ):
         file.write_text(f"image_width: {value}\n")
         with watched(seen), suppress(VsconstraintsError):
             Camera.from_calibration(file)
@@ -114,15 +142,27 @@ def calibration(folder: Path) -> Seen:
 
 
 def urdf(folder: Path) -> Seen:
-    """With a mesh, an entity that stands for another file, and meshes that would have to be fetched."""
+    """With a mesh, an entity that stands for another file, and meshes that would have to be
+    fetched.
+    """
     (folder / "a.stl").write_text(TETRAHEDRON)
     secret = folder / "secret.txt"
     secret.write_text("swordfish")
-    arm = '<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY x SYSTEM "{entity}">]><robot name="arm"><link name="base"/>'
-    arm += '<link name="tip"><collision><geometry><mesh filename="{mesh}"/></geometry></collision></link>'
-    arm += '<joint name="{name}" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
+    arm = (
+        '<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY x SYSTEM "{entity}">]><robot '
+        'name="arm"><link name="base"/>'
+    )
+    arm += (
+        '<link name="tip"><collision><geometry><mesh '
+        'filename="{mesh}"/></geometry></collision></link>'
+    )
+    arm += (
+        '<joint name="{name}" type="revolute"><parent link="base"/><child link="tip"/><axis '
+        'xyz="0 0 1"/>'
+    )
     arm += '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
-    seen, outcomes = Seen(), []
+    seen = Seen()
+    outcomes = []
     for mesh, name in (("a.stl", "one"), ("http://127.0.0.1:9/a.stl", "one"), ("a.stl", "&x;")):
         (folder / "arm.urdf").write_text(arm.format(mesh=mesh, name=name, entity=secret.as_uri()))
         with watched(seen):
@@ -150,14 +190,21 @@ def journal(folder: Path) -> Seen:
 def dask(folder: Path) -> Seen:
     """Anything, without keys: which is why the recipe has them (tests/test_cluster.py)."""
     found = Seen()
-    code = f"(open({str(folder / 'here')!r}, 'w').close(), __import__('socket').socket().close(), 4)[2]"
+    code = (
+        f"(open({str(folder / 'here')!r}, 'w').close(), __import__('socket').socket().close(), "
+        f"4)[2]"
+    )
     with (
-        LocalCluster(n_workers=1, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1") as local,
+        LocalCluster(
+            n_workers=1, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1"
+        ) as local,
         Client(local.scheduler_address, set_as_default=False) as anybody,
     ):
         assert anybody.submit(eval, code).result() == 4
     assert (folder / "here").exists()
-    found.run, found.written, found.network = {"eval"}, {"here"}, {"socket"}
+    found.run = {"eval"}
+    found.written = {"here"}
+    found.network = {"socket"}
     return found
 
 
@@ -174,7 +221,11 @@ def cells() -> dict[str, list[str]]:
     lines = (DOCS / "trust.md").read_text("utf-8").splitlines()
     return {
         cells[0]: cells[1:]
-        for cells in ([cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| "))
+        for cells in (
+            [cell.strip() for cell in line.strip("|").split("|")]
+            for line in lines
+            if line.startswith("| ")
+        )
     }
 
 

@@ -25,18 +25,30 @@ SAMPLES = 4
 
 
 def numbers() -> dict[str, list[list[float]]]:
-    """Of every resolver in every scenario: commands at states where rows act, and accelerations of a simulation."""
+    """Of every resolver in every scenario: commands at states where rows act, and accelerations of
+    a simulation.
+    """
     found: dict[str, list[list[float]]] = {}
     for name in SCENARIOS:
         setup = Scenario.load(name).setup()
         step = ControlStep(setup.scene, setup.constraints, setup.task)
         for kind in RESOLVERS:
-            random, law = np.random.default_rng(3), Law(Barrier(1.0), kind())
+            random = np.random.default_rng(3)
+            law = Law(Barrier(1.0), kind())
             commands = []
             for k in range(SAMPLES):
                 q = setup.q0 + 0.02 * k * random.standard_normal(len(setup.q0))
-                evaluation, command = step.command(law, k * setup.Ts, q, 0.5 * random.standard_normal(len(q)))
-                commands.append([*command.qdd, *evaluation.rows.phi, *evaluation.rows.Lf, *evaluation.rows.Lg.ravel()])
+                evaluation, command = step.command(
+                    law, k * setup.Ts, q, 0.5 * random.standard_normal(len(q))
+                )
+                commands.append(
+                    [
+                        *command.qdd,
+                        *evaluation.rows.phi,
+                        *evaluation.rows.Lf,
+                        *evaluation.rows.Lg.ravel(),
+                    ]
+                )
             found[f"{name}, {kind.name}: commands"] = np.array(commands).tolist()
             short = Scenario.load(name).with_override("duration", SAMPLES * setup.Ts).setup()
             run: Any = simulate(short, Law(Barrier(1.0), kind()))
@@ -47,7 +59,10 @@ def numbers() -> dict[str, list[list[float]]]:
 
 @pytest.mark.skipif(not available(), reason="there is no compiler")
 def test_python_runs_what_is_compiled():
-    script = f"import sys, json; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_uncompiled as t\n"
+    script = (
+        f"import sys, json; sys.path.insert(0, {str(Path(__file__).parent)!r}); import "
+        f"test_uncompiled as t\n"
+    )
     script += "assert not t.available(); print(json.dumps(t.numbers()))"
     path = os.pathsep.join([str(Path(compiled.__file__).parents[2]), *filter(None, sys.path)])
     done = subprocess.run(
@@ -56,7 +71,8 @@ def test_python_runs_what_is_compiled():
         capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    in_python, expected = json.loads(done.stdout), numbers()
+    in_python = json.loads(done.stdout)
+    expected = numbers()
     assert in_python.keys() == expected.keys()
     for name, values in expected.items():
         np.testing.assert_allclose(in_python[name], values, rtol=1e-9, atol=1e-10, err_msg=name)

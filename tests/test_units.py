@@ -1,4 +1,6 @@
-"""Numbers in another unit, or of another camera: the question that each raises, and that none is asked in vain."""
+"""Numbers in another unit, or of another camera: the question that each raises, and that none is
+asked in vain.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,10 @@ from vsconstraints.vision.tracking import VisualTask
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 URDF = EXAMPLES / "six_axis.urdf"
-ARM, UR5, EYE_TO_HAND, PLANAR = "my-arm", "ur5-fov", "eye-to-hand-ibvs", "example-2d-fov"
+ARM = "my-arm"
+UR5 = "ur5-fov"
+EYE_TO_HAND = "eye-to-hand-ibvs"
+PLANAR = "example-2d-fov"
 
 
 def scenario(name: str, changes: dict[str, Any]) -> Scenario:
@@ -47,15 +52,31 @@ def said(name: str, changes: dict[str, Any]) -> str:
 #: Scenario, what is given in another unit, and the words by which it is asked about.
 UNITS: dict[str, tuple[str, dict[str, Any], str]] = {
     "sampling time in ms": (ARM, {"sampling_time": 2.0}, "is the sampling time 2 in ms, not s?"),
-    "sampling time in ms, stable": (PLANAR, {"sampling_time": 0.2}, "is the sampling time 0.2 in ms, not s?"),
+    "sampling time in ms, stable": (
+        PLANAR,
+        {"sampling_time": 0.2},
+        "is the sampling time 0.2 in ms, not s?",
+    ),
     "sampling time in ms, slow": (
         PLANAR,
         {"sampling_time": 0.2, "task.Kp0": 1.0, "duration": 20.0},
         "the sampling time 0.2 s means 5 commands a second: is it in ms, not s?",
     ),
-    "sampling rate": (ARM, {"sampling_time": 500.0, "duration": 1000.0}, "500 a rate in Hz, or in ms, not s?"),
-    "sampling rate, short": (ARM, {"sampling_time": 500.0}, "is the sampling time a rate in Hz, or in ms, not s?"),
-    "focal length in mm": (ARM, {"camera.focal_px": [4.2, 4.2]}, "is the focal length 4.2 in mm, not px?"),
+    "sampling rate": (
+        ARM,
+        {"sampling_time": 500.0, "duration": 1000.0},
+        "500 a rate in Hz, or in ms, not s?",
+    ),
+    "sampling rate, short": (
+        ARM,
+        {"sampling_time": 500.0},
+        "is the sampling time a rate in Hz, or in ms, not s?",
+    ),
+    "focal length in mm": (
+        ARM,
+        {"camera.focal_px": [4.2, 4.2]},
+        "is the focal length 4.2 in mm, not px?",
+    ),
     "principal point from the centre": (
         ARM,
         {"camera.principal_point_px": [2.0, -3.0]},
@@ -86,7 +107,11 @@ UNITS: dict[str, tuple[str, dict[str, Any], str]] = {
         {"camera.fixed.xyz": [1200.0, 0.0, 500.0]},
         "the camera is fixed 1.3e+03 m from the robot's base: are its coordinates in mm, not m?",
     ),
-    "markers in mm": (ARM, {"target.square.side": 120.0}, "markers are 120 m apart: are its coordinates in mm, not m?"),
+    "markers in mm": (
+        ARM,
+        {"target.square.side": 120.0},
+        "markers are 120 m apart: are its coordinates in mm, not m?",
+    ),
     "target in mm": (
         ARM,
         {"target.square.xyz": [620.0, 30.0, 0.0]},
@@ -95,14 +120,21 @@ UNITS: dict[str, tuple[str, dict[str, Any], str]] = {
     "arm in mm": (
         PLANAR,
         {
-            "robot": {"dh": [[0.0, 0.0, 500.0, 0.0], [0.0, 0.0, 400.0, 0.0], [0.0, 0.0, 300.0, 3.141592653589793]]},
+            "robot": {
+                "dh": [
+                    [0.0, 0.0, 500.0, 0.0],
+                    [0.0, 0.0, 400.0, 0.0],
+                    [0.0, 0.0, 300.0, 3.141592653589793],
+                ]
+            },
         },
         "from its base: are the arm's dimensions in mm, not m?",
     ),
     "start in degrees": (
         UR5,
         {"q0": [0.0, -90.0, 90.0, -90.0, -90.0, 0.0]},
-        "q0 has -90 of joint 2, 90 of joint 3, -90 of joint 4, -90 of joint 5: are these degrees, not rad?",
+        "q0 has -90 of joint 2, 90 of joint 3, -90 of joint 4, -90 of joint 5: are these degrees, "
+        "not rad?",
     ),
     "start in degrees, joints without ranges": (
         PLANAR,
@@ -116,19 +148,30 @@ UNITS: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
     "goal's depth in mm": (
         "ur5-image",
-        {"task.goals": [{"markers_px": [[-60, -60], [60, -60], [60, 60], [-60, 60]], "depth_m": [400.0] * 4}]},
+        {
+            "task.goals": [
+                {"markers_px": [[-60, -60], [60, -60], [60, 60], [-60, 60]], "depth_m": [400.0] * 4}
+            ]
+        },
         "goal 1 has the markers 400 m from the camera: is that in mm, not m?",
     ),
     "speeds of rows in degrees": (
         ARM,
         {"constraints.1.upper": [45.0]},
-        "the speed that a row allows joint 6 is 45 rad/s, and that of six_axis is 4: are these degrees per second",
+        "the speed that a row allows joint 6 is 45 rad/s, and that of six_axis is 4: are these "
+        "degrees per second",
     ),
     "ranges of rows in degrees": (
         PLANAR,
         {
             "constraints": [
-                {"type": "joint-range", "lower": [-180.0] * 3, "upper": [180.0] * 3, "K": 0.2, "switching_gain": 1.0}
+                {
+                    "type": "joint-range",
+                    "lower": [-180.0] * 3,
+                    "upper": [180.0] * 3,
+                    "K": 0.2,
+                    "switching_gain": 1.0,
+                }
             ]
         },
         "the range that a row allows joint 1 is 180 rad: are these degrees, not rad?",
@@ -189,17 +232,23 @@ def test_a_joint_without_a_range_is_named(tmp_path: Path) -> None:
     joint = Robot.from_urdf(file, "tool").joint_names[0]
     arm = {"urdf": str(file), "tip": "tool"}
     with pytest.raises(
-        ConfigurationError, match=rf"joint 1 \({joint}\) has \[0, 0\]\. Lock a joint that does not move"
+        ConfigurationError,
+        match=rf"joint 1 \({joint}\) has \[0, 0\]\. Lock a joint that does not move",
     ):
         scenario(ARM, {"robot": arm}).setup()
     free = {"robot": arm, "constraints": []}
-    assert f"joint 1 ({joint}) of six_axis cannot move: its range is a single point, [0, 0]" in said(ARM, free)
+    assert (
+        f"joint 1 ({joint}) of six_axis cannot move: its range is a single point, [0, 0]"
+        in said(ARM, free)
+    )
 
 
 # --- nothing is asked in vain ---
 
 
-@pytest.mark.parametrize("name", [*shipped_scenarios(), "examples/my-arm.toml", "tests/data/everything.toml"])
+@pytest.mark.parametrize(
+    "name", [*shipped_scenarios(), "examples/my-arm.toml", "tests/data/everything.toml"]
+)
 def test_shipped_scenarios_raise_no_question(name: str) -> None:
     path = name if name in shipped_scenarios() else Path(__file__).parents[1] / name
     assert Scenario.load(path).setup().doubts == []
@@ -220,23 +269,30 @@ def arms_of_example_robot_data() -> list[Path]:
 
 
 def test_robots_of_example_robot_data_raise_no_question() -> None:
-    """Every serial chain to a last link, humanoids' arms and quadrupeds' legs too; joints that cannot move apart."""
+    """Every serial chain to a last link, humanoids' arms and quadrupeds' legs too; joints that
+    cannot move apart.
+    """
     setup = Scenario.load(UR5).setup()
     chains = 0
     for file in arms_of_example_robot_data():
         links = {link.get("name", "") for link in ElementTree.parse(file).getroot().findall("link")}
-        parents = {joint.get("link", "") for joint in ElementTree.parse(file).getroot().iter("parent")}
+        parents = {
+            joint.get("link", "") for joint in ElementTree.parse(file).getroot().iter("parent")
+        }
         for tip in sorted(links - parents)[:8]:
             try:
                 robot = Robot.from_urdf(file, tip)
-            except (VsconstraintsError, RuntimeError):  # a floating base, a joint that mimics another one
+            # a floating base, a joint that mimics another one
+            except (VsconstraintsError, RuntimeError):
                 continue
             chains += 1
             scene = Scene(robot, setup.scene.camera, setup.scene.markers)
             q0 = np.clip(np.zeros(robot.n), robot.q_min, robot.q_max)
             nothing = ConstraintSet([], scene)
             task = VisualTask(
-                setup.task.feature, [replace(goal, q=None) for goal in setup.task.goals], setup.task.gains
+                setup.task.feature,
+                [replace(goal, q=None) for goal in setup.task.goals],
+                setup.task.gains,
             )
             asked = implausible(scene, nothing, task, NO_LIMITS, q0, setup.Ts)
             asked = [text for text in asked if "cannot move" not in text]
@@ -245,10 +301,24 @@ def test_robots_of_example_robot_data_raise_no_question() -> None:
 
 
 def test_coordinates_of_joints_that_turn_often_are_no_degrees() -> None:
-    table = [[0.0, 0.1, 0.0, 1.57], [0.0, 0.0, 0.4, 0.0], [0.0, 0.0, 0.4, 0.0], [0.0, 0.0, 0.0, 0.0]]
+    table = [
+        [0.0, 0.1, 0.0, 1.57],
+        [0.0, 0.0, 0.4, 0.0],
+        [0.0, 0.0, 0.4, 0.0],
+        [0.0, 0.0, 0.0, 0.0],
+    ]
     robot = Robot.from_dh(
-        table, prismatic=[4], q_min=[-50.0, -3.0, -np.inf, -9.0], q_max=[50.0, 3.0, np.inf, 9.0], name="turner"
+        table,
+        prismatic=[4],
+        q_min=[-50.0, -3.0, -np.inf, -9.0],
+        q_max=[50.0, 3.0, np.inf, 9.0],
+        name="turner",
     )
     q = np.array([40.0, 6.0, 12.0, 300.0])
     assert not in_degrees(robot, q).any()
-    assert in_degrees(robot, np.array([60.0, 7.0, 13.0, 300.0])).tolist() == [True, True, True, False]
+    assert in_degrees(robot, np.array([60.0, 7.0, 13.0, 300.0])).tolist() == [
+        True,
+        True,
+        True,
+        False,
+    ]

@@ -1,4 +1,6 @@
-"""What is wrong with a scenario is said before its runs, by preview and compare alike, and stands in the report."""
+"""What is wrong with a scenario is said before its runs, by preview and compare alike, and stands
+in the report.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ AFAR = {"camera_pose": {"xyz": [2.0, 0.0, 0.5], "rpy": [3.14, 0.0, 0.0]}}
 OUT_OF_RANGE = {"camera_at_q": [0.664, -1.778, 1.729, -1.729, -1.935, 6.5]}
 NO_SQUARE = {"markers_px": [[-300, -100], [-300, 100], [-100, 100], [-100, -270]]}
 BY_IMAGE = {"feature": "image-points", "Kp0": 9.0, "goals": [NO_SQUARE]}
-OUT_OF_REACH = "goal: no configuration within the joints' ranges was found that reaches it: it may be out of reach"
+OUT_OF_REACH = (
+    "goal: no configuration within the joints' ranges was found that reaches it: it "
+    "may be out of reach"
+)
 
 
 def changed(name: str, changes: dict[str, Any]) -> Scenario:
@@ -51,14 +56,18 @@ def warnings_of(*scenarios: Scenario) -> dict[str, list[str]]:
         ({"task.goals": [AFAR]}, OUT_OF_REACH),
         ({"task.goals": [AFAR]}, "goal: fov[marker 1] is violated"),
         ({"task.goals": [OUT_OF_RANGE]}, "goal: joint 6 (wrist_3_joint) is at 6.5, outside"),
-        ({"task": BY_IMAGE}, "goal: no pose of the camera was found from which the markers look like this"),
+        (
+            {"task": BY_IMAGE},
+            "goal: no pose of the camera was found from which the markers look like this",
+        ),
         ({"constraints.0.margin": 0.3}, "goal: fov[marker 3] is violated: "),
         ({"constraints.0.switching_gain": 5e4}, "moves φ by 100 times the whole allowed range"),
     ],
 )
 def test_comparisons_say_what_previews_say(changes: dict[str, Any], words: str) -> None:
     scenario = changed("ur5-fov", changes)
-    own, preview = warnings_of(scenario)["ur5-fov"], Preview.of_scenario(scenario)
+    own = warnings_of(scenario)["ur5-fov"]
+    preview = Preview.of_scenario(scenario)
     assert any(text.startswith(words) or words in text for text in own)
     # what preview says of the start is said by the runs' own check in other words
     said = [text for text in preview.warnings if not text.startswith("start: ")]
@@ -70,7 +79,9 @@ def test_comparisons_say_what_previews_say(changes: dict[str, Any], words: str) 
 
 
 def test_shipped_scenarios_raise_no_warning() -> None:
-    """But those in which the concave side of an obstacle closes off the goal, which no law can solve."""
+    """But those in which the concave side of an obstacle closes off the goal, which no law can
+    solve.
+    """
     found = warnings_of(*map(Scenario.load, shipped_scenarios()))
     assert all(UNSOLVABLE in text for own in found.values() for text in own)
     assert set(found) <= {"example-2d-bowl", "example-2d-heart-concave"}
@@ -85,14 +96,32 @@ def test_what_cannot_start_is_said_and_raises_nothing() -> None:
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a comparison of a scenario that can be solved and of one that cannot, and what was printed."""
+    """The folder of a comparison of a scenario that can be solved and of one that cannot, and what
+    was printed.
+    """
     folder = tmp_path_factory.mktemp("compared")
-    for name, goals in {"afar": AFAR, "near": {"camera_at_q": Scenario.load("ur5-fov").tables["q0"]}}.items():
+    for name, goals in {
+        "afar": AFAR,
+        "near": {"camera_at_q": Scenario.load("ur5-fov").tables["q0"]},
+    }.items():
         tables = f"xyz = {AFAR['camera_pose']['xyz']}, rpy = {AFAR['camera_pose']['rpy']}"
-        goal = f"camera_pose = {{ {tables} }}" if goals is AFAR else f"camera_at_q = {goals['camera_at_q']}"
+        goal = (
+            f"camera_pose = {{ {tables} }}"
+            if goals is AFAR
+            else f"camera_at_q = {goals['camera_at_q']}"
+        )
         text = f'extends = "ur5-fov"\nduration = 0.5\n[[task.goals]]\n{goal}\n'
         (folder / f"{name}.toml").write_text(text)
-    words = ["compare", "--controller", "sliding-mode", "--out", str(folder / "out"), "--no-figures", "--jobs", "1"]
+    words = [
+        "compare",
+        "--controller",
+        "sliding-mode",
+        "--out",
+        str(folder / "out"),
+        "--no-figures",
+        "--jobs",
+        "1",
+    ]
     for name in ("afar", "near"):
         words += ["--scenario", str(folder / f"{name}.toml")]
     done = CliRunner().invoke(app, words)
@@ -118,8 +147,8 @@ def test_what_was_warned_of_stands_in_manifest_and_report(compared: tuple[Path, 
         assert f"afar: {text}" in lines or f"afar: {text[:60]}" in lines
         assert text.replace("[", "\\[").replace("]", "\\]") in report
     assert (
-        f"**Warnings** of scenarios, which stand in their sections: [afar](#scenario-afar) ({len(warnings['afar'])})."
-        in report
+        f"**Warnings** of scenarios, which stand in their sections: [afar](#scenario-afar) "
+        f"({len(warnings['afar'])})." in report
     )
     near = [line for line in section(report, "near") if "Warnings" in line or "impossible" in line]
     assert near == []
@@ -137,7 +166,9 @@ def test_sessions_read_the_warnings_back(compared: tuple[Path, str]) -> None:
 
 
 @pytest.mark.parametrize("wrong", [[], {"afar": "text"}, {"afar": [1]}])
-def test_other_warnings_in_a_manifest_are_refused(compared: tuple[Path, str], tmp_path: Path, wrong: object) -> None:
+def test_other_warnings_in_a_manifest_are_refused(
+    compared: tuple[Path, str], tmp_path: Path, wrong: object
+) -> None:
     for name in ("manifest.json", "results.csv", "constraints.csv"):
         (tmp_path / name).write_bytes((compared[0] / name).read_bytes())
     manifest = json.loads((tmp_path / "manifest.json").read_text())
@@ -147,11 +178,23 @@ def test_other_warnings_in_a_manifest_are_refused(compared: tuple[Path, str], tm
 
 
 def test_what_is_proved_to_be_impossible_says_so(tmp_path: Path) -> None:
-    words = ["compare", "--scenario", "example-2d-bowl", "--controller", "sliding-mode", "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, [*words, "--no-figures", "--jobs", "1", "--set", "scenario.duration=0.1"])
+    words = [
+        "compare",
+        "--scenario",
+        "example-2d-bowl",
+        "--controller",
+        "sliding-mode",
+        "--out",
+        str(tmp_path),
+    ]
+    done = CliRunner().invoke(
+        app, [*words, "--no-figures", "--jobs", "1", "--set", "scenario.duration=0.1"]
+    )
     assert done.exit_code == 0, done.output
     first = section((tmp_path / "report.md").read_text(), "example-2d-bowl")[0]
-    assert first.startswith("**Solved by no controller, and impossible**: marker 1 starts in a part of the image")
+    assert first.startswith(
+        "**Solved by no controller, and impossible**: marker 1 starts in a part of the image"
+    )
 
 
 # --- images that do not determine the camera's pose ---
@@ -171,7 +214,12 @@ def with_markers(markers: list[list[float]], **more: Any) -> list[str]:
     placed = [(at + marker).tolist() for marker in np.array(markers)]
     scenario = changed("ur5-image", {"target": {"markers": placed}, "constraints": [], **more})
     q = [0.1, -1.6, 1.5, -1.5, -1.6, 0.2]
-    task = {"feature": "image-points", "Kp0": 9.0, "goals": [{"camera_at_q": q}], **more.get("task", {})}
+    task = {
+        "feature": "image-points",
+        "Kp0": 9.0,
+        "goals": [{"camera_at_q": q}],
+        **more.get("task", {}),
+    }
     return scenario.with_override("task", task).setup().doubts
 
 
@@ -203,7 +251,11 @@ def test_tasks_of_the_pose_are_concerned_if_it_is_estimated_from_images() -> Non
 
 def test_arms_that_move_less_need_fewer_markers() -> None:
     """Two markers determine where a camera in a plane is, as in the first example."""
-    task = {"feature": "image-points", "Kp0": 20.0, "goals": [{"camera_at_q": [-0.72, -1.744, 4.2]}]}
+    task = {
+        "feature": "image-points",
+        "Kp0": 20.0,
+        "goals": [{"camera_at_q": [-0.72, -1.744, 4.2]}],
+    }
     scenario = changed("example-2d-fov", {"task": task})
     assert scenario.setup().doubts == []
     one = scenario.with_override("target.markers", [[-0.24613, -1.24385, -1.0]]).setup().doubts
@@ -222,7 +274,9 @@ def test_the_fast_example_leaves_its_band_and_stays_inside() -> None:
     assert run.sigma.max() < 0.0
     least = np.minimum(run.clearance, run.between_clearance).min()
     assert round(float(least), 1) == 1.1
-    weak = simulate(scenario.with_override("constraints.0.switching_gain", 5.0).setup(), SlidingMode())
+    weak = simulate(
+        scenario.with_override("constraints.0.switching_gain", 5.0).setup(), SlidingMode()
+    )
     assert round(float(-weak.clearance.min()), 1) == 2.9
     for words in ("14 samples", "1.1 px", "gain of 5", "2.9 px"):
         assert words in " ".join(scenario.description.split())

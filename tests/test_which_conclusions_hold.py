@@ -1,4 +1,6 @@
-"""Which conclusions hold in other conditions: on made-up runs by hand, and against tests of other libraries."""
+"""Which conclusions hold in other conditions: on made-up runs by hand, and against tests of other
+libraries.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checks.conclusions import differing
 
 SUCCESS = MEASURES[0]
-AHEAD, BEHIND = "+" * 20, "+" * 8 + "t" * 12
+AHEAD = "+" * 20
+BEHIND = "+" * 8 + "t" * 12
 
 MADE: dict[str, dict[str, Any]] = {
     "+": {},
@@ -79,8 +82,14 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive(tmp_path: Path) -> No
         ("a", "b", "alike"): "inconclusive",
         ("a", "b", "short"): "inconclusive",
     }
-    (over,) = (one for one in conclusions(made_up) if one.condition == "over" and one.measure is SUCCESS)
-    assert (over.first.difference, over.other.difference, over.other.scenes) == (12 / 20, -12 / 20, 20)
+    (over,) = (
+        one for one in conclusions(made_up) if one.condition == "over" and one.measure is SUCCESS
+    )
+    assert (over.first.difference, over.other.difference, over.other.scenes) == (
+        12 / 20,
+        -12 / 20,
+        20,
+    )
     assert over.other.low == pytest.approx(-over.first.high)
     found = {one.condition: one.numbers for one in robustness_findings(made_up)}
     counts = ("holds", "reversed", "inconclusive", "reversal_excluded", "scenes", "families")
@@ -108,14 +117,20 @@ def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
 
 
 def test_fewer_violations_are_better_and_who_only_fails_is_not_compared() -> None:
-    ahead, behind = "+" * 20, "v" * 15 + "+" * 5
+    ahead = "+" * 20
+    behind = "v" * 15 + "+" * 5
     made_up = material(
-        {"nominal": {"a": ahead, "b": behind, "c": "f" * 20}, "over": {"a": behind, "b": ahead, "c": ahead}}
+        {
+            "nominal": {"a": ahead, "b": behind, "c": "f" * 20},
+            "over": {"a": behind, "b": ahead, "c": ahead},
+        }
     )
     assert outcomes(made_up, "violation") == {("a", "b", "over"): "reversed"}
 
 
-@pytest.mark.parametrize(("name", "better"), [("utilization", 2.0), ("acceleration_variation", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "better"), [("utilization", 2.0), ("acceleration_variation", 0.5)]
+)
 def test_numbers_are_compared_where_both_succeed(name: str, better: float) -> None:
     """In scene k, the better law has k more of what is better, or half of what is worse."""
     for swapped in (False, True):
@@ -125,13 +140,18 @@ def test_numbers_are_compared_where_both_succeed(name: str, better: float) -> No
                 values = (better * scene, 1.0 * scene)
                 if swapped and condition == "other":
                     values = values[::-1]
-                lines += [run(condition, law, scene, **{name: v}) for law, v in zip("ab", values, strict=True)]
+                lines += [
+                    run(condition, law, scene, **{name: v})
+                    for law, v in zip("ab", values, strict=True)
+                ]
                 lines.append(run(condition, "c", scene, **{**MADE["t"], name: better * values[0]}))
         made_up = Dataset(made(frame(lines), Path()))
         assert outcomes(made_up, name) == {("a", "b", "other"): "reversed" if swapped else "holds"}
         (one,) = (one for one in conclusions(made_up) if one.measure.name == name)
         sides = (10.5, -10.5) if name == "utilization" else (0.5, 2.0)
-        assert (one.first.difference, one.other.difference) == pytest.approx((sides[0], sides[int(swapped)]))
+        assert (one.first.difference, one.other.difference) == pytest.approx(
+            (sides[0], sides[int(swapped)])
+        )
 
 
 def test_conditions_are_held_together_in_the_families_that_both_have() -> None:
@@ -142,7 +162,8 @@ def test_conditions_are_held_together_in_the_families_that_both_have() -> None:
             lines.append(run("nominal", law, scene, **MADE[good]))
             lines.append(run("other", law, scene, **MADE[good]))
             lines += [
-                run("other", law, s, family="ur5", **MADE["+t"["+t".index(good) - 1]]) for s in (scene, scene + 20)
+                run("other", law, s, family="ur5", **MADE["+t"["+t".index(good) - 1]])
+                for s in (scene, scene + 20)
             ]
     made_up = Dataset(made(frame(lines), Path()))
     assert outcomes(made_up) == {("a", "b", "other"): "holds"}
@@ -162,7 +183,9 @@ def test_the_same_runs_hold_and_swapped_ones_are_reversed(seed: int, swap: bool)
 
 
 @pytest.mark.parametrize(("scenes", "excluded"), [(20, False), (120, True)])
-def test_a_reversal_by_the_margin_is_excluded_where_the_interval_says_so(scenes: int, excluded: bool) -> None:
+def test_a_reversal_by_the_margin_is_excluded_where_the_interval_says_so(
+    scenes: int, excluded: bool
+) -> None:
     """Two scenes to either side: of 20, more than 10 points are possible; of 120 they are not."""
     other = {"a": "tt" + "+" * (scenes - 2), "b": "+" * (scenes - 2) + "tt"}
     made_up = material({"nominal": {"a": AHEAD, "b": BEHIND}, "other": other})
@@ -173,8 +196,15 @@ def test_a_reversal_by_the_margin_is_excluded_where_the_interval_says_so(scenes:
 
 def test_the_margin_is_that_of_the_worse_side() -> None:
     success, violation, space, chattering = MEASURES
-    narrow = {"p": 1.0, "scenes": 9, "differ": 9, "verdict": "not distinguishable", "difference": 0.0}
-    better, worse = PairVerdict(low=-0.05, high=0.5, **narrow), PairVerdict(low=-0.5, high=0.05, **narrow)
+    narrow = {
+        "p": 1.0,
+        "scenes": 9,
+        "differ": 9,
+        "verdict": "not distinguishable",
+        "difference": 0.0,
+    }
+    better = PairVerdict(low=-0.05, high=0.5, **narrow)
+    worse = PairVerdict(low=-0.5, high=0.05, **narrow)
 
     def excludes(measure: Measure, pair: PairVerdict) -> bool:
         return Conclusion(measure, "a", "b", "other", "inconclusive", pair, pair).excluded
@@ -200,15 +230,26 @@ def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
     root = Path(__file__).parents[1]
     each = [
         one.numbers
-        for one in robustness_findings(Dataset(Evidence.load(root / "reports" / "real-world"), figures=False))
+        for one in robustness_findings(
+            Dataset(Evidence.load(root / "reports" / "real-world"), figures=False)
+        )
     ]
-    holds, unsure, excluded = ([int(one[k]) for one in each] for k in ("holds", "inconclusive", "reversal_excluded"))
+    holds, unsure, excluded = (
+        [int(one[k]) for one in each] for k in ("holds", "inconclusive", "reversal_excluded")
+    )
     points = [round(100.0 * one["detectable"]) for one in each]
     (conclusions,) = {int(one["conclusions"]) for one in each}
     reversed_ = [int(one["reversed"]) for one in each]
-    readme, page = (" ".join((root / name).read_text("utf-8").split()) for name in ("README.md", "docs/real-world.md"))
-    assert f"of {conclusions} conclusions {min(holds)} to {max(holds)} hold; mass reverses {max(reversed_)}" in readme
-    assert [bool(count) for count in reversed_] == [False, True, False, True]  # where arms have mass
+    readme, page = (
+        " ".join((root / name).read_text("utf-8").split())
+        for name in ("README.md", "docs/real-world.md")
+    )
+    assert (
+        f"of {conclusions} conclusions {min(holds)} to {max(holds)} hold; mass reverses "
+        f"{max(reversed_)}" in readme
+    )
+    # where arms have mass
+    assert [bool(count) for count in reversed_] == [False, True, False, True]
     # and none of these is one at 1 % of L
     runs = Evidence.load(root / "reports" / "real-world").runs
     judged = runs.assign(good=OUTCOMES["tolerant success"].flag(runs))
@@ -218,16 +259,24 @@ def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
         assert least > rates[condition, "potential-field"]
     names = "cbf-filter", "hierarchical-qp", "potential-field"
     said = [f"{100 * rates['dynamics', name]:.4g}" for name in names]
-    assert f"At 1 % of L it does not: {said[0]}, {said[1]} and {said[2]} % succeed on arms with mass" in page
+    assert (
+        f"At 1 % of L it does not: {said[0]}, {said[1]} and {said[2]} % succeed on arms with mass"
+        in page
+    )
     a, b, c, d = holds
-    assert f"{a} hold with a calibrated camera, {b} on arms with mass, {c} by images and {d} by images on arms" in page
+    assert (
+        f"{a} hold with a calibrated camera, {b} on arms with mass, {c} by images and {d} by "
+        f"images on arms" in page
+    )
     for numbers in (reversed_, unsure, excluded, points):
         a, b, c, d = numbers
         assert f"{a}, {b}, {c} and {d}" in page
 
 
 def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
-    """McNemar's test and the sign test by statsmodels and SciPy, from the runs and the report's data."""
+    """McNemar's test and the sign test by statsmodels and SciPy, from the runs and the report's
+    data.
+    """
     rates = {"nominal": {"a": 0.9, "b": 0.6, "c": 0.3}, "worse": {"a": 0.4, "b": 0.6, "c": 0.35}}
     made_up = Dataset(made(drawn_runs(rates, ["x", "y"], 60, seed=3), tmp_path), figures=False)
     data = {"conclusions": [one.as_data() for one in conclusions(made_up)]}
@@ -237,11 +286,15 @@ def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
     assert differing(made_up.runs, claims) == []
     assert len({one["outcome"] for one in claims["conclusions"]}) > 1
     # and what is said falsely is found
-    swapped = made_up.runs.assign(controller=made_up.runs["controller"].replace({"a": "b", "b": "a"}))
+    swapped = made_up.runs.assign(
+        controller=made_up.runs["controller"].replace({"a": "b", "b": "a"})
+    )
     assert differing(swapped, claims)
     assert differing(made_up.runs, {**claims, "conclusions": claims["conclusions"][1:]})
     stronger = [{**one, "detectable": 0.5 * one["detectable"]} for one in claims["power"]]
     assert differing(made_up.runs, {**claims, "power": stronger})
     (sentence,) = robustness_findings(made_up)
     counted = Counter(one["outcome"] for one in claims["conclusions"])
-    assert all(sentence.numbers[name] == counted[name] for name in ("holds", "reversed", "inconclusive"))
+    assert all(
+        sentence.numbers[name] == counted[name] for name in ("holds", "reversed", "inconclusive")
+    )

@@ -1,4 +1,6 @@
-"""Workspace constraints: distances, characteristic points, collision geometry, singularities, and what they do."""
+"""Workspace constraints: distances, characteristic points, collision geometry, singularities, and
+what they do.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,8 @@ from vsconstraints.simulation import simulate
 from vsconstraints.simulation.trajectory import Trajectory
 
 GAINS = {"K": 0.1, "switching_gain": 0.2}
-START, END = np.array([0.2, -0.1, 0.3]), np.array([0.5, 0.3, 0.1])
+START = np.array([0.2, -0.1, 0.3])
+END = np.array([0.5, 0.3, 0.1])
 
 BOX = ForbiddenBox(centre=[0.3, 0.2, -0.1], size=[0.4, 0.3, 0.2], rpy=[0.3, -0.5, 1.2], **GAINS)
 CYLINDER = ForbiddenCylinder(start=START, end=END, radius=0.12, **GAINS)
@@ -91,11 +94,16 @@ def test_distances_are_coals(name: str) -> None:
     def distance(probe: coal.ShapeBase, p: Array) -> float:
         """A small body stands for the point: coal's distance to it is less by its radius."""
         result = coal.DistanceResult()
-        return 1e-3 + coal.distance(shape, placed, probe, coal.Transform3s(np.eye(3), p), request, result)
+        return 1e-3 + coal.distance(
+            shape, placed, probe, coal.Transform3s(np.eye(3), p), request, result
+        )
 
-    # inside cylinders coal finds a way out, not always the shortest: with spheres it only looks at the side, with
-    # other bodies its iterations may end early
-    expected = [max(distance(probe, p) for probe in (coal.Sphere(1e-3), coal.Capsule(1e-3, 1e-9))) for p in points]
+    # inside cylinders coal finds a way out, not always the shortest: with spheres it only looks at
+    # the side, with other bodies its iterations may end early
+    expected = [
+        max(distance(probe, p) for probe in (coal.Sphere(1e-3), coal.Capsule(1e-3, 1e-9)))
+        for p in points
+    ]
     inside = np.array(expected) < 0.0
     assert 20 < inside.sum() < 380
     np.testing.assert_allclose(-region.sigma(points), expected, rtol=0.0, atol=1e-7)
@@ -105,13 +113,15 @@ def test_distances_are_coals(name: str) -> None:
 def test_gradients_and_curvatures_of_regions(name: str) -> None:
     region, _ = REGIONS[name]
     rng = np.random.default_rng(2)
-    points, velocity = around(region, rng, 300), rng.normal(size=(300, 3))
+    points = around(region, rng, 300)
+    velocity = rng.normal(size=(300, 3))
     h = 1e-6
     change = [region.sigma(points + h * e) - region.sigma(points - h * e) for e in np.eye(3)]
     numerical = np.stack(change, axis=-1) / (2 * h)
     np.testing.assert_allclose(region.gradient(points), numerical, rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(region.gradient(points), axis=1), 1.0, atol=1e-12)
-    ahead, behind = region.gradient(points + h * velocity), region.gradient(points - h * velocity)
+    ahead = region.gradient(points + h * velocity)
+    behind = region.gradient(points - h * velocity)
     bend = ((ahead - behind) * velocity).sum(axis=1) / (2 * h)
     curvature = region.curvature(points, velocity)
     np.testing.assert_allclose(curvature, bend, rtol=1e-5, atol=1e-6)
@@ -127,7 +137,9 @@ def test_following_the_gradient_leads_to_the_surface(name: str) -> None:
     g = region.gradient(points)
     assert np.isfinite(region.curvature(points, np.ones_like(points))).all()
     assert np.isfinite(g).all()
-    np.testing.assert_allclose(region.sigma(points - region.sigma(points)[:, None] * g), 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        region.sigma(points - region.sigma(points)[:, None] * g), 0.0, atol=1e-12
+    )
 
 
 def test_the_gradient_is_defined_where_ways_out_are_equally_short() -> None:
@@ -149,7 +161,9 @@ def region_direction(region: ForbiddenRegion, local: list[float]) -> list[float]
 def test_margin_clearance_and_labels_of_regions() -> None:
     arm = robot("viper-s650")
     points = [RobotPoint(name="nose"), RobotPoint("link 3", name="elbow")]
-    table = ForbiddenHalfSpace(point=[0, 0, 0.1], normal=[0, 0, 3.0], margin=0.02, points=points, name="table", **GAINS)
+    table = ForbiddenHalfSpace(
+        point=[0, 0, 0.1], normal=[0, 0, 3.0], margin=0.02, points=points, name="table", **GAINS
+    )
     scene, q, qd = random_scene(arm, np.random.default_rng(4), [table])
     constraints = ConstraintSet([table], scene)
     assert constraints.labels == ("half-space[table, nose]", "half-space[table, elbow]")
@@ -176,11 +190,15 @@ def surface_samples(arm: Robot, rng: np.random.Generator) -> dict[str, Array]:
             mesh = mesh_of(solid)
             corners = mesh.points[mesh.triangles]
             weights = rng.dirichlet(np.ones(3), size=len(corners))
-            local = np.concatenate(((weights[:, :, None] * corners).sum(axis=1), corners.reshape(-1, 3)))
+            local = np.concatenate(
+                ((weights[:, :, None] * corners).sum(axis=1), corners.reshape(-1, 3))
+            )
         else:
             local = primitive_samples(solid, rng)
         placement = frame.placement.inverse() * body.placement
-        samples.setdefault(frame.name, []).append(local @ placement.rotation.T + placement.translation)
+        samples.setdefault(frame.name, []).append(
+            local @ placement.rotation.T + placement.translation
+        )
     return {link: np.concatenate(parts) for link, parts in samples.items()}
 
 
@@ -240,15 +258,21 @@ def test_finer_spacing_needs_less_enlargement() -> None:
 
 @pytest.mark.parametrize("name", ["viper-s650", "kuka-kr6", "planar-3r", "mixed-arm", "ur5"])
 def test_points_along_the_lines_between_joints_cover_capsules(name: str) -> None:
-    arm, rng, radius = robot(name), np.random.default_rng(6), 0.07
+    arm = robot(name)
+    rng = np.random.default_rng(6)
+    radius = 0.07
     found = link_points(arm, spacing=0.08, link_radius=radius)
     for _ in range(3):
         q = random_configuration(arm, rng)
         placed = arm.kinematics(q, q, found.points).points
         pin.forwardKinematics(arm.model, data := arm.model.createData(), q)
-        origins = [np.array(data.oMi[i].translation) for i in range(1, arm.model.njoints)] + [arm.pose(q).t]
+        origins = [np.array(data.oMi[i].translation) for i in range(1, arm.model.njoints)] + [
+            arm.pose(q).t
+        ]
         for i, (a, b) in enumerate(pairwise(origins), start=1):
-            if np.linalg.norm(b - a) < 1e-9 or (arm.model.joints[i].shortname() == "JointModelRZ" and i == 1):
+            if np.linalg.norm(b - a) < 1e-9 or (
+                arm.model.joints[i].shortname() == "JointModelRZ" and i == 1
+            ):
                 # the first link turns about the line through its own middle, if that is the axis
                 continue
             if i < arm.n and arm.model.joints[i + 1].shortname() == "JointModelPZ":
@@ -268,7 +292,9 @@ def test_a_link_chosen_alone_has_points_at_both_of_its_ends() -> None:
     behind_another = [p for p in link_points(arm, link_radius=0.05).points if p.link == "link 2"]
     assert len(alone.points) == len(behind_another) + 1
     # the first joint's end slides away from the second link's start
-    sliding = Robot.from_dh([[0, 0, 0.3, 0], [0, 0, 0, 0], [0, 0, 0.3, 0]], prismatic=[2], name="sliding")
+    sliding = Robot.from_dh(
+        [[0, 0, 0.3, 0], [0, 0, 0, 0], [0, 0, 0.3, 0]], prismatic=[2], name="sliding"
+    )
     assert [p.link for p in link_points(sliding, spacing=0.3, link_radius=0.05).points] == [
         "link 1",
         "link 3",
@@ -293,7 +319,8 @@ def test_surfaces_of_other_solids_are_covered_by_the_boxes_around_them() -> None
     assert slack == 0.0
     direction = rng.normal(size=(200, 3))
     points = direction / np.linalg.norm(direction, axis=1, keepdims=True) * [0.3, 0.2, 0.1]
-    low, high = cells.min(axis=1), cells.max(axis=1)
+    low = cells.min(axis=1)
+    high = cells.max(axis=1)
     held = ((points[:, None] >= low - 1e-12) & (points[:, None] <= high + 1e-12)).all(axis=2)
     assert held.any(axis=1).all()
     line, radius = surface(coal.Capsule(0.1, 0.5), 0.1)
@@ -303,8 +330,16 @@ def test_surfaces_of_other_solids_are_covered_by_the_boxes_around_them() -> None
 
 def test_a_scenario_says_links_and_the_obstacle_is_enlarged() -> None:
     arm = robot("ur5")
-    box = {"centre": [0.5, 0, 0.3], "size": [0.1, 0.1, 0.1], "margin": 0.01, "points": "links", **GAINS}
-    constraint = build_constraint("forbidden-box", {**box, "spacing": 0.05, "links": ["forearm_link"]}, arm)
+    box = {
+        "centre": [0.5, 0, 0.3],
+        "size": [0.1, 0.1, 0.1],
+        "margin": 0.01,
+        "points": "links",
+        **GAINS,
+    }
+    constraint = build_constraint(
+        "forbidden-box", {**box, "spacing": 0.05, "links": ["forearm_link"]}, arm
+    )
     assert isinstance(constraint, ForbiddenBox)
     found = link_points(arm, spacing=0.05, links=["forearm_link"])
     assert constraint.points == found.points
@@ -322,13 +357,21 @@ def test_a_scenario_says_links_and_the_obstacle_is_enlarged() -> None:
 # --- collision geometry ---
 
 
-def clear_states(constraint: BodyDistance, arm: Robot, rng: np.random.Generator, count: int) -> list[Array]:
-    """Configurations at which the nearest points are not about to change: gradients to both sides agree."""
+def clear_states(
+    constraint: BodyDistance, arm: Robot, rng: np.random.Generator, count: int
+) -> list[Array]:
+    """Configurations at which the nearest points are not about to change: gradients to both sides
+    agree.
+    """
     found: list[Array] = []
     while len(found) < count:
         q = random_configuration(arm, rng)
         g = constraint.gradient(q)
-        if all(np.abs(constraint.gradient(q + 2e-5 * s * e) - g).max() < 2e-3 for e in np.eye(arm.n) for s in (1, -1)):
+        if all(
+            np.abs(constraint.gradient(q + 2e-5 * s * e) - g).max() < 2e-3
+            for e in np.eye(arm.n)
+            for s in (1, -1)
+        ):
             found.append(q)
     return found
 
@@ -345,17 +388,23 @@ OBSTACLES = {
 @pytest.mark.parametrize("obstacle", OBSTACLES)
 @pytest.mark.parametrize("name", ["ur5", "panda", "viper-s650"])
 def test_gradients_of_distances_to_obstacles(name: str, obstacle: str) -> None:
-    arm, (solid, tolerance) = robot(name), OBSTACLES[obstacle]
+    arm = robot(name)
+    solid, tolerance = OBSTACLES[obstacle]
     bodies = link_bodies(arm, 0.05 if name == "viper-s650" else None)
     pose = Pose.from_xyz_rpy((0.3, 0.1, 0.4), (0.3, -0.5, 0.2))
     constraint = Collision(arm, bodies, fixed_body(obstacle, solid, pose), **GAINS)
     inside = outside = 0
     for q in clear_states(constraint, arm, np.random.default_rng(8), 8):
         distance = constraint.distances(q)
-        inside, outside = inside + int((distance < 0).sum()), outside + int((distance > 0).sum())
+        inside = inside + int((distance < 0).sum())
+        outside = outside + int((distance > 0).sum())
         h = 1e-5
         numerical = np.stack(
-            [(constraint.distances(q + h * e) - constraint.distances(q - h * e)) / (2 * h) for e in np.eye(arm.n)], -1
+            [
+                (constraint.distances(q + h * e) - constraint.distances(q - h * e)) / (2 * h)
+                for e in np.eye(arm.n)
+            ],
+            -1,
         )
         np.testing.assert_allclose(-constraint.gradient(q), numerical, rtol=0.0, atol=tolerance)
     assert inside > 0
@@ -365,7 +414,9 @@ def test_gradients_of_distances_to_obstacles(name: str, obstacle: str) -> None:
 @pytest.mark.parametrize("name", ["ur5", "panda", "viper-s650"])
 def test_gradients_of_distances_between_links(name: str) -> None:
     arm = robot(name)
-    constraint = SelfCollision(arm, link_bodies(arm, 0.05 if name == "viper-s650" else None), **GAINS)
+    constraint = SelfCollision(
+        arm, link_bodies(arm, 0.05 if name == "viper-s650" else None), **GAINS
+    )
     for q in clear_states(constraint, arm, np.random.default_rng(9), 4):
         numerical = gradient(constraint.distances, q, 1e-5)
         np.testing.assert_allclose(-constraint.gradient(q), numerical, rtol=0.0, atol=1e-5)
@@ -383,7 +434,9 @@ def test_pairs_for_self_collision() -> None:
     fewer = SelfCollision(arm, link_bodies(arm), srdf=srdf, **GAINS).labels(scene)
     assert set(fewer) < set(labels)
     for label in set(labels) - set(fewer):
-        assert frozenset(label.removeprefix("self-collision[")[:-1].split(", ")) in disabled_pairs(srdf)
+        assert frozenset(label.removeprefix("self-collision[")[:-1].split(", ")) in disabled_pairs(
+            srdf
+        )
     chosen = SelfCollision(arm, link_bodies(arm), pairs=[["wrist_1_link", "base_link"]], **GAINS)
     assert chosen.labels(scene) == ("self-collision[wrist_1_link, base_link]",)
 
@@ -527,20 +580,53 @@ def test_rows_are_finite_in_a_singular_configuration() -> None:
 def test_labels_of_manipulability() -> None:
     arm = robot("ur5")
     scene, _, _ = random_scene(arm, np.random.default_rng(15))
-    both = [Manipulability(arm, minimum=0.05, **GAINS), Manipulability(arm, minimum=0.05, part="position", **GAINS)]
+    both = [
+        Manipulability(arm, minimum=0.05, **GAINS),
+        Manipulability(arm, minimum=0.05, part="position", **GAINS),
+    ]
     assert ConstraintSet(both, scene).labels == ("manipulability", "manipulability[position]")
 
 
 # --- what cannot be used is said ---
 
 BAD: list[tuple[str, str, dict[str, Any], list[str]]] = [
-    ("ur5", "forbidden-box", {"centre": [0, 0, 0], "size": [1, 0, 1]}, ["size of a box", "positive"]),
+    (
+        "ur5",
+        "forbidden-box",
+        {"centre": [0, 0, 0], "size": [1, 0, 1]},
+        ["size of a box", "positive"],
+    ),
     ("ur5", "forbidden-box", {"centre": [0, 0, 0], "size": [1, 1]}, ["size must be 3 numbers"]),
-    ("ur5", "forbidden-box", {"centre": [0, 0, 0], "size": [1, 1, 1], "margin": -1.0}, ["margin of a box"]),
-    ("ur5", "forbidden-cylinder", {"start": [0, 0, 0], "end": [0, 0, 0], "radius": 1}, ["start and end", "cylinder"]),
-    ("ur5", "forbidden-capsule", {"start": [0, 0, 0], "end": [0, 0, 1], "radius": -1}, ["radius of a capsule"]),
-    ("ur5", "forbidden-half-space", {"point": [0, 0, 0], "normal": [0, 0, 0]}, ["normal of a half-space"]),
-    ("ur5", "forbidden-half-space", {"point": [0, 0, 0], "normal": [0, 0, 1], "points": "all"}, ["points", "links"]),
+    (
+        "ur5",
+        "forbidden-box",
+        {"centre": [0, 0, 0], "size": [1, 1, 1], "margin": -1.0},
+        ["margin of a box"],
+    ),
+    (
+        "ur5",
+        "forbidden-cylinder",
+        {"start": [0, 0, 0], "end": [0, 0, 0], "radius": 1},
+        ["start and end", "cylinder"],
+    ),
+    (
+        "ur5",
+        "forbidden-capsule",
+        {"start": [0, 0, 0], "end": [0, 0, 1], "radius": -1},
+        ["radius of a capsule"],
+    ),
+    (
+        "ur5",
+        "forbidden-half-space",
+        {"point": [0, 0, 0], "normal": [0, 0, 0]},
+        ["normal of a half-space"],
+    ),
+    (
+        "ur5",
+        "forbidden-half-space",
+        {"point": [0, 0, 0], "normal": [0, 0, 1], "points": "all"},
+        ["points", "links"],
+    ),
     (
         "ur5",
         "forbidden-half-space",
@@ -559,10 +645,25 @@ BAD: list[tuple[str, str, dict[str, Any], list[str]]] = [
         {"point": [0, 0, 0], "normal": [0, 0, 1], "points": "links", "spacing": 0.0},
         ["spacing"],
     ),
-    ("ur5", "forbidden-half-space", {"point": [0, 0, 0], "normal": [0, 0, 1], "spacing": 0.1}, ["'spacing'"]),
-    ("planar-3r", "manipulability", {"minimum": 0.1, "part": "position"}, ["planar 3R", "zero in every"]),
+    (
+        "ur5",
+        "forbidden-half-space",
+        {"point": [0, 0, 0], "normal": [0, 0, 1], "spacing": 0.1},
+        ["'spacing'"],
+    ),
+    (
+        "planar-3r",
+        "manipulability",
+        {"minimum": 0.1, "part": "position"},
+        ["planar 3R", "zero in every"],
+    ),
     ("ur5", "manipulability", {"minimum": 0.0}, ["minimum"]),
-    ("ur5", "manipulability", {"minimum": 0.1, "part": "elbow"}, ["'elbow'", "position", "orientation"]),
+    (
+        "ur5",
+        "manipulability",
+        {"minimum": 0.1, "part": "elbow"},
+        ["'elbow'", "position", "orientation"],
+    ),
     ("ur5", "collision", {"obstacle": {"shape": "cone"}}, ["'cone'", "capsule", "half-space"]),
     (
         "ur5",
@@ -570,13 +671,43 @@ BAD: list[tuple[str, str, dict[str, Any], list[str]]] = [
         {"obstacle": {"shape": "sphere", "radius": 0.0}},
         ["radius must be a positive number"],
     ),
-    ("ur5", "collision", {"obstacle": {"shape": "mesh", "file": "no.stl"}}, ["no mesh file", "no.stl"]),
-    ("ur5", "collision", {"obstacle": {"shape": "half-space"}, "links": ["elbow"]}, ["'elbow'", "forearm_link"]),
-    ("ur5", "collision", {"obstacle": {"shape": "half-space"}, "margin": -0.1}, ["margin of collision"]),
-    ("kuka-kr6", "collision", {"obstacle": {"shape": "half-space"}}, ["KUKA", "no collision geometry", "radius"]),
+    (
+        "ur5",
+        "collision",
+        {"obstacle": {"shape": "mesh", "file": "no.stl"}},
+        ["no mesh file", "no.stl"],
+    ),
+    (
+        "ur5",
+        "collision",
+        {"obstacle": {"shape": "half-space"}, "links": ["elbow"]},
+        ["'elbow'", "forearm_link"],
+    ),
+    (
+        "ur5",
+        "collision",
+        {"obstacle": {"shape": "half-space"}, "margin": -0.1},
+        ["margin of collision"],
+    ),
+    (
+        "kuka-kr6",
+        "collision",
+        {"obstacle": {"shape": "half-space"}},
+        ["KUKA", "no collision geometry", "radius"],
+    ),
     ("ur5", "self-collision", {"pairs": [["elbow", "base_link"]]}, ["'elbow'", "forearm_link"]),
-    ("ur5", "self-collision", {"pairs": ["base_link"]}, ["pairs must be a list of lists of strings"]),
-    ("ur5", "self-collision", {"pairs": [["ee_link", "wrist_3_link"]]}, ["no joint moves ee_link and wrist_3_link"]),
+    (
+        "ur5",
+        "self-collision",
+        {"pairs": ["base_link"]},
+        ["pairs must be a list of lists of strings"],
+    ),
+    (
+        "ur5",
+        "self-collision",
+        {"pairs": [["ee_link", "wrist_3_link"]]},
+        ["no joint moves ee_link and wrist_3_link"],
+    ),
     ("ur5", "self-collision", {"srdf": "no.srdf"}, ["no.srdf"]),
     (
         "ur5",
@@ -588,7 +719,9 @@ BAD: list[tuple[str, str, dict[str, Any], list[str]]] = [
 
 
 @pytest.mark.parametrize(("name", "type_name", "table", "words"), BAD)
-def test_bad_input_is_refused_by_name(name: str, type_name: str, table: dict[str, Any], words: list[str]) -> None:
+def test_bad_input_is_refused_by_name(
+    name: str, type_name: str, table: dict[str, Any], words: list[str]
+) -> None:
     with pytest.raises((ConfigurationError, InvalidInput)) as refused:
         build_constraint(type_name, {**GAINS, **table}, robot(name))
     for word in words:
@@ -614,7 +747,9 @@ LOOP: dict[str, Any] = {
     "duration": 2.5,
     "on_rank_loss": "continue",
     "camera": {"focal_px": [402.5, 402.5], "size_px": [512, 512]},
-    "target": {"markers": [[0.564, 0.3095, 0.0108], [0.4666, 0.1403, 0.0541], [0.2919, 0.2348, 0.0302]]},
+    "target": {
+        "markers": [[0.564, 0.3095, 0.0108], [0.4666, 0.1403, 0.0541], [0.2919, 0.2348, 0.0302]]
+    },
     "task": {
         "feature": "camera-pose",
         "Kp0": 20.0,
@@ -661,7 +796,8 @@ LAWS: dict[str, Callable[[], Controller]] = {
 def run(blocks: list[dict[str, Any]], law: Controller, **changes: Any) -> tuple[Array, Array]:
     """Clearances and commands of a run."""
     trajectory = simulate(
-        Scenario("loop", {**copy.deepcopy(LOOP), "constraints": blocks, **changes}, Path()).setup(), law
+        Scenario("loop", {**copy.deepcopy(LOOP), "constraints": blocks, **changes}, Path()).setup(),
+        law,
     )
     assert trajectory.status not in ("failed", "aborted"), trajectory.reason
     return trajectory.clearance, trajectory.qdd_command
@@ -698,7 +834,12 @@ def test_points_along_the_links_keep_the_arm_above_a_table(law: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_an_arm_that_starts_inside_is_led_out(law: str) -> None:
-    inside = {"type": "forbidden-box", "centre": [0.261, 0.12, 0.28], "size": [0.1, 0.1, 0.1], **MARKS}
+    inside = {
+        "type": "forbidden-box",
+        "centre": [0.261, 0.12, 0.28],
+        "size": [0.1, 0.1, 0.1],
+        **MARKS,
+    }
     clearance, qdd = run([inside], LAWS[law](), duration=1.5)
     assert clearance[0, 0] < -0.04
     assert clearance[-1, 0] > -0.0025
@@ -711,7 +852,10 @@ def test_an_arm_is_kept_away_from_singularities(law: str) -> None:
     singular = {"type": "manipulability", "minimum": 0.02, "K": 0.1, "switching_gain": 2.0}
     way = {
         "q0": [-0.0286, -0.3201, -0.3757, -0.9874, 1.2498, 0.0279],
-        "task": {**LOOP["task"], "goals": [{"camera_at_q": [0.3179, -1.5414, 1.2426, -1.826, 0.4289, 0.0633]}]},
+        "task": {
+            **LOOP["task"],
+            "goals": [{"camera_at_q": [0.3179, -1.5414, 1.2426, -1.826, 0.4289, 0.0633]}],
+        },
     }
     unaware, _ = run([singular], Tracking(), **way)
     assert unaware.min() < -0.1
@@ -721,7 +865,12 @@ def test_an_arm_is_kept_away_from_singularities(law: str) -> None:
 
 def wrists_of_a_ur5(blocks: list[dict[str, Any]], law: Controller) -> Trajectory:
     tables = Scenario.load("ur5-fov").tables
-    changes = {"constraints": blocks, "duration": 1.5, "sampling_time": 0.005, "on_rank_loss": "continue"}
+    changes = {
+        "constraints": blocks,
+        "duration": 1.5,
+        "sampling_time": 0.005,
+        "on_rank_loss": "continue",
+    }
     trajectory = simulate(Scenario("wrists", {**tables, **changes}, Path()).setup(), law)
     assert trajectory.status not in ("failed", "aborted"), trajectory.reason
     return trajectory
@@ -729,7 +878,13 @@ def wrists_of_a_ur5(blocks: list[dict[str, Any]], law: Controller) -> Trajectory
 
 WRISTS = ["wrist_1_link", "wrist_2_link", "wrist_3_link"]
 BALE = {"xyz": [0.36, 0.16, 0.55], "rpy": [0.2, 0.1, 0.4], "size": [0.1, 0.1, 0.1]}
-HULLS = {"type": "collision", "name": "bale", "obstacle": {"shape": "box", **BALE}, "links": WRISTS, **MARKS}
+HULLS = {
+    "type": "collision",
+    "name": "bale",
+    "obstacle": {"shape": "box", **BALE},
+    "links": WRISTS,
+    **MARKS,
+}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -742,9 +897,21 @@ def test_the_hulls_of_a_urdf_keep_clear_of_a_box(law: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_points_along_the_links_keep_the_links_hulls_clear(law: str) -> None:
-    """What section 4.3.6 promises, judged by what has no characteristic points: coal's distance to every body."""
-    box = {"type": "forbidden-box", "centre": BALE["xyz"], "rpy": BALE["rpy"], "size": BALE["size"], **MARKS}
-    trajectory = wrists_of_a_ur5([{**box, "points": "links", "links": WRISTS, "spacing": 0.04}], LAWS[law]())
-    judge = build_constraint("collision", {key: HULLS[key] for key in HULLS if key != "type"}, robot("ur5"))
+    """What section 4.3.6 promises, judged by what has no characteristic points: coal's distance to
+    every body.
+    """
+    box = {
+        "type": "forbidden-box",
+        "centre": BALE["xyz"],
+        "rpy": BALE["rpy"],
+        "size": BALE["size"],
+        **MARKS,
+    }
+    trajectory = wrists_of_a_ur5(
+        [{**box, "points": "links", "links": WRISTS, "spacing": 0.04}], LAWS[law]()
+    )
+    judge = build_constraint(
+        "collision", {key: HULLS[key] for key in HULLS if key != "type"}, robot("ur5")
+    )
     assert isinstance(judge, Collision)
     assert min(judge.distances(q).min() for q in trajectory.q) > 0.0

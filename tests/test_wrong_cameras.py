@@ -1,4 +1,6 @@
-"""A camera that is believed to be another one: its mount, its lens, and how far apart the markers are."""
+"""A camera that is believed to be another one: its mount, its lens, and how far apart the markers
+are.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ FISHEYE = {"model": "fisheye", "coefficients": [-0.02, 0.01, -0.005, 0.001]}
 NEVER: list[Any] = []
 
 
-def setup(name: str, duration: float, lens: dict[str, Any] | None = None, **disturbances: Any) -> Setup:
+def setup(
+    name: str, duration: float, lens: dict[str, Any] | None = None, **disturbances: Any
+) -> Setup:
     there = Scenario.load(name).with_override("duration", duration)
     if lens is not None:
         there = there.with_override("camera.distortion", lens)
@@ -33,9 +37,13 @@ def setup(name: str, duration: float, lens: dict[str, Any] | None = None, **dist
     return there.setup()
 
 
-def free(name: str, duration: float, lens: dict[str, Any] | None = None, **disturbances: Any) -> Setup:
+def free(
+    name: str, duration: float, lens: dict[str, Any] | None = None, **disturbances: Any
+) -> Setup:
     """Without constraints, so that tracking alone gets to the goal."""
-    there = Scenario.load(name).with_override("duration", duration).with_override("constraints", NEVER)
+    there = (
+        Scenario.load(name).with_override("duration", duration).with_override("constraints", NEVER)
+    )
     if lens is not None:
         there = there.with_override("camera.distortion", lens)
     for key, value in disturbances.items():
@@ -45,14 +53,21 @@ def free(name: str, duration: float, lens: dict[str, Any] | None = None, **distu
 
 # --- what is believed, by hand ---
 
-ERROR = {"mount_translation_error": [0.01, -0.004, 0.006], "mount_rotation_error": [0.02, 0.01, -0.03]}
+ERROR = {
+    "mount_translation_error": [0.01, -0.004, 0.006],
+    "mount_rotation_error": [0.02, 0.01, -0.03],
+}
 
 
 @pytest.mark.parametrize("name", ["ur5-fov", "eye-to-hand-ibvs"])
 def test_the_camera_is_believed_beside_where_it_is_in_its_own_axes(name: str) -> None:
     there = setup(name, 0.1, **ERROR)
-    true, believed = there.scene.camera, there.sensor().camera
-    error = Pose(Rotation.from_rotvec(ERROR["mount_rotation_error"]).as_matrix(), np.array([0.01, -0.004, 0.006]))
+    true = there.scene.camera
+    believed = there.sensor().camera
+    error = Pose(
+        Rotation.from_rotvec(ERROR["mount_rotation_error"]).as_matrix(),
+        np.array([0.01, -0.004, 0.006]),
+    )
     if true.fixed is None:
         assert max(distance(believed.mount.inverse, true.mount.inverse @ error)) < 1e-12
     else:
@@ -63,12 +78,16 @@ def test_the_camera_is_believed_beside_where_it_is_in_its_own_axes(name: str) ->
 @pytest.mark.parametrize("name", ["ur5-fov", "eye-to-hand-ibvs", "moving-target-unknown"])
 def test_a_wrong_mount_is_believed_of_the_motion_and_not_of_the_image(name: str) -> None:
     there = setup(name, 0.1, **ERROR)
-    sensor, rng = there.sensor(), np.random.default_rng(3)
+    sensor = there.sensor()
+    rng = np.random.default_rng(3)
     n = there.scene.robot.n
-    q, qd = there.q0 + 0.01 * rng.normal(size=n), rng.normal(size=n)
+    q = there.q0 + 0.01 * rng.normal(size=n)
+    qd = rng.normal(size=n)
     true = there.scene.evaluate(0.2, q, qd)
     believed = observe(sensor, true)
-    other = Scene(there.scene.robot, sensor.camera, there.scene.markers, (), there.scene.motion).evaluate(0.2, q, qd)
+    other = Scene(
+        there.scene.robot, sensor.camera, there.scene.markers, (), there.scene.motion
+    ).evaluate(0.2, q, qd)
     np.testing.assert_allclose(believed.pixels.position, true.pixels.position, atol=1e-12)
     # the image alone says where the camera is
     assert max(distance(believed.camera, true.camera)) < 1e-6
@@ -81,9 +100,12 @@ def test_a_wrong_mount_is_believed_of_the_motion_and_not_of_the_image(name: str)
 def test_markers_that_are_believed_farther_apart_are_believed_farther_away() -> None:
     there = setup("ur5-fov", 0.1, marker_distance_factor=1.1)
     true = there.scene.evaluate(0.0, there.q0, there.qd0)
-    believed, middle = observe(there.sensor(), true), there.scene.markers.mean(axis=0)
+    believed = observe(there.sensor(), true)
+    middle = there.scene.markers.mean(axis=0)
     np.testing.assert_allclose(believed.depth, 1.1 * true.depth, rtol=1e-9)
-    np.testing.assert_allclose(believed.camera.t - middle, 1.1 * (true.camera.t - middle), atol=1e-9)
+    np.testing.assert_allclose(
+        believed.camera.t - middle, 1.1 * (true.camera.t - middle), atol=1e-9
+    )
     np.testing.assert_allclose(believed.camera.R, true.camera.R, atol=1e-9)
 
 
@@ -91,13 +113,16 @@ def test_markers_that_are_believed_farther_apart_are_believed_farther_away() -> 
 def test_noise_is_the_sensors_and_the_belief_the_lenss(lens: dict[str, Any]) -> None:
     factor = np.array([0.8, 1.2, 0.5, 1.5])
     there = setup("ur5-fov", 0.1, lens, distortion_factor=factor.tolist(), pixel_noise=0.5)
-    true, sensor = there.scene.evaluate(0.0, there.q0, there.qd0), there.sensor()
+    true = there.scene.evaluate(0.0, there.q0, there.qd0)
+    sensor = there.sensor()
     noise = sensor.images(10).noise[0]
     on_sensor = there.scene.camera.distort(true.pixels.position) + noise
     believed = observe(sensor, true)
     assert sensor.camera.distortion is not None
     np.testing.assert_allclose(sensor.camera.distortion.coefficients, factor * lens["coefficients"])
-    np.testing.assert_allclose(sensor.camera.distort(believed.pixels.position), on_sensor, atol=1e-8)
+    np.testing.assert_allclose(
+        sensor.camera.distort(believed.pixels.position), on_sensor, atol=1e-8
+    )
     assert np.abs(believed.pixels.position - true.pixels.position).max() > 0.4
 
 
@@ -107,14 +132,17 @@ def test_noise_is_the_sensors_and_the_belief_the_lenss(lens: dict[str, Any]) -> 
 def test_position_based_control_stops_at_the_scaled_distance() -> None:
     there = free("ur5-fov", 3.0, marker_distance_factor=1.1)
     run = simulate(there, Tracking())
-    goal, middle = there.task.goals[0].camera, there.scene.markers.mean(axis=0)
+    goal = there.task.goals[0].camera
+    middle = there.scene.markers.mean(axis=0)
     assert goal is not None
     at = there.scene.camera_pose(run.q[-1])
     np.testing.assert_allclose(at.t - middle, (goal.t - middle) / 1.1, atol=2e-3)
     np.testing.assert_allclose(at.R, goal.R, atol=1e-2)
 
 
-@pytest.mark.parametrize("wrong", [ERROR, {"marker_distance_factor": 1.1}], ids=["mount", "markers"])
+@pytest.mark.parametrize(
+    "wrong", [ERROR, {"marker_distance_factor": 1.1}], ids=["mount", "markers"]
+)
 def test_image_based_control_gets_there_all_the_same(wrong: dict[str, Any]) -> None:
     """The image says where the goal is; the way there is another one."""
     exact, run = (simulate(free("ur5-image", 16.0, **told), Tracking()) for told in ({}, wrong))
@@ -154,21 +182,30 @@ def test_a_run_through_a_lens_is_the_same_in_both_forms(
     law = SlidingMode() if lens is LENS else HierarchicalQP()
     compiled = simulate(setup("ur5-fov", 0.2, lens, **wrong), law)
     assert compiled.compiled
-    assert_same(compiled, in_numpy(setup("ur5-fov", 0.2, lens, **wrong), law, monkeypatch), close=1e-8)
+    assert_same(
+        compiled, in_numpy(setup("ur5-fov", 0.2, lens, **wrong), law, monkeypatch), close=1e-8
+    )
 
 
 @pytest.mark.skipif(not available(), reason="there is no compiler here")
-def test_predictions_through_a_lens_are_alike_in_both_forms(monkeypatch: pytest.MonkeyPatch) -> None:
-    there, rng = setup("ur5-fov", 0.2, LENS, **CASES["all"]), np.random.default_rng(4)
-    step, sensor = there.control(), there.sensor()
+def test_predictions_through_a_lens_are_alike_in_both_forms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    there = setup("ur5-fov", 0.2, LENS, **CASES["all"])
+    rng = np.random.default_rng(4)
+    step = there.control()
+    sensor = there.sensor()
     step.evaluate(0.0, there.q0, there.qd0)
-    q, qd = there.q0 + 0.02 * rng.normal(size=(5, 6)), rng.normal(size=(5, 6))
+    q = there.q0 + 0.02 * rng.normal(size=(5, 6))
+    qd = rng.normal(size=(5, 6))
     mine = Model(step, sensor).along(np.arange(5) * 0.02, q, qd)
     with monkeypatch.context() as patch:
         patch.setattr("vsconstraints.control.evaluator.Evaluator.bound", lambda step: None)
         theirs = Model(step, sensor).along(np.arange(5) * 0.02, q, qd)
     for part in ("phi", "Lg", "J", "b", "pixels"):
-        np.testing.assert_allclose(getattr(mine, part), getattr(theirs, part), rtol=1e-9, atol=1e-9, err_msg=part)
+        np.testing.assert_allclose(
+            getattr(mine, part), getattr(theirs, part), rtol=1e-9, atol=1e-9, err_msg=part
+        )
 
 
 def test_what_is_not_disturbed_is_the_scene_itself() -> None:
@@ -195,6 +232,8 @@ def test_what_is_not_disturbed_is_the_scene_itself() -> None:
         (None, {"mount_rotation_error": [0.1, 0.2]}, "mount_rotation_error must be 3 numbers"),
     ],
 )
-def test_a_disturbance_that_cannot_be_says_why(lens: Any, wrong: dict[str, Any], words: str) -> None:
+def test_a_disturbance_that_cannot_be_says_why(
+    lens: Any, wrong: dict[str, Any], words: str
+) -> None:
     with pytest.raises((ConfigurationError, InvalidInput), match=words):
         setup("ur5-fov", 0.1, lens, **wrong)

@@ -20,18 +20,24 @@ GAIN = 100.0
 
 
 class Told:
-    """What claims ask of a run, of rows and columns that a test writes down. Rows that are not given keep their place.
+    """What claims ask of a run, of rows and columns that a test writes down. Rows that are not
+    given keep their place.
 
     ``phi``, ``sigma`` and ``clearance`` are numbers or (N,) by label; σ is φ unless it is given.
     """
 
-    def __init__(self, phi: Any = None, sigma: Any = None, clearance: Any = None, t: Array = T, **others: Any) -> None:
-        self.t, self.sampling_time = t, float(t[1] - t[0])
+    def __init__(
+        self, phi: Any = None, sigma: Any = None, clearance: Any = None, t: Array = T, **others: Any
+    ) -> None:
+        self.t = t
+        self.sampling_time = float(t[1] - t[0])
         phi = {ROW: -1.0} if phi is None else phi
         names = tuple(phi)
 
         def columns(values: dict[str, Any]) -> Array:
-            return np.column_stack([np.broadcast_to(np.asarray(values[name], dtype=float), t.shape) for name in names])
+            return np.column_stack(
+                [np.broadcast_to(np.asarray(values[name], dtype=float), t.shape) for name in names]
+            )
 
         given = {"status": "converged", "reason": "", "error": np.zeros((len(t), 6))}
         self.trajectory = SimpleNamespace(
@@ -65,7 +71,10 @@ class Told:
         return self.trajectory.sigma[:, self.index(label)]
 
     def positive_samples(self, label: str) -> int:
-        return max((len(list(run)) for positive, run in groupby(self.phi(label) >= 0.0) if positive), default=0)
+        return max(
+            (len(list(run)) for positive, run in groupby(self.phi(label) >= 0.0) if positive),
+            default=0,
+        )
 
     def row(self, label: str) -> dict[str, float]:
         least = float(self.trajectory.clearance[:, self.index(label)].min())
@@ -143,4 +152,6 @@ def gives(finding: Finding, verdict: str, **values: float) -> None:
     assert finding.values == pytest.approx(values, rel=1e-9, abs=1e-12)
 
 
-YES, PARTLY, NO = "holds", "holds partly", "does not hold"
+YES = "holds"
+PARTLY = "holds partly"
+NO = "does not hold"

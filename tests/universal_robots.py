@@ -1,8 +1,10 @@
-"""A controller of an arm of Universal Robots, for the package ur-rtde to speak to: ``universal_robots.py HOST``.
+"""A controller of an arm of Universal Robots, for the package ur-rtde to speak to:
+``universal_robots.py HOST``.
 
-RTDE's messages are those of UR's guide to the protocol. Once in a cycle of 2 ms the program on the arm looks at the
-register of commands, as the one does that the package uploads: what was written there and overwritten is lost. Every
-line on standard input is an expression of ``arm``, answered in JSON.
+RTDE's messages are those of UR's guide to the protocol. Once in a cycle of 2 ms the program on the
+arm looks at the register of commands, as the one does that the package uploads: what was written
+there and overwritten is lost. Every line on standard input is an expression of ``arm``, answered in
+JSON.
 """
 
 from __future__ import annotations
@@ -19,11 +21,28 @@ from contextlib import suppress
 from typing import Any
 
 CYCLE = 0.002
-COMMAND, READY, DONE = "input_int_register_0", 1, 2
-SPEEDJ, SERVOJ, WATCHDOG, STOP_SCRIPT = 9, 11, 35, 255
-KINDS = {"D": ("DOUBLE", 1), "6D": ("VECTOR6D", 6), "3D": ("VECTOR3D", 3), "I": ("INT32", 1), "6I": ("VECTOR6INT32", 6)}
+COMMAND = "input_int_register_0"
+READY = 1
+DONE = 2
+SPEEDJ = 9
+SERVOJ = 11
+WATCHDOG = 35
+STOP_SCRIPT = 255
+KINDS = {
+    "D": ("DOUBLE", 1),
+    "6D": ("VECTOR6D", 6),
+    "3D": ("VECTOR3D", 3),
+    "I": ("INT32", 1),
+    "6I": ("VECTOR6INT32", 6),
+}
 KINDS |= {"U": ("UINT32", 1), "L": ("UINT64", 1)}
-OWN = {"actual_momentum": "D", "joint_mode": "6I", "payload_inertia": "6D", "robot_mode": "I", "safety_mode": "I"}
+OWN = {
+    "actual_momentum": "D",
+    "joint_mode": "6I",
+    "payload_inertia": "6D",
+    "robot_mode": "I",
+    "safety_mode": "I",
+}
 LETTERS = {"D": "d", "I": "i", "U": "I", "L": "Q"}
 SAID = {"is in remote control": "true", "get serial number": "20235501234", "stop": "Stopped"}
 
@@ -54,11 +73,23 @@ class Arm:
     """It is where servoJ sends it, at once."""
 
     def __init__(self, host: str) -> None:
-        self.q, self.t, self.running, self.safety, self.slider = [0.1] * 6, 0.0, False, 1, 1.0
+        self.q = [0.1] * 6
+        self.t = 0.0
+        self.running = False
+        self.safety = 1
+        self.slider = 1.0
         self.register: dict[str, float] = {}
-        self.state, self.busy, self.carried_out = READY, False, []
-        self.frequency, self.heard = 0.0, 0.0
-        for port, answer in ((30004, self.rtde), (29999, self.dashboard), (30003, self.program), (30002, self.program)):
+        self.state = READY
+        self.busy = False
+        self.carried_out = []
+        self.frequency = 0.0
+        self.heard = 0.0
+        for port, answer in (
+            (30004, self.rtde),
+            (29999, self.dashboard),
+            (30003, self.program),
+            (30002, self.program),
+        ):
             listening = socket.create_server((host, port))
             threading.Thread(target=self.accept, args=(listening, answer), daemon=True).start()
         threading.Thread(target=self.cycles, daemon=True).start()
@@ -108,25 +139,33 @@ class Arm:
     def cycle(self, command: int) -> None:
         told = [self.register.get(f"input_double_register_{i}", 0.0) for i in range(11)]
         if self.frequency and time.perf_counter() - self.heard > 1.0 / self.frequency:
-            self.running, self.frequency = False, 0.0
+            self.running = False
+            self.frequency = 0.0
         elif command in (SERVOJ, SPEEDJ):
             if not self.carried_out or self.carried_out[-1] != [command, told]:
                 self.carried_out.append([command, told])
-            self.q, self.state = (told[:6] if command == SERVOJ else self.q), READY
+            self.q = told[:6] if command == SERVOJ else self.q
+            self.state = READY
         elif command == 0:
-            self.busy, self.state = False, READY
+            self.busy = False
+            self.state = READY
         elif not self.busy:
             self.carried_out.append([command, told])
-            self.busy, self.state = True, DONE
+            self.busy = True
+            self.state = DONE
             if command == WATCHDOG:
-                self.frequency, self.heard = told[0], time.perf_counter()
+                self.frequency = told[0]
+                self.heard = time.perf_counter()
             if command == STOP_SCRIPT:
-                self.running, self.frequency = False, 0.0
+                self.running = False
+                self.frequency = 0.0
 
     def rtde(self, connection: socket.socket) -> None:
         said: list[str] = []
         recipes: list[list[str]] = []
-        started, turn, stream = threading.Event(), threading.Lock(), connection.makefile("rb")
+        started = threading.Event()
+        turn = threading.Lock()
+        stream = connection.makefile("rb")
 
         def send(letter: bytes, body: bytes) -> None:
             with turn:
@@ -135,22 +174,32 @@ class Arm:
         def publish() -> None:
             with suppress(OSError):
                 while started.wait():
-                    send(b"U", b"\x01" + struct.pack(form(said), *(x for name in said for x in self.value(name))))
+                    send(
+                        b"U",
+                        b"\x01"
+                        + struct.pack(form(said), *(x for name in said for x in self.value(name))),
+                    )
                     time.sleep(CYCLE)
 
         threading.Thread(target=publish, daemon=True).start()
         while header := stream.read(3):
-            letter, body = header[2:], stream.read(struct.unpack(">H", header[:2])[0] - 3)
+            letter = header[2:]
+            body = stream.read(struct.unpack(">H", header[:2])[0] - 3)
             if letter == b"v":
                 send(letter, struct.pack(">4I", 5, 11, 1, 108318))
             elif letter in (b"O", b"I"):
-                names = [name for name in body[8 if letter == b"O" else 0 :].decode().split(",") if name]
+                names = [
+                    name for name in body[8 if letter == b"O" else 0 :].decode().split(",") if name
+                ]
                 if letter == b"O":
                     said[:] = names
                 else:
                     recipes.append(names)
                 number = 1 if letter == b"O" else len(recipes)
-                send(letter, bytes([number]) + ",".join(KINDS[kind(name)][0] for name in names).encode())
+                send(
+                    letter,
+                    bytes([number]) + ",".join(KINDS[kind(name)][0] for name in names).encode(),
+                )
             elif letter == b"U":
                 names = recipes[body[0] - 1]
                 self.register |= zip(names, struct.unpack(form(names), body[1:]), strict=True)

@@ -1,10 +1,13 @@
-"""``python -m checks.mutation [--sample N]``: puts small mistakes into the code, one at a time, and runs quick tests.
+"""``python -m checks.mutation [--sample N]``: puts small mistakes into the code, one at a time, and
+runs quick tests.
 
-Mistakes that no test notices are listed. Exit code 1 if fewer than 95 % of a group's are noticed (of a sample: if that
-many are not probable any more), or if a named one is not. Compiled functions run as Python here.
+Mistakes that no test notices are listed. Exit code 1 if fewer than 95 % of a group's are noticed
+(of a sample: if that many are not probable any more), or if a named one is not. Compiled functions
+run as Python here.
 
-Named are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test that notices it. ``--named``
-runs these alone, each against its test; ``--renew N`` chooses N of them anew, evenly from all files.
+Named are those of ``named.toml``, with reasons, and of ``noticed.tsv``, each with a test that
+notices it. ``--named`` runs these alone, each against its test; ``--renew N`` chooses N of them
+anew, evenly from all files.
 """
 
 from __future__ import annotations
@@ -12,7 +15,9 @@ from __future__ import annotations
 import os
 
 # before NumPy is imported: matrices are small, and forks must not meet threads
-os.environ.update(VSCONSTRAINTS_COMPILE="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg")
+os.environ.update(
+    VSCONSTRAINTS_COMPILE="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MPLBACKEND="Agg"
+)
 
 import argparse
 import csv
@@ -34,42 +39,74 @@ from .targets import GROUPS, LEAST, TESTS, files_named, files_of, suffices
 
 HERE = Path(__file__).parent
 NOTICED = HERE / "noticed.tsv"
-SPARE, QUICKEST = 1.25, 60
-"""Of mutants that are named anew, so many times more are judged, by so many of the quickest tests that reach each."""
+SPARE = 1.25
+QUICKEST = 60
+"""Of mutants that are named anew, so many times more are judged, by so many of the quickest tests
+that reach each.
+"""
 
 Key = tuple[str, str, str]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Judge mutants and print what was found."""
-    parser = argparse.ArgumentParser(prog="python -m checks.mutation", description="Do tests notice wrong code?")
-    parser.add_argument("--sample", type=int, metavar="N", help="only so many, and no named ones unless --named")
+    parser = argparse.ArgumentParser(
+        prog="python -m checks.mutation", description="Do tests notice wrong code?"
+    )
+    parser.add_argument(
+        "--sample", type=int, metavar="N", help="only so many, and no named ones unless --named"
+    )
     parser.add_argument("--seed", default="1", help="of the sample (default: 1)")
-    parser.add_argument("--only", metavar="TEXT", default="", help="only files with this in their path")
-    parser.add_argument("--changed", metavar="REV", help="only lines that were changed since this commit")
-    parser.add_argument("--named", action="store_true", help="only named mutants, each against its test")
+    parser.add_argument(
+        "--only", metavar="TEXT", default="", help="only files with this in their path"
+    )
+    parser.add_argument(
+        "--changed", metavar="REV", help="only lines that were changed since this commit"
+    )
+    parser.add_argument(
+        "--named", action="store_true", help="only named mutants, each against its test"
+    )
     parser.add_argument("--renew", type=int, metavar="N", help="name so many mutants anew")
-    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="mutants at a time")
-    parser.add_argument("--verbose", action="store_true", help="print every mutant with the test that noticed it")
+    parser.add_argument(
+        "--jobs", type=int, default=len(os.sched_getaffinity(0)), help="mutants at a time"
+    )
+    parser.add_argument(
+        "--verbose", action="store_true", help="print every mutant with the test that noticed it"
+    )
     chosen = parser.parse_args(arguments)
     started = time.monotonic()
     scored = files_of(ROOT, [name for names in GROUPS.values() for name in names])
     wanted = files_named(ROOT) if chosen.named or chosen.renew or chosen.changed else scored
     files = [file for file in wanted if chosen.only in file]
-    equivalent = {(table["file"], table["old"], table["new"]) for table in _tables("equivalent.toml")}
+    equivalent = {
+        (table["file"], table["old"], table["new"]) for table in _tables("equivalent.toml")
+    }
     every = [mutant for file in files for mutant in mutants_of(ROOT, file)]
     stale = {key for key in equivalent if key[0] in files} - {mutant.key for mutant in every}
     worth = [mutant for mutant in every if mutant.key not in equivalent]
-    reasoned = [edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]]
-    tests, known = _noticed(), {mutant.key: mutant for mutant in worth}
+    reasoned = [
+        edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]
+    ]
+    tests = _noticed()
+    known = {mutant.key: mutant for mutant in worth}
     named = list(
-        {mutant.key: mutant for mutant in [*(known[key] for key in tests if key in known), *reasoned]}.values()
+        {
+            mutant.key: mutant
+            for mutant in [*(known[key] for key in tests if key in known), *reasoned]
+        }.values()
     )
     if chosen.named:
-        gone = [key for key in tests if key not in known.keys() | {mutant.key for mutant in reasoned}]
+        gone = [
+            key for key in tests if key not in known.keys() | {mutant.key for mutant in reasoned}
+        ]
         for key in gone if not chosen.only else ():
-            print("noticed.tsv lists what is no mutant any more; --renew chooses another one:", *key, sep="\n    ")
-        mutants, named = [], sampled(named, chosen.sample or len(named), chosen.seed)
+            print(
+                "noticed.tsv lists what is no mutant any more; --renew chooses another one:",
+                *key,
+                sep="\n    ",
+            )
+        mutants = []
+        named = sampled(named, chosen.sample or len(named), chosen.seed)
     elif chosen.renew:
         mutants = _evenly(worth, round(SPARE * chosen.renew), chosen.seed)
     else:
@@ -79,16 +116,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         named = [] if chosen.sample else named
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         watched = list(dict.fromkeys([*files, *(mutant.file for mutant in named)]))
-        known_tests, most = tests if chosen.named else None, QUICKEST if chosen.renew else None
+        known_tests = tests if chosen.named else None
+        most = QUICKEST if chosen.renew else None
         runner = Runner(Path(folder), TESTS, watched, chosen.jobs, known=known_tests, most=most)
-        print(f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
+        print(
+            f"{len(runner.reached)} tests, {time.monotonic() - started:.0f} s",
+            file=sys.stderr,
+            flush=True,
+        )
         verdicts = []
         for verdict in runner.judge([*named, *mutants]):
             verdicts.append(verdict)
             if chosen.verbose or not verdict.noticed:
                 print(f"{verdict.state}: {verdict.mutant} {verdict.by}", flush=True)
         os.chdir(ROOT)
-    print(f"\n{len(verdicts)} mutants, {len(every) - len(worth)} equivalent, {time.monotonic() - started:.0f} s")
+    print(
+        f"\n{len(verdicts)} mutants, {len(every) - len(worth)} equivalent, "
+        f"{time.monotonic() - started:.0f} s"
+    )
     if chosen.renew:
         return _write(verdicts, reasoned, chosen.renew)
     keys = {mutant.key for mutant in named}
@@ -97,32 +142,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for key in sorted(stale):
         print("equivalent.toml lists what is no mutant:", *key, sep="\n    ")
     ordinary = [verdict for verdict in verdicts if verdict.mutant.key not in keys]
-    good = chosen.named or _scores(ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed))
+    good = chosen.named or _scores(
+        ordinary, every, equivalent, whole=not (chosen.sample or chosen.changed)
+    )
     return 0 if good and not missed and not stale else 1
 
 
 def _tables(name: str) -> list[dict[str, str]]:
-    tables: list[dict[str, str]] = tomllib.loads((HERE / name).read_text(encoding="utf-8")).get("mutant", [])
+    tables: list[dict[str, str]] = tomllib.loads((HERE / name).read_text(encoding="utf-8")).get(
+        "mutant", []
+    )
     return tables
 
 
 def _noticed() -> dict[Key, str]:
     """The test that notices each named mutant."""
     with NOTICED.open(encoding="utf-8", newline="") as file:
-        return {(line["file"], line["old"], line["new"]): line["test"] for line in csv.DictReader(file, delimiter="\t")}
+        return {
+            (line["file"], line["old"], line["new"]): line["test"]
+            for line in csv.DictReader(file, delimiter="\t")
+        }
 
 
 def _write(verdicts: Sequence[Verdict], reasoned: Sequence[Mutant], count: int) -> int:
     """Write those that a test noticed, those with reasons first; 0 if they are enough."""
     first = {mutant.key for mutant in reasoned}
-    noticed = {verdict.mutant.key: verdict.by for verdict in verdicts if verdict.state == "killed" and verdict.by}
+    noticed = {
+        verdict.mutant.key: verdict.by
+        for verdict in verdicts
+        if verdict.state == "killed" and verdict.by
+    }
     keys = sorted(sorted(noticed, key=lambda key: key not in first)[:count])
     with NOTICED.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
         writer.writerow(["file", "old", "new", "test"])
         writer.writerows([*key, noticed[key]] for key in keys)
     print(
-        f"{NOTICED.name}: {len(keys)} mutants, {sum('/compiled/' in key[0] for key in keys)} of them in compiled code"
+        f"{NOTICED.name}: {len(keys)} mutants, {sum('/compiled/' in key[0] for key in keys)} of "
+        f"them in compiled code"
     )
     return 0 if len(keys) == count and first <= set(keys) else 1
 
@@ -148,17 +205,24 @@ def _changed(revision: str) -> dict[str, set[int]]:
     words = ["git", "diff", "-U0", "--no-renames", revision, "--", "src"]
     lines: dict[str, set[int]] = defaultdict(set)
     file = ""
-    for line in subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines():
+    for line in subprocess.run(
+        words, cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.splitlines():
         if line.startswith("+++ "):
             file = line[6:]
         elif at := re.match(r"@@ -\S+ \+(\d+)(?:,(\d+))? @@", line):
-            first, count = int(at[1]), int(at[2] or 1)
+            first = int(at[1])
+            count = int(at[2] or 1)
             lines[file] |= set(range(first, first + count))
     return lines
 
 
-def _scores(verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[str, str, str]], whole: bool) -> bool:
-    """Print the score of each file and group; whether they suffice: of all groups, or of a sample as a whole."""
+def _scores(
+    verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[str, str, str]], whole: bool
+) -> bool:
+    """Print the score of each file and group; whether they suffice: of all groups, or of a sample
+    as a whole.
+    """
     judged = Counter(verdict.mutant.file for verdict in verdicts)
     noticed = Counter(verdict.mutant.file for verdict in verdicts if verdict.noticed)
     apart = Counter(mutant.file for mutant in every if mutant.key in equivalent)

@@ -1,4 +1,6 @@
-"""What happens in a forked process: tests run on the tree as it is, or on a tree with one file that is another."""
+"""What happens in a forked process: tests run on the tree as it is, or on a tree with one file that
+is another.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ class Reached:
 
 
 def fork(work: Callable[[], int], output: Path) -> int:
-    """Process id of a child that does this work and nothing else; what it prints is written to a file."""
+    """Process id of a child that does this work and nothing else; what it prints is written to a
+    file.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     process = os.fork()
@@ -78,7 +82,9 @@ def fork(work: Callable[[], int], output: Path) -> int:
 
 
 def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
-    """Run tests and write down what each of them reaches; tests that fail, or are not quick, are left out."""
+    """Run tests and write down what each of them reaches; tests that fail, or are not quick, are
+    left out.
+    """
     watched = _Watch()
     entered: Any = watched.entered
     builtins.__dict__[ENTERED] = lambda *place: entered.add(place)
@@ -94,7 +100,8 @@ def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
 
 
 def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path) -> int:
-    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is written down.
+    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is
+    written down.
 
     ``limits`` [s] are those of the tests: the process is ended by SIGALRM where one takes longer.
     """
@@ -134,11 +141,15 @@ class _Watch:
 
 class _Chosen:
     def __init__(self, limits: Mapping[str, float], result: Path) -> None:
-        self.limits, self.result = limits, result
+        self.limits = limits
+        self.result = result
         self.place = {test: i for i, test in enumerate(limits)}
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = sorted((item for item in items if item.nodeid in self.place), key=lambda i: self.place[i.nodeid])
+        items[:] = sorted(
+            (item for item in items if item.nodeid in self.place),
+            key=lambda i: self.place[i.nodeid],
+        )
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         signal.alarm(math.ceil(self.limits[nodeid]))
@@ -176,7 +187,10 @@ class _Changed(importlib.abc.MetaPathFinder):
         is_package = spec.submodule_search_locations is not None
         loader = _Source(fullname, spec.origin, self.sources[spec.origin])
         return importlib.util.spec_from_file_location(
-            fullname, spec.origin, loader=loader, submodule_search_locations=[] if is_package else None
+            fullname,
+            spec.origin,
+            loader=loader,
+            submodule_search_locations=[] if is_package else None,
         )
 
 

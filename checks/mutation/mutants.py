@@ -23,13 +23,17 @@ LEFT_OUT = ("abs", "sqrt")
 """Functions whose argument takes their place."""
 
 WORDS = ("text", "texts", "title", "why", "shown", "beyond", "broken")
-"""Names of what is only said: statements that assign or append to them are left alone, as where texts are assigned."""
+"""Names of what is only said: statements that assign or append to them are left alone, as where
+texts are assigned.
+"""
 
 KEYWORDS = ("strict", "repr", "init")
 """Arguments that guard against slips or are for the eye."""
 
 GUARD = 1e-8
-"""Numbers smaller than this guard against rounding: they are changed by :data:`GUARDED`, others by 2."""
+"""Numbers smaller than this guard against rounding: they are changed by :data:`GUARDED`, others by
+2.
+"""
 GUARDED = 1e4
 
 
@@ -42,11 +46,13 @@ class Mutant:
     file
         Its path in the repository.
     function
-        First line of the function (decorators included) in which the mistake is; 0 outside of functions.
+        First line of the function (decorators included) in which the mistake is; 0 outside of
+        functions.
     line
         Where the mistake is.
     old, new
-        That line before and after, and what follows it if the change spans several lines, without indentation.
+        That line before and after, and what follows it if the change spans several lines, without
+        indentation.
     source
         The whole file with the mistake.
     why
@@ -81,7 +87,9 @@ def mutants_of(root: Path, file: str) -> list[Mutant]:
 
 
 def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
-    """The mutant in which ``new`` stands for ``old``; raises ValueError unless that is in the file exactly once."""
+    """The mutant in which ``new`` stands for ``old``; raises ValueError unless that is in the file
+    exactly once.
+    """
     source = (root / file).read_text(encoding="utf-8")
     if source.count(old) != 1:
         raise ValueError(f"{file} has {source.count(old)} times, not once: {old}")
@@ -94,7 +102,9 @@ def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
         and node.lineno <= line <= (node.end_lineno or 0)
         and (first := _first_line(node))
     ]
-    return _spliced(file, source, start, start + len(old.encode()), new, min(inside, default=(0, 0))[1], why)
+    return _spliced(
+        file, source, start, start + len(old.encode()), new, min(inside, default=(0, 0))[1], why
+    )
 
 
 def sampled(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
@@ -105,13 +115,17 @@ def sampled(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
     return [mutants[i] for i in sorted(chosen)]
 
 
-def _spliced(file: str, source: str, start: int, end: int, new: str, function: int, why: str = "") -> Mutant:
+def _spliced(
+    file: str, source: str, start: int, end: int, new: str, function: int, why: str = ""
+) -> Mutant:
     text = source.encode()
     changed = text[:start] + new.encode() + text[end:]
     first = text.rfind(b"\n", 0, start) + 1
-    last, last_changed = text.find(b"\n", end), changed.find(b"\n", start + len(new.encode()))
+    last = text.find(b"\n", end)
+    last_changed = changed.find(b"\n", start + len(new.encode()))
     line = text[:start].count(b"\n") + 1
-    before, after = text[first:last].decode().strip(), changed[first:last_changed].decode().strip()
+    before = text[first:last].decode().strip()
+    after = changed[first:last_changed].decode().strip()
     return Mutant(file, function, line, before, after, changed.decode(), why)
 
 
@@ -124,7 +138,9 @@ Change = tuple[int, int, str, int]
 
 
 class _Mutations:
-    """Walks a file and says what may be changed. Texts, annotations and what decorators say are left alone."""
+    """Walks a file and says what may be changed. Texts, annotations and what decorators say are
+    left alone.
+    """
 
     def __init__(self, source: str) -> None:
         self.text = source.encode()
@@ -135,14 +151,19 @@ class _Mutations:
     def span(self, node: ast.expr | ast.stmt) -> tuple[int, int]:
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
-        return self.starts[node.lineno - 1] + node.col_offset, self.starts[node.end_lineno - 1] + node.end_col_offset
+        return self.starts[node.lineno - 1] + node.col_offset, self.starts[
+            node.end_lineno - 1
+        ] + node.end_col_offset
 
     def changes(self, node: ast.AST, function: int) -> Iterator[Change]:
         """Of this node and all below it."""
         if isinstance(node, ast.JoinedStr) or _only_said(node):
             return
         if isinstance(node, ast.FunctionDef):
-            for default in (*node.args.defaults, *(d for d in node.args.kw_defaults if d is not None)):
+            for default in (
+                *node.args.defaults,
+                *(d for d in node.args.kw_defaults if d is not None),
+            ):
                 yield from self.changes(default, function)
             for statement in node.body:
                 yield from self.changes(statement, _first_line(node))
@@ -155,15 +176,25 @@ class _Mutations:
     def below(self, node: ast.AST) -> Iterator[ast.AST]:
         if isinstance(node, (ast.Raise, ast.Import, ast.ImportFrom)):
             return
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+        if (
+            isinstance(node, ast.If)
+            and isinstance(node.test, ast.Name)
+            and node.test.id == "TYPE_CHECKING"
+        ):
             return
         if isinstance(node, ast.keyword) and node.arg in KEYWORDS:
             return
-        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets):
+        if isinstance(node, ast.Assign) and any(
+            isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets
+        ):
             return
         for name, value in ast.iter_fields(node):
             if name not in ("annotation", "decorator_list", "returns", "type_params"):
-                yield from (one for one in (value if isinstance(value, list) else [value]) if isinstance(one, ast.AST))
+                yield from (
+                    one
+                    for one in (value if isinstance(value, list) else [value])
+                    if isinstance(one, ast.AST)
+                )
 
     def of(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
         """Of this node alone."""
@@ -199,7 +230,9 @@ class _Mutations:
         ):
             yield *self.span(node), "pass"
 
-    def between(self, left: ast.expr, operator: ast.AST, right: ast.expr, new: str) -> tuple[int, int, str]:
+    def between(
+        self, left: ast.expr, operator: ast.AST, right: ast.expr, new: str
+    ) -> tuple[int, int, str]:
         symbol = SYMBOL[type(operator)].encode()
         start = self.text.index(symbol, self.span(left)[1], self.span(right)[0])
         return start, start + len(symbol), new
@@ -225,7 +258,11 @@ def _only_said(node: ast.AST) -> bool:
         target = node.targets[0]
     elif isinstance(node, ast.AugAssign):
         target = node.target
-    elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) and isinstance(node.value.func, ast.Attribute):
+    elif (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Call)
+        and isinstance(node.value.func, ast.Attribute)
+    ):
         target = node.value.func.value
     return isinstance(target, ast.Name) and target.id in WORDS
 
@@ -233,7 +270,9 @@ def _only_said(node: ast.AST) -> bool:
 def _is_text(value: ast.AST) -> bool:
     if isinstance(value, ast.IfExp):
         return _is_text(value.body) or _is_text(value.orelse)
-    return isinstance(value, ast.JoinedStr) or (isinstance(value, ast.Constant) and isinstance(value.value, str))
+    return isinstance(value, ast.JoinedStr) or (
+        isinstance(value, ast.Constant) and isinstance(value.value, str)
+    )
 
 
 def _other_constants(value: object) -> list[str]:

@@ -1,4 +1,6 @@
-"""Runs mutants: third-party packages are imported once, every mutant is judged in a process forked from here."""
+"""Runs mutants: third-party packages are imported once, every mutant is judged in a process forked
+from here.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "
                "scikit_posthocs")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
-SLACK, FACTOR = 20.0, 10.0
+SLACK = 20.0
+FACTOR = 10.0
 """Each test of a mutant may take so many seconds, and so much longer than without a mistake."""
 
 State = Literal["killed", "timed out", "survived", "not reached"]
@@ -76,7 +79,8 @@ class Runner:
     root
         The tree; it holds ``src`` and ``tests``.
     known
-        The one test of each mutant that is asked, by the mutant's key; otherwise all that reach it are.
+        The one test of each mutant that is asked, by the mutant's key; otherwise all that reach it
+        are.
     most
         Only so many tests of those that reach a mutant, the quickest; all if None.
     """
@@ -91,11 +95,15 @@ class Runner:
         known: Mapping[tuple[str, str, str], str] | None = None,
         most: int | None = None,
     ) -> None:
-        self.folder, self.jobs, self.most = folder.resolve(), jobs, most
+        self.folder = folder.resolve()
+        self.jobs = jobs
+        self.most = most
         for name in COPIED:
             there = root / name
             if there.is_dir():
-                shutil.copytree(there, self.folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+                shutil.copytree(
+                    there, self.folder / name, ignore=shutil.ignore_patterns("__pycache__")
+                )
             elif there.exists():
                 shutil.copy(there, self.folder / name)
         self._keep_runs(root)
@@ -112,7 +120,8 @@ class Runner:
 
     def _keep_runs(self, root: Path) -> None:
         """Simulate what the tests of claims judge, once and compiled."""
-        folder, script = self.folder / "runs", root / "tests" / "test_reproduction.py"
+        folder = self.folder / "runs"
+        script = root / "tests" / "test_reproduction.py"
         if not script.exists():
             return
         folder.mkdir()
@@ -123,23 +132,32 @@ class Runner:
 
     def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
         reached: dict[str, Reached] = {}
-        running, waiting = {}, list(enumerate(tests))
+        running = {}
+        waiting = list(enumerate(tests))
         while waiting or running:
             while waiting and len(running) < self.jobs:
                 i, test = waiting.pop()
-                result, output = self.folder / f"reached-{i}.json", self.folder / f"reached-{i}.log"
-                running[fork(lambda t=test, r=result: watch([t], files, r), output)] = result, output
+                result = self.folder / f"reached-{i}.json"
+                output = self.folder / f"reached-{i}.log"
+                running[fork(lambda t=test, r=result: watch([t], files, r), output)] = (
+                    result,
+                    output,
+                )
             result, output = running.pop(os.waitpid(-1, 0)[0])
             if not result.exists():
-                raise RuntimeError(f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}")
+                raise RuntimeError(
+                    f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}"
+                )
             for test, (seconds, entered) in json.loads(result.read_text(encoding="utf-8")).items():
                 reached[test] = Reached(seconds, {(f, n) for f, n in entered})
         return reached
 
     def tests_for(self, mutant: Mutant) -> list[str]:
-        """Tests that enter the function, the quickest first; then the others of their files, which may share results.
+        """Tests that enter the function, the quickest first; then the others of their files, which
+        may share results.
 
-        Outside of functions: of the tests that enter any function of the file, and of all where there is none.
+        Outside of functions: of the tests that enter any function of the file, and of all where
+        there is none.
         """
         if self.known is not None:
             return [self.known[mutant.key]] if mutant.key in self.known else []
@@ -147,7 +165,10 @@ class Runner:
         place = {(file, mutant.function)}
         if not mutant.function:
             place = {
-                entered for reached in self.reached.values() for entered in reached.functions if entered[0] == file
+                entered
+                for reached in self.reached.values()
+                for entered in reached.functions
+                if entered[0] == file
             }
         first = [test for test, reached in self.reached.items() if reached.functions & place]
         if not first and not mutant.function:
@@ -174,7 +195,8 @@ class Runner:
                     result = self.folder / f"mutant-{number}.txt"
                     limits = {test: SLACK + FACTOR * self.reached[test].seconds for test in tests}
                     process = fork(
-                        lambda m=mutant, t=limits, r=result: judge(m, self.folder, t, r), Path(f"{result}.log")
+                        lambda m=mutant, t=limits, r=result: judge(m, self.folder, t, r),
+                        Path(f"{result}.log"),
                     )
                     running[process] = mutant, result
                 yield from self._ended(running)
@@ -190,6 +212,8 @@ class Runner:
                 del running[process]
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
                 late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
-                yield Verdict(mutant, "timed out" if late else "killed" if status else "survived", by)
+                yield Verdict(
+                    mutant, "timed out" if late else "killed" if status else "survived", by
+                )
                 for left in (result, Path(f"{result}.log")):
                     left.unlink(missing_ok=True)

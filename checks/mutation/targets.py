@@ -11,7 +11,9 @@ LEAST = 0.95
 """Share of the mutants of each group that tests must notice."""
 
 DOUBT = 0.05
-"""Of a sample: it tells against that share where such a sample, or a worse one, is less probable than this with it."""
+"""Of a sample: it tells against that share where such a sample, or a worse one, is less probable
+than this with it.
+"""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
@@ -77,11 +79,17 @@ def files_of(root: Path, names: Sequence[str]) -> list[str]:
 
 def files_named(root: Path) -> list[str]:
     """Every file of which mutants are named."""
-    return list(dict.fromkeys(files_of(root, [*(name for names in GROUPS.values() for name in names), *NAMED_TOO])))
+    return list(
+        dict.fromkeys(
+            files_of(root, [*(name for names in GROUPS.values() for name in names), *NAMED_TOO])
+        )
+    )
 
 
 def suffices(noticed: int, of: int) -> bool:
-    """Whether a sample of mutants may be one of which tests notice the least share: exact binomial test, one-sided."""
+    """Whether a sample of mutants may be one of which tests notice the least share: exact binomial
+    test, one-sided.
+    """
     return of == 0 or bool(binomtest(noticed, of, LEAST, alternative="less").pvalue >= DOUBT)
 
 
@@ -152,5 +160,6 @@ QUICK = 1.0
 """Seconds that a test may take without the compiler; longer ones are left out."""
 
 COMPARED = "real"
-"""A fixture that simulates a whole comparison, in processes of its own and so without any mistake: its tests are left
-out."""
+"""A fixture that simulates a whole comparison, in processes of its own and so without any mistake:
+its tests are left out.
+"""

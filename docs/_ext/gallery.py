@@ -1,6 +1,8 @@
-"""``{gallery}``: every scenario that comes with the package, with a picture that is drawn when the page is read.
+"""``{gallery}``: every scenario that comes with the package, with a picture that is drawn when the
+page is read.
 
-With the extra ``replay`` the scenarios that the option ``replays`` names get a replay of some laws, too.
+With the extra ``replay`` the scenarios that the option ``replays`` names get a replay of some laws,
+too.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ TEXT = """\
 
 
 class Gallery(SphinxDirective):
-    """One section for each scenario: title, what happens in it, picture, and a replay if there is one."""
+    """One section for each scenario: title, what happens in it, picture, and a replay if there is
+    one.
+    """
 
     option_spec = {"replays": directives.unchanged}  # noqa: RUF012 - as Sphinx wants it
 
@@ -44,7 +48,9 @@ class Gallery(SphinxDirective):
         for scenario in map(Scenario.load, shipped_scenarios()):
             FIGURE.write(pictures / f"{scenario.name}.png", Preview.of_scenario(scenario))
             description = " ".join(str(scenario.tables.get("description", "")).split())
-            parts.append(TEXT.format(title=scenario.title, name=scenario.name, description=description))
+            parts.append(
+                TEXT.format(title=scenario.title, name=scenario.name, description=description)
+            )
             if scenario.name in wanted:
                 write_replay(scenario, pictures / f"{scenario.name}.html")
                 link = f"{{download}}`{' and '.join(LAWS)} <_gallery/{scenario.name}.html>`"
@@ -57,7 +63,9 @@ def write_replay(scenario: Scenario, path: Path) -> None:
     from vsconstraints.reports.replay import ReplayRun, write_replay
 
     setup = scenario.setup()
-    write_replay([ReplayRun(law, setup, simulate(setup, make_controller(law))) for law in LAWS], path)
+    write_replay(
+        [ReplayRun(law, setup, simulate(setup, make_controller(law))) for law in LAWS], path
+    )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -1,9 +1,9 @@
 """Tables taken from the code, so that each has one source.
 
-``{registry} vsconstraints.robots:READY_MADE`` lists what has a name, with its text, its question, or the first line
-of its docstring.
-``{options} vsconstraints.controllers:SlidingMode`` lists the options of a class, with their defaults and descriptions.
-``{commands}`` lists the commands of the command line.
+``{registry} vsconstraints.robots:READY_MADE`` lists what has a name, with its text, its question,
+or the first line of its docstring. ``{options} vsconstraints.controllers:SlidingMode`` lists the
+options of a class, with their defaults and descriptions. ``{commands}`` lists the commands of the
+command line.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ def imported(name: str) -> Any:
     return getattr(importlib.import_module(module), attribute)
 
 
-def table(headings: Iterable[str], lines: Iterable[Iterable[nodes.Node]], widths: list[int]) -> nodes.table:
+def table(
+    headings: Iterable[str], lines: Iterable[Iterable[nodes.Node]], widths: list[int]
+) -> nodes.table:
     """A table of nodes."""
     group = nodes.tgroup("", *(nodes.colspec(colwidth=width) for width in widths), cols=len(widths))
     group += nodes.thead("", _row(nodes.paragraph("", heading) for heading in headings))
@@ -49,7 +51,11 @@ def _code(text: str) -> nodes.paragraph:
 def prose(text: str) -> nodes.paragraph:
     """Text in which double backticks mean code, and roles are left out."""
     paragraph = nodes.paragraph()
-    text = re.sub(r":\w+:`~?([^`]*)`", lambda role: f"``{role[1].rpartition('.')[2]}``", " ".join(text.split()))
+    text = re.sub(
+        r":\w+:`~?([^`]*)`",
+        lambda role: f"``{role[1].rpartition('.')[2]}``",
+        " ".join(text.split()),
+    )
     for i, part in enumerate(re.split(r"``", text)):
         paragraph += nodes.literal(part, part) if i % 2 else nodes.Text(part)
     return paragraph
@@ -64,7 +70,11 @@ class Registry(SphinxDirective):
         """One line for each name."""
         lines = []
         for name, thing in imported(self.arguments[0]).items():
-            text = thing if isinstance(thing, str) else getattr(thing, "question", None) or _first_line(thing)
+            text = (
+                thing
+                if isinstance(thing, str)
+                else getattr(thing, "question", None) or _first_line(thing)
+            )
             lines.append([_code(str(name)), prose(text)])
         return [table(("name", "what"), lines, [25, 75])]
 
@@ -101,7 +111,10 @@ class Commands(SphinxDirective):
             example, _, text = (command.help or "").strip().partition("\n\n")
             section += _code(example.removeprefix("Example: "))
             section += nodes.paragraph("", text)
-            lines = [[_code(self._shown(given)), prose(getattr(given, "help", "") or "")] for given in command.params]
+            lines = [
+                [_code(self._shown(given)), prose(getattr(given, "help", "") or "")]
+                for given in command.params
+            ]
             if lines:
                 section += table(("argument or option", "what"), lines, [35, 65])
             found.append(section)
@@ -122,11 +135,17 @@ def parameters(doc: str) -> dict[str, str]:
 
 
 def meanings(made: Any) -> dict[str, str]:
-    """What the options of a dataclass, or of the demand and the resolver of a law, mean, as their fields say."""
+    """What the options of a dataclass, or of the demand and the resolver of a law, mean, as their
+    fields say.
+    """
     law = made() if made in CONTROLLERS.values() else None
     parts = [law.demand, law.resolver] if isinstance(law, Law) else [made]
     found = {field.name: field for part in parts if is_dataclass(part) for field in fields(part)}
-    return {name: f"{field.metadata['meaning']}." for name, field in found.items() if "meaning" in field.metadata}
+    return {
+        name: f"{field.metadata['meaning']}."
+        for name, field in found.items()
+        if "meaning" in field.metadata
+    }
 
 
 def setup(sphinx: Sphinx) -> dict[str, bool]:

@@ -1,4 +1,6 @@
-"""Formulas as MathML, which browsers draw themselves, with a font of these pages: no script, no network."""
+"""Formulas as MathML, which browsers draw themselves, with a font of these pages: no script, no
+network.
+"""
 
 from __future__ import annotations
 
@@ -26,5 +28,7 @@ def block(translator: HTML5Translator, node: nodes.math_block) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the renderer under the name ``mathml``."""
-    app.add_html_math_renderer("mathml", inline_renderers=(inline, None), block_renderers=(block, None))
+    app.add_html_math_renderer(
+        "mathml", inline_renderers=(inline, None), block_renderers=(block, None)
+    )
     return {"parallel_read_safe": True, "parallel_write_safe": True}

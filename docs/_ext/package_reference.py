@@ -1,4 +1,5 @@
-"""``.. package:: vsconstraints.constraints``: the reference of a package's modules, complete by construction.
+"""``.. package:: vsconstraints.constraints``: the reference of a package's modules, complete by
+construction.
 
 References in docstrings are led to where an object is defined, whatever public name they use.
 """
@@ -50,7 +51,10 @@ def _annotation(entries: str) -> re.Pattern[str]:
     parts = re.split(r"(\w+)", f"ndarray[tuple[Any, ...], dtype[{entries}]]")
     # names may stand there twice, and with their modules: which of them is shown is decided later
     return re.compile(
-        "".join(rf"(?:{part})?~?(?:\w+\.)?{part}" if part.isalpha() else re.escape(part) for part in parts)
+        "".join(
+            rf"(?:{part})?~?(?:\w+\.)?{part}" if part.isalpha() else re.escape(part)
+            for part in parts
+        )
     )
 
 
@@ -59,9 +63,17 @@ ARRAYS = {"Array": _annotation("floating[Any]"), "BoolArray": _annotation("bool"
 
 
 def name_arrays(
-    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
+    app: Sphinx,
+    what: str,
+    name: str,
+    thing: object,
+    options: object,
+    signature: str | None,
+    returned: str | None,
 ) -> tuple[str | None, str | None]:
-    """Call arrays in signatures what the code calls them; made by a factory is a default like others."""
+    """Call arrays in signatures what the code calls them; made by a factory is a default like
+    others.
+    """
     return _named(signature and signature.replace("<factory>", "...")), _named(returned)
 
 
@@ -72,8 +84,12 @@ def _named(text: str | None) -> str | None:
 
 
 def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) -> None:
-    """The same for properties, whose types are not in a signature; and no word of a class's having no base."""
-    for paragraph in [node for node in content.children if node.astext().startswith("Bases: object")]:
+    """The same for properties, whose types are not in a signature; and no word of a class's having
+    no base.
+    """
+    for paragraph in [
+        node for node in content.children if node.astext().startswith("Bases: object")
+    ]:
         content.remove(paragraph)
     for annotation in list(content.parent.findall(addnodes.desc_annotation)):
         text = annotation.astext()
@@ -83,8 +99,12 @@ def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) ->
             annotation += nodes.Text(named)
 
 
-def as_written(app: Sphinx, what: str, name: str, thing: object, settings: object, lines: list[str]) -> None:
-    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them. Add options."""
+def as_written(
+    app: Sphinx, what: str, name: str, thing: object, settings: object, lines: list[str]
+) -> None:
+    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them.
+    Add options.
+    """
     meant = meanings(thing) if what == "class" else {}
     meant = {name: text for name, text in meant.items() if name in signature(thing).parameters}
     if meant:
@@ -95,13 +115,16 @@ def as_written(app: Sphinx, what: str, name: str, thing: object, settings: objec
     if isinstance(thing, dict):
         text += "\n\n:meta hide-value:"
     if what in ("attribute", "data", "property"):
-        text = f"\\ \n{text}"  # nothing, or napoleon takes what stands before the first colon for a type
+        # nothing, or napoleon takes what stands before the first colon for a type
+        text = f"\\ \n{text}"
     lines[:] = text.split("\n")
 
 
 @cache
 def defined_as(name: str) -> str:
-    """The full name under which what ``name`` leads to was defined; the name itself if that cannot be told."""
+    """The full name under which what ``name`` leads to was defined; the name itself if that cannot
+    be told.
+    """
     parts = name.split(".")
     for end in range(len(parts), 0, -1):
         try:
@@ -118,23 +141,36 @@ def defined_as(name: str) -> str:
     return name
 
 
-def resolve(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Node) -> nodes.Node | None:
-    """Lead a reference to where the object is defined; names without dots are those of the class or module."""
-    if node.get("refdomain") != "py" or not all(part.isidentifier() for part in node["reftarget"].split(".")):
+def resolve(
+    app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Node
+) -> nodes.Node | None:
+    """Lead a reference to where the object is defined; names without dots are those of the class or
+    module.
+    """
+    if node.get("refdomain") != "py" or not all(
+        part.isidentifier() for part in node["reftarget"].split(".")
+    ):
         return None
     if node["reftarget"].partition(".")[0] in (*dir(builtins), *app.config.other_packages):
         return None
-    target, module, inside = (str(node.get(key) or "") for key in ("reftarget", "py:module", "py:class"))
+    target, module, inside = (
+        str(node.get(key) or "") for key in ("reftarget", "py:module", "py:class")
+    )
     documented = env.domains.python_domain.objects
-    # as written, in the class, in the module; the only one of this name; for attributes the class, which tells of them
+    # as written, in the class, in the module; the only one of this name; for attributes the class,
+    # which tells of them
     names = [target, *([f"{module}.{inside}.{target}", f"{module}.{target}"] if module else [])]
     names += [f"vsconstraints.rows.{target}"] if target in ARRAYS else []
     for name in chain(
-        names, _elsewhere(target, documented), [f"{module}.{inside}"] * (bool(module) and node["reftype"] == "attr")
+        names,
+        _elsewhere(target, documented),
+        [f"{module}.{inside}"] * (bool(module) and node["reftype"] == "attr"),
     ):
         for place in (documented.get(name), documented.get(defined_as(name))):
             if place is not None:
-                return make_refnode(app.builder, node["refdoc"], place.docname, place.node_id, text, name)
+                return make_refnode(
+                    app.builder, node["refdoc"], place.docname, place.node_id, text, name
+                )
     return None
 
 

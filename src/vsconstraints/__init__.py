@@ -23,7 +23,9 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
-    """What is exported is imported when it is asked for: Pinocchio alone takes longer than all of ``--help``."""
+    """What is exported is imported when it is asked for: Pinocchio alone takes longer than all of
+    ``--help``.
+    """
     if name in _PLACES:
         return getattr(import_module(f".{_PLACES[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -24,7 +24,8 @@ class ConfigurationError(VsconstraintsError, ValueError):
 
 
 class FolderTaken(ConfigurationError):
-    """A folder holds other results, which would be lost: ``problem`` says which, the message also what to do.
+    """A folder holds other results, which would be lost: ``problem`` says which, the message also
+    what to do.
 
     A session gives other advice than a command line, whose options it does not have.
     """
@@ -73,14 +74,22 @@ def unknown_name(what: str, name: object, candidates: Iterable[str]) -> Configur
     known = sorted(candidates)
     close = get_close_matches(str(name)[:MAX_VALUE_LENGTH], known, n=1)
     hint = f" Did you mean {close[0]!r}?" if close else ""
-    return ConfigurationError(f"unknown {what} {shown(name)}.{hint} Available: {', '.join(known) or 'none'}")
+    return ConfigurationError(
+        f"unknown {what} {shown(name)}.{hint} Available: {', '.join(known) or 'none'}"
+    )
 
 
 def shown(value: object) -> str:
-    """A value in messages: as it would be written, 0.0 and not np.float64(0.0); cut short where that is long."""
+    """A value in messages: as it would be written, 0.0 and not np.float64(0.0); cut short where
+    that is long.
+    """
     with np.printoptions(legacy="1.25"):
         text = repr(value)
-    return text if len(text) <= MAX_VALUE_LENGTH else f"{text[:MAX_VALUE_LENGTH]}… ({len(text)} characters)"
+    return (
+        text
+        if len(text) <= MAX_VALUE_LENGTH
+        else f"{text[:MAX_VALUE_LENGTH]}… ({len(text)} characters)"
+    )
 
 
 def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]:
@@ -90,26 +99,43 @@ def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]
 
 
 def one_line(text: str) -> str:
-    """A text as one line that any file and terminal takes, cut after :data:`MAX_REASON_LENGTH` characters."""
-    line = " ".join(text[: 2 * MAX_REASON_LENGTH].encode("utf-8", "backslashreplace").decode().splitlines())
-    return line if len(line) <= MAX_REASON_LENGTH else f"{line[:MAX_REASON_LENGTH]}… ({len(text)} characters)"
+    """A text as one line that any file and terminal takes, cut after :data:`MAX_REASON_LENGTH`
+    characters.
+    """
+    line = " ".join(
+        text[: 2 * MAX_REASON_LENGTH].encode("utf-8", "backslashreplace").decode().splitlines()
+    )
+    return (
+        line
+        if len(line) <= MAX_REASON_LENGTH
+        else f"{line[:MAX_REASON_LENGTH]}… ({len(text)} characters)"
+    )
 
 
 def described(error: BaseException) -> str:
-    """What was raised and, if own code raised it, in which file and line: ``ValueError: no data (my_law.py, line 12)``.
+    """What was raised and, if own code raised it, in which file and line: ``ValueError: no data
+    (my_law.py, line 12)``.
 
-    Own code is what neither this package nor Python brought along; of that, what lies outside the installed packages
-    comes first.
+    Own code is what neither this package nor Python brought along; of that, what lies outside the
+    installed packages comes first.
     """
     try:
         message = str(error)
     except Exception as another:  # own errors may fail even in this
         message = f"its message raises {type(another).__name__}"
     text = one_line(f"{type(error).__name__}: {message}")
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<")
+    ]
     places = [(Path(frame.filename), frame.lineno) for frame in frames]
     foreign = [(file, line) for file, line in places if not file.is_relative_to(_PACKAGE)]
-    own = [(file, line) for file, line in foreign if not any(file.is_relative_to(at) for at in _INSTALLED)]
+    own = [
+        (file, line)
+        for file, line in foreign
+        if not any(file.is_relative_to(at) for at in _INSTALLED)
+    ]
     if not own:
         own = [(file, line) for file, line in foreign if file.is_relative_to(_INSTALLED[-1])]
     return f"{text} ({own[-1][0].name}, line {own[-1][1]})" if own else text

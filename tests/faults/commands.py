@@ -1,4 +1,6 @@
-"""The comparison that faults happen to: how it is started, ended, and held against one that nothing happened to."""
+"""The comparison that faults happen to: how it is started, ended, and held against one that nothing
+happened to.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ class Command:
     suite: Path
     folder: Path
 
-    def start(self, *more: str, before: Callable[[], None] | None = None) -> tuple[subprocess.Popen[str], str]:
+    def start(
+        self, *more: str, before: Callable[[], None] | None = None
+    ) -> tuple[subprocess.Popen[str], str]:
         """Begin it in a group of its own; the process, and the mark of it and all it starts."""
         environment, mark = marked()
         process = subprocess.Popen(
@@ -86,5 +90,6 @@ def suite(folder: Path, trials: int = 1) -> Path:
 def _table(file: Path) -> Table:
     with file.open(newline="", encoding="utf-8") as lines:
         return [
-            {name: text for name, text in line.items() if name not in TIMING_COLUMNS} for line in csv.DictReader(lines)
+            {name: text for name, text in line.items() if name not in TIMING_COLUMNS}
+            for line in csv.DictReader(lines)
         ]

@@ -12,7 +12,9 @@ def _compiled() -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--times", type=int, default=1, help="how often each signal is sent to each target")
+    parser.addoption(
+        "--times", type=int, default=1, help="how often each signal is sent to each target"
+    )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

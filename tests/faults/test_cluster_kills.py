@@ -1,4 +1,6 @@
-"""A worker of a cluster that is killed loses only what it was at; with its scheduler nothing is lost that is stored."""
+"""A worker of a cluster that is killed loses only what it was at; with its scheduler nothing is
+lost that is stored.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,15 @@ import pandas as pd
 import pytest
 
 from processes import left_over, marked, needs_proc
-from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, Progress, collect, scored
+from vsconstraints.comparisons.evidence import (
+    Campaign,
+    Evidence,
+    Part,
+    Plan,
+    Progress,
+    collect,
+    scored,
+)
 from vsconstraints.comparisons.evidence.cluster import cluster
 from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
@@ -31,7 +41,9 @@ PATIENCE = 120.0
 
 @dataclass
 class Machines:
-    """A scheduler and the workers of three machines, each a process without anybody who would start it again."""
+    """A scheduler and the workers of three machines, each a process without anybody who would start
+    it again.
+    """
 
     address: str
     scheduler: subprocess.Popen[bytes]
@@ -46,14 +58,29 @@ def machines(tmp_path: Path) -> Iterator[Machines]:
     def start(name: str, *arguments: str) -> tuple[subprocess.Popen[bytes], Path]:
         log = tmp_path / f"{name}.log"
         with log.open("wb") as file:
-            command = [sys.executable, "-m", "distributed.cli.dask_" + name.partition("-")[0], *arguments]
-            process = subprocess.Popen(command, stdout=file, stderr=file, env=environment, cwd=tmp_path)
+            command = [
+                sys.executable,
+                "-m",
+                "distributed.cli.dask_" + name.partition("-")[0],
+                *arguments,
+            ]
+            process = subprocess.Popen(
+                command, stdout=file, stderr=file, env=environment, cwd=tmp_path
+            )
         started.append(process)
         return process, log
 
     scheduler, log = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     address = said(log, r"Scheduler at:\s*(tcp://\S+)")
-    options = (address, "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path))
+    options = (
+        address,
+        "--no-nanny",
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+        "--local-directory",
+        str(tmp_path),
+    )
     workers = [start(f"worker-{i}", *options) for i in range(3)]
     for _, log in workers:
         said(log, "Registered to")
@@ -89,14 +116,17 @@ def in_one_process(campaign: Campaign) -> dict[str, Any]:
 def demand_same(folder: Path, tables: dict[str, Any]) -> None:
     found = Evidence.load(folder)
     for name, table in tables.items():
-        one, keys = getattr(found, name), ["scene", *(["controller"] if name != "scenes" else [])]
+        one = getattr(found, name)
+        keys = ["scene", *(["controller"] if name != "scenes" else [])]
         columns = [column for column in table.columns if column not in TIMING_COLUMNS]
         one, other = (
             each[columns].astype({"controller": str} if "controller" in columns else {})
             .sort_values(keys, kind="stable", ignore_index=True)
             for each in (one, table)
         )  # fmt: skip
-        pd.testing.assert_frame_equal(one, other, check_dtype=False, check_categorical=False, check_exact=True)
+        pd.testing.assert_frame_equal(
+            one, other, check_dtype=False, check_categorical=False, check_exact=True
+        )
 
 
 def test_a_worker_is_killed_midway(

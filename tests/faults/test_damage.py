@@ -20,7 +20,8 @@ def cut(file: Path) -> None:
 
 
 def corrupt(file: Path) -> None:
-    content, chance = bytearray(file.read_bytes()), random.Random(file.name)
+    content = bytearray(file.read_bytes())
+    chance = random.Random(file.name)
     for _ in range(1 + len(content) // 200):
         content[chance.randrange(len(content))] = chance.randrange(256)
     file.write_bytes(content)
@@ -42,10 +43,17 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Command, tuple[Tab
 @pytest.mark.parametrize("damage", [cut, corrupt, delete])
 @pytest.mark.parametrize("kind", ["tables", "trajectories", "figures"])
 def test_damage_costs_no_more_than_what_it_hit(
-    damage: Callable[[Path], None], kind: str, stored: tuple[Command, tuple[Table, Table]], tmp_path: Path
+    damage: Callable[[Path], None],
+    kind: str,
+    stored: tuple[Command, tuple[Table, Table]],
+    tmp_path: Path,
 ) -> None:
     command, tables = stored
-    files = [file.relative_to(command.folder) for file in sorted(command.folder.rglob("*")) if file.is_file()]
+    files = [
+        file.relative_to(command.folder)
+        for file in sorted(command.folder.rglob("*"))
+        if file.is_file()
+    ]
     chosen = [file for file in files if KINDS[file.suffix] == kind]
     assert len(chosen) >= 3
     for name in chosen:
@@ -75,4 +83,8 @@ KINDS = dict.fromkeys(("", ".json", ".csv", ".md", ".html", ".sha256"), "tables"
 def refused(code: int, said: str) -> bool:
     """Whether it ended with one line that says why; a progress bar may stand before it."""
     *before, last = said.splitlines()
-    return code == 2 and last.startswith("error: ") and all(line.startswith("comparing") for line in before)
+    return (
+        code == 2
+        and last.startswith("error: ")
+        and all(line.startswith("comparing") for line in before)
+    )

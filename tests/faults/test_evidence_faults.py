@@ -1,4 +1,6 @@
-"""A campaign whose workers die or hang, which is killed or runs out of disk, comes to what it would have come to."""
+"""A campaign whose workers die or hang, which is killed or runs out of disk, comes to what it would
+have come to.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +24,27 @@ from vsconstraints.comparisons.evidence import Evidence, Plan, collect, processe
 pytestmark = [pytest.mark.faults, needs_proc]
 
 ODD = '[controllers.odd]\ntype = "odd:Bad"\nhow = "{how}"\nabove = {above}\n'
-REASONS = {"die": "the process that ran it died", "hang": "it took longer than its limit of 20 s and was ended"}
+REASONS = {
+    "die": "the process that ran it died",
+    "hang": "it took longer than its limit of 20 s and was ended",
+}
 
 
 @pytest.mark.parametrize("how", REASONS)
 def test_a_law_that_kills_its_process_fails_alone(how: str, tmp_path: Path) -> None:
-    """In some scenes only: what the law does in others, and what other laws do everywhere, is kept."""
+    """In some scenes only: what the law does in others, and what other laws do everywhere, is
+    kept.
+    """
     plain = campaign(tmp_path, ODD.format(how="raise", above=7.0), scenes=2)
     collect(plain, tmp_path / "plain", Plan(workers=processes(2)))
     odd = plain.select(settings=[f"odd.how={how}"])
-    finished = collect(odd, tmp_path / "odd", Plan(workers=processes(2), limit=20.0 if how == "hang" else None))
+    finished = collect(
+        odd, tmp_path / "odd", Plan(workers=processes(2), limit=20.0 if how == "hang" else None)
+    )
     assert finished.progress.done == 2
-    expected, found = (Evidence.load(tmp_path / name).runs.drop(columns="reason") for name in ("plain", "odd"))
+    expected, found = (
+        Evidence.load(tmp_path / name).runs.drop(columns="reason") for name in ("plain", "odd")
+    )
     failed = expected["status"] == "failed"
     assert 0 < failed.sum() < (expected["controller"] == "odd").sum()
     reasons = Evidence.load(tmp_path / "odd").runs["reason"]

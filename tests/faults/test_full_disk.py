@@ -1,4 +1,6 @@
-"""A disk that fills up ends a comparison with a line, and keeps what was stored; with space it goes on."""
+"""A disk that fills up ends a comparison with a line, and keeps what was stored; with space it goes
+on.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def small_disk(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]
     folder = tmp_path / "disk"
     folder.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={request.param}k", "none", str(folder)], capture_output=True, text=True
+        ["mount", "-t", "tmpfs", "-o", f"size={request.param}k", "none", str(folder)],
+        capture_output=True,
+        text=True,
     )
     if mounted.returncode != 0:
         pytest.skip(f"a small disk needs root: {mounted.stderr.strip()}")
@@ -38,7 +42,9 @@ def small_disk(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]
 
 
 @pytest.mark.parametrize("small_disk", [4, 40, 200, 500], indirect=True)
-def test_a_disk_that_fills_up(undisturbed: tuple[Command, tuple[Table, Table]], small_disk: Path) -> None:
+def test_a_disk_that_fills_up(
+    undisturbed: tuple[Command, tuple[Table, Table]], small_disk: Path
+) -> None:
     command, tables = undisturbed
     command = replace(command, folder=small_disk / "out")
     code, said = command.carry_out("--no-figures")
@@ -52,7 +58,9 @@ def test_a_disk_that_fills_up(undisturbed: tuple[Command, tuple[Table, Table]], 
 
 
 @pytest.mark.parametrize("most", [0, 300, 20_000])
-def test_files_that_cannot_grow(undisturbed: tuple[Command, tuple[Table, Table]], most: int, tmp_path: Path) -> None:
+def test_files_that_cannot_grow(
+    undisturbed: tuple[Command, tuple[Table, Table]], most: int, tmp_path: Path
+) -> None:
     command, tables = undisturbed
     command = replace(command, folder=tmp_path / "out")
     code, said = command.carry_out(

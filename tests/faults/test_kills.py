@@ -27,7 +27,9 @@ KILLS = [
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Command, float, tuple[Table, Table]]:
+def undisturbed(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Command, float, tuple[Table, Table]]:
     """A comparison that nothing happens to, how long it takes, and its tables."""
     folder = tmp_path_factory.mktemp("undisturbed")
     command = Command(suite(folder, trials=2), folder / "out")
@@ -76,14 +78,21 @@ def _wait_for(file: Path, process: subprocess.Popen[str]) -> None:
 
 
 def _send(
-    number: signal.Signals, target: str, process: subprocess.Popen[str], mark: str, chance: random.Random
+    number: signal.Signals,
+    target: str,
+    process: subprocess.Popen[str],
+    mark: str,
+    chance: random.Random,
 ) -> bool:
     """Whether there was something to send it to."""
     try:
         if target == "group":
             os.killpg(process.pid, number)
         else:
-            os.kill(process.pid if target == "parent" else chance.choice(list(_workers(process, mark))), number)
+            os.kill(
+                process.pid if target == "parent" else chance.choice(list(_workers(process, mark))),
+                number,
+            )
     except (ProcessLookupError, IndexError):
         return False
     return True

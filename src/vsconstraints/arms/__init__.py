@@ -1,6 +1,8 @@
-"""On an arm: a law's accelerations, integrated, streamed to a robot, supervised, stopped where anything is wrong.
+"""On an arm: a law's accelerations, integrated, streamed to a robot, supervised, stopped where
+anything is wrong.
 
-See :doc:`/on-an-arm`. A driver is one small file and a line in :data:`vsconstraints.arms.drivers.DRIVERS`.
+See :doc:`/on-an-arm`. A driver is one small file and a line in
+:data:`vsconstraints.arms.drivers.DRIVERS`.
 """
 
 from .driver import Address, ArmError, Driver, Joints

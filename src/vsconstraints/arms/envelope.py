@@ -13,12 +13,16 @@ from ..robots.limits import ActuatorLimits
 from ..robots.robot import Robot
 from ..rows import Array
 
-ROUNDING = 1e-6  #: Fraction of a limit by which a setpoint may exceed it: differences of positions are no more exact.
+#: Fraction of a limit by which a setpoint may exceed it: differences of positions are no more
+#: exact.
+ROUNDING = 1e-6
 AT_REST = 1e-9  #: Speed that counts as rest [rad/s or m/s].
 
 
 class Setpoint(NamedTuple):
-    """Where an arm is sent: (n,) coordinates, speeds and accelerations, the last being held during the period."""
+    """Where an arm is sent: (n,) coordinates, speeds and accelerations, the last being held during
+    the period.
+    """
 
     q: Array
     qd: Array
@@ -27,7 +31,9 @@ class Setpoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits (n,) of what is sent to an arm, infinite where there is none; accelerations are always limited."""
+    """Limits (n,) of what is sent to an arm, infinite where there is none; accelerations are always
+    limited.
+    """
 
     q_min: Array
     q_max: Array
@@ -38,9 +44,11 @@ class Envelope:
 
     @classmethod
     def of(cls, robot: Robot, limits: ActuatorLimits, period: float) -> Envelope:
-        """The robot's own ranges, speeds, accelerations and jerks, and the scenario's, whichever are less.
+        """The robot's own ranges, speeds, accelerations and jerks, and the scenario's, whichever
+        are less.
 
-        Raises ConfigurationError if a joint's acceleration is not limited: a stop needs to know how hard it may brake.
+        Raises ConfigurationError if a joint's acceleration is not limited: a stop needs to know how
+        hard it may brake.
         """
         least = {
             name: np.minimum(robot.limits.of_joint(name, robot.n), limits.of_joint(name, robot.n))
@@ -48,22 +56,32 @@ class Envelope:
         }
         if not np.isfinite(least["acceleration"]).all():
             raise ConfigurationError(
-                f"{robot.name} has no limit of acceleration, without which no stop is defined: give the scenario what "
-                "the arm's manual says, in rad/s² (m/s² for joints that slide), or little to begin with, as in "
+                f"{robot.name} has no limit of acceleration, without which no stop is defined: "
+                f"give the scenario what "
+                "the arm's manual says, in rad/s² (m/s² for joints that slide), or little to "
+                "begin with, as in "
                 "limits = { acceleration = 5.0 }"
             )
         return cls(robot.q_min, robot.q_max, robot.qd_max, **least, period=period)
 
     def box(self, q: Array, qd: Array, last: Array) -> tuple[Array, Array]:
-        """(n,) least and greatest q̈ from a state after the command ``last``, by :func:`.formulas.limits.joint_box`."""
-        ranges, change = (self.q_min, self.q_max, self.qd_max), self.jerk * self.period
-        least, greatest = joint_box(q, qd, last, JointLimits(self.acceleration, change, *ranges, 1, self.period))
+        """(n,) least and greatest q̈ from a state after the command ``last``, by
+        :func:`.formulas.limits.joint_box`.
+        """
+        ranges = (self.q_min, self.q_max, self.qd_max)
+        change = self.jerk * self.period
+        least, greatest = joint_box(
+            q, qd, last, JointLimits(self.acceleration, change, *ranges, 1, self.period)
+        )
         return least, greatest
 
     def refusal(self, before: Setpoint, after: Setpoint) -> str:
-        """Why ``after`` must not be sent a period after ``before``, by these alone; empty if it may."""
+        """Why ``after`` must not be sent a period after ``before``, by these alone; empty if it
+        may.
+        """
         T = self.period
-        moved, changed = (after.q - before.q) / T, (after.qd - before.qd) / T
+        moved = (after.q - before.q) / T
+        changed = (after.qd - before.qd) / T
         numbers = np.concatenate([after.q, after.qd, after.qdd])
         if not np.isfinite(numbers).all():
             return "it is not finite"
@@ -73,11 +91,24 @@ class Envelope:
 
         room = ROUNDING * np.maximum(1.0, np.abs(after.q))
         violations = (
-            ("is outside its range", (after.q < self.q_min - room) | (after.q > self.q_max + room), after.q),
-            ("exceeds its speed", np.maximum(np.abs(after.qd), np.abs(moved)) > beyond(self.qd_max), after.qd),
+            (
+                "is outside its range",
+                (after.q < self.q_min - room) | (after.q > self.q_max + room),
+                after.q,
+            ),
+            (
+                "exceeds its speed",
+                np.maximum(np.abs(after.qd), np.abs(moved)) > beyond(self.qd_max),
+                after.qd,
+            ),
             ("exceeds its acceleration", np.abs(changed) > beyond(self.acceleration), changed),
             ("exceeds its jerk", np.abs(after.qdd - before.qdd) / T > beyond(self.jerk), after.qdd),
-            ("jumps", np.abs(moved - 0.5 * (before.qd + after.qd)) > ROUNDING + 0.01 * self.acceleration * T, moved),
+            (
+                "jumps",
+                np.abs(moved - 0.5 * (before.qd + after.qd))
+                > ROUNDING + 0.01 * self.acceleration * T,
+                moved,
+            ),
         )
         for what, wrong, value in violations:
             if wrong.any():
@@ -87,10 +118,13 @@ class Envelope:
 
 
 def deceleration(speed: Array, jerk: Array, period: float) -> Array:
-    """(n,) greatest deceleration now from which a joint comes to rest while it falls by j T in each period.
+    """(n,) greatest deceleration now from which a joint comes to rest while it falls by j T in each
+    period.
 
-    With n periods behind x it takes v = T ((n + 1) x − jT n (n + 1)/2) off the speed, where n is the greatest with n (n
-    + 1)/2 ≤ v/(jT²); without a limit of jerk x = v/T. Speeds v and jerks j are (n,); the period is T [s].
+    With n periods behind x it takes v = T ((n + 1) x − jT n (n + 1)/2) off the speed, where n is
+    the greatest with n (n
+    + 1)/2 ≤ v/(jT²); without a limit of jerk x = v/T. Speeds v and jerks j are (n,); the period is
+      T [s].
     """
     step = np.where(np.isfinite(jerk), jerk * period, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,16 +136,18 @@ def deceleration(speed: Array, jerk: Array, period: float) -> Array:
 class Brake:
     """Brings an arm to rest, period after period.
 
-    First each joint takes its present acceleration back as fast as its jerk allows, at once where that is not limited.
-    Then all joints slow down alike, so that the arm goes on in a straight line of joint space: the joint that has least
-    for its speed says how fast. Where that line would leave a range, each joint stops for itself as fast as it can.
+    First each joint takes its present acceleration back as fast as its jerk allows, at once where
+    that is not limited. Then all joints slow down alike, so that the arm goes on in a straight line
+    of joint space: the joint that has least for its speed says how fast. Where that line would
+    leave a range, each joint stops for itself as fast as it can.
 
     It begins with the acceleration ``qdd`` (n,) that was commanded last.
     """
 
     def __init__(self, qdd: Array, envelope: Envelope) -> None:
         self.envelope = envelope
-        self.straight: bool | None = None  #: Whether all joints slow down alike; None before that is decided.
+        #: Whether all joints slow down alike; None before that is decided.
+        self.straight: bool | None = None
         self._last = np.where(np.isfinite(envelope.jerk), qdd, 0.0)
         self._limits: tuple[Array, Array] | None = None
 
@@ -123,7 +159,9 @@ class Brake:
             return self._last
         if self._limits is None:
             self._limits = self._decide(q, qd)
-        (a, jerk), T, speed = self._limits, self.envelope.period, np.abs(qd)
+        a, jerk = self._limits
+        T = self.envelope.period
+        speed = np.abs(qd)
         slower = np.minimum(deceleration(speed, jerk, T), a)
         slower = np.minimum(slower, np.abs(self._last) + jerk * T)
         self._last = -np.sign(qd) * slower
@@ -133,11 +171,13 @@ class Brake:
         """Whether nothing is left to do."""
         change = self.envelope.jerk * self.envelope.period * (1.0 + 1e-9)
         still = np.abs(qd) <= AT_REST
-        decided, slight = self._limits is not None or not self._last.any(), np.abs(self._last) <= change
+        decided = self._limits is not None or not self._last.any()
+        slight = np.abs(self._last) <= change
         return bool(still.all() and decided and slight.all())
 
     def _decide(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        limits, speed = self.envelope, np.abs(qd)
+        limits = self.envelope
+        speed = np.abs(qd)
         each = limits.acceleration, limits.jerk
         moving = speed > AT_REST
         if not moving.any():

@@ -1,4 +1,6 @@
-"""A process that stops the arm where this one no longer can: killed, suspended, or with its interpreter held."""
+"""A process that stops the arm where this one no longer can: killed, suspended, or with its
+interpreter held.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,10 @@ from ..plugins import portable
 from ..plugins.processes import SIGNALS
 
 ATTEMPTS = 3  #: How often a stop command is tried.
-START_S, END_S = 60.0, 10.0  #: How long the process may take to be ready, while the arm stands, and to end [s].
-#: How long the process may leave heartbeats unanswered [s], its patience if that is longer: one that is suspended would
-#: not stop the arm. It may wait for the processor for a while.
+START_S = 60.0  #: How long the process may take to be ready, while the arm stands, and to end [s].
+END_S = 10.0
+#: How long the process may leave heartbeats unanswered [s], its patience if that is longer: one
+#: that is suspended would not stop the arm. It may wait for the processor for a while.
 ANSWER_S = 1.0
 ANSWER = b"\n"  #: To each heartbeat, or several at once: no text of a report.
 #: A message: for how many seconds it may be the last one [s]; negative if the arm is at rest.
@@ -35,39 +38,52 @@ watch()
 
 
 class Guardian:
-    """Stops an arm from a process of its own, unless heartbeats come at least every ``patience`` [s].
+    """Stops an arm from a process of its own, unless heartbeats come at least every ``patience``
+    [s].
 
-    It has its own connection to the arm and nothing in common with this process, whose end it sees as silence. It
-    answers heartbeats, so that this process sees where it has ended or does not go on. Signals of the terminal do not
-    reach it. ``stop`` is of :meth:`.Driver.stopper`. Raises ConfigurationError if the process cannot be started, or
-    cannot use it.
+    It has its own connection to the arm and nothing in common with this process, whose end it sees
+    as silence. It answers heartbeats, so that this process sees where it has ended or does not go
+    on. Signals of the terminal do not reach it. ``stop`` is of :meth:`.Driver.stopper`. Raises
+    ConfigurationError if the process cannot be started, or cannot use it.
     """
 
     def __init__(self, stop: Callable[[], None], patience: float) -> None:
         self.patience = patience
-        self.lost = ""  #: Why the other process would not stop the arm: it has ended by itself, or does not answer.
+        #: Why the other process would not stop the arm: it has ended by itself, or does not answer.
+        self.lost = ""
         self._said = b""  #: What it has said beside answers.
-        self._unanswered: float | None = None  #: When the oldest heartbeat without an answer was sent [s].
-        pipe, words = subprocess.PIPE, [sys.executable, "-c", CODE]
-        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True)
+        #: When the oldest heartbeat without an answer was sent [s].
+        self._unanswered: float | None = None
+        pipe = subprocess.PIPE
+        words = [sys.executable, "-c", CODE]
+        self.process = subprocess.Popen(
+            words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True
+        )
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        self._to, self._from = self.process.stdin, self.process.stdout
+        self._to = self.process.stdin
+        self._from = self.process.stdout
         try:
             self._to.write(pickle.dumps(sys.path) + pickle.dumps(stop))
             answer = self._from.read(1) if select.select([self._from], [], [], START_S)[0] else b""
         except (OSError, pickle.PicklingError, AttributeError) as error:
             self.end(True)
-            raise ConfigurationError(f"what stops the arm cannot be given to another process: {error}") from error
+            raise ConfigurationError(
+                f"what stops the arm cannot be given to another process: {error}"
+            ) from error
         if answer != b"+":
             self.end(True)
-            raise ConfigurationError("the process that would stop the arm does not start: its error is above")
+            raise ConfigurationError(
+                "the process that would stop the arm does not start: its error is above"
+            )
         # where it no longer reads or writes, this process must not wait for it
         os.set_blocking(self._to.fileno(), False)
         os.set_blocking(self._from.fileno(), False)
 
     def alive(self, more: float = 0.0) -> None:
-        """A heartbeat; the next one may take so much more time than usual [s]. Answers to earlier ones are read."""
+        """A heartbeat; the next one may take so much more time than usual [s]. Answers to earlier
+        ones are read.
+        """
         now = time.monotonic()
         try:
             # None where there is none yet, and nothing where the process has ended
@@ -88,7 +104,9 @@ class Guardian:
             self.lost = self.lost or f"has not answered for {now - self._unanswered:.3g} s"
 
     def end(self, safe: bool) -> str:
-        """End it; returns what it has done, if anything. Unless the arm is ``safe``, it stops it now."""
+        """End it; returns what it has done, if anything. Unless the arm is ``safe``, it stops it
+        now.
+        """
         with suppress(OSError):
             if safe:
                 self._to.write(HEARTBEAT.pack(-1.0))

@@ -1,4 +1,6 @@
-"""The control loop on an arm: state and image → law → limits → setpoint, supervised; every way out brakes."""
+"""The control loop on an arm: state and image → law → limits → setpoint, supervised; every way out
+brakes.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class Halt(Exception):
 
 
 class TakenOver(BaseException):
-    """The watchdog has taken over the arm: a BaseException, so that no law's own `except Exception` catches it."""
+    """The watchdog has taken over the arm: a BaseException, so that no law's own `except Exception`
+    catches it.
+    """
 
 
 @dataclass(frozen=True)
@@ -54,22 +58,28 @@ class Job:
     driver: Driver
     images: ImageSource | None = None  #: None where the image is predicted from the joints.
     supervision: Supervision = field(default_factory=Supervision)  #: When the arm is braked.
-    from_arm: bool = False  #: Whether to start where the arm stands, and not near the scenario's start alone.
+    #: Whether to start where the arm stands, and not near the scenario's start alone.
+    from_arm: bool = False
 
 
 def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
-    """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
+    """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at
+    rest at the end.
 
-    Returns the setup with the start that the arm had, and the log. Before anything moves, raises ArmError if the arm
-    cannot be reached, and ConfigurationError if it cannot start there (:func:`.demand_start`), its accelerations are
-    not limited, or images would be rendered where time is real.
+    Returns the setup with the start that the arm had, and the log. Before anything moves, raises
+    ArmError if the arm cannot be reached, and ConfigurationError if it cannot start there
+    (:func:`.demand_start`), its accelerations are not limited, or images would be rendered where
+    time is real.
     """
-    driver, setup = job.driver, job.setup
+    driver = job.driver
+    setup = job.setup
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
     if isinstance(job.images, SimulatedImages) and job.images.renders and not driver.simulated_time:
         raise ConfigurationError(
-            "images are rendered only where time is simulated, since that takes longer than a period: let images be "
-            "predicted (--images model) or one's own, or give simulated:// or loopback://?time=simulated as the arm"
+            "images are rendered only where time is simulated, since that takes longer than a "
+            "period: let images be "
+            "predicted (--images model) or one's own, or give simulated:// or "
+            "loopback://?time=simulated as the arm"
         )
     try:
         driver.connect()
@@ -86,12 +96,20 @@ class _Run:
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
         setup = job.setup
-        self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
-        self.control, self.Ts = setup.control(job.controller.factors), setup.Ts
-        self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers), job.supervision)
+        self.job = job
+        self.setup = setup
+        self.driver = job.driver
+        self.bounds = job.supervision
+        self.control = setup.control(job.controller.factors)
+        self.Ts = setup.Ts
+        self.stream = Stream(
+            job.driver, envelope, setup.q0, len(setup.scene.markers), job.supervision
+        )
         self.control.plausible = job.supervision
-        self.taken, self.silent = "", False  #: Why the watchdog has taken over; whether the arm has not answered.
-        #: When the newest image with a marker was taken, and the first one that shows them where it does [s].
+        self.taken = ""  #: Why the watchdog has taken over; whether the arm has not answered.
+        self.silent = False
+        #: When the newest image with a marker was taken, and the first one that shows them where it
+        #: does [s].
         self.image_at = self.same_since = 0.0
         self.watchdog: Watchdog | None = None
         self.guardian: Guardian | None = None
@@ -99,13 +117,17 @@ class _Run:
         self._rehearse()
 
     def _rehearse(self) -> None:
-        """Compile and load all that a period needs, without the arm; raises ConfigurationError where the law fails."""
+        """Compile and load all that a period needs, without the arm; raises ConfigurationError
+        where the law fails.
+        """
         restart(self.job.controller, self.Ts, self.control.model)
         try:
             for _ in range(REHEARSALS):
                 self._ask(0.0, self.setup.q0, np.zeros_like(self.setup.q0), {})
         except Halt as halt:
-            raise ConfigurationError(f"{self.job.controller.name} has no command at the start: {halt}") from halt
+            raise ConfigurationError(
+                f"{self.job.controller.name} has no command at the start: {halt}"
+            ) from halt
         self.control.reset()
         restart(self.job.controller, self.Ts, self.control.model)
 
@@ -127,15 +149,20 @@ class _Run:
             missed=stream.missed,
             real_time=not stream.clock.simulated,
             Ts=self.Ts,
-            compiled=(step := self.control.bound()) is not None and step.bind(self.job.controller) is not None,
+            compiled=(step := self.control.bound()) is not None
+            and step.bind(self.job.controller) is not None,
             bounds=asdict(self.bounds),
             remarks=tuple(self._remarks()),
         )
 
     def _remarks(self) -> list[str]:
-        stream, images, remarks = self.stream, self.job.images, []
+        stream = self.stream
+        images = self.job.images
+        remarks = []
         if stream.missed:
-            remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
+            remarks.append(
+                f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all"
+            )
         if limited := sum(period.guarded for period in stream.periods):
             remarks.append(f"commands were brought to the arm's limits in {limited} periods")
         return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
@@ -144,7 +171,9 @@ class _Run:
     def _guarded(self) -> Iterator[None]:
         """Run a guardian meanwhile, where time is real and the driver has a stopper."""
         if not (self.stream.clock.simulated or portable.STOPS_ARMS):
-            raise ConfigurationError("an arm needs Linux or macOS: here no signal interrupts a call that hangs")
+            raise ConfigurationError(
+                "an arm needs Linux or macOS: here no signal interrupts a call that hangs"
+            )
         stop = None if self.stream.clock.simulated else self.driver.stopper()
         if stop is None:
             yield
@@ -153,7 +182,8 @@ class _Run:
         try:
             yield
         finally:
-            report, (how, at_rest) = self.guardian.end(self.stream.safe), self.stream.stop
+            report = self.guardian.end(self.stream.safe)
+            how, at_rest = self.stream.stop
             self.stream.stop = "; ".join(filter(None, (report, how))), at_rest
 
     @contextmanager
@@ -179,7 +209,9 @@ class _Run:
             self.watchdog.end()
 
     def _take_over(self) -> None:
-        """Brake in place of a loop that hangs; where it hangs in a call to the arm, have the arm stop itself."""
+        """Brake in place of a loop that hangs; where it hangs in a call to the arm, have the arm
+        stop itself.
+        """
         waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
         self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
@@ -190,7 +222,9 @@ class _Run:
                 self.stream.turn.release()
 
     def _alive(self, more: float = 0.0) -> None:
-        """A heartbeat for watchdog and guardian; the next one may take so much more time than usual."""
+        """A heartbeat for watchdog and guardian; the next one may take so much more time than
+        usual.
+        """
         if self.watchdog is not None:
             self.watchdog.alive(more)
         if self.guardian is not None:
@@ -198,7 +232,9 @@ class _Run:
 
     @contextmanager
     def _own_turn(self) -> Iterator[None]:
-        """Keep the watchdog from commanding the arm meanwhile; raises TakenOver where it has done so."""
+        """Keep the watchdog from commanding the arm meanwhile; raises TakenOver where it has done
+        so.
+        """
         with self.stream.turn:
             if self.taken:
                 raise TakenOver
@@ -221,7 +257,8 @@ class _Run:
         except ArmError as error:
             self.silent = True
             return "failed", f"t = {k * self.Ts:.4g} s: {error}"
-        except BaseException as error:  # own laws, constraints and cameras may raise anything, even SystemExit
+        # own laws, constraints and cameras may raise anything, even SystemExit
+        except BaseException as error:
             why = str(error) if isinstance(error, SceneError) else described(error)
             return "failed", f"t = {k * self.Ts:.4g} s: {why}"
         return "done", ""
@@ -234,7 +271,10 @@ class _Run:
         if late > self.bounds.late_s:
             raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
         if self.guardian is not None and self.guardian.lost:
-            raise Halt("failed", f"the process that would stop the arm in place of this one {self.guardian.lost}")
+            raise Halt(
+                "failed",
+                f"the process that would stop the arm in place of this one {self.guardian.lost}",
+            )
         started = time.perf_counter()
         with self._own_turn():
             state = stream.read()
@@ -251,7 +291,11 @@ class _Run:
         with self._own_turn():
             stream.send(setpoint)
         times = due, late, rows_time, step_time, time.perf_counter() - started
-        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:-1].copy()
+        image = (
+            measured.get("pixels"),
+            measured.get("taken", np.nan),
+            self.control.innovation[:-1].copy(),
+        )
         stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
@@ -266,45 +310,70 @@ class _Run:
         """What is measured now, as the control step takes it; raises Halt where images are lost."""
         if self.job.images is None:
             return {}
-        seen, measured = self.job.images(t, q), dict[str, Any]()
+        seen = self.job.images(t, q)
+        measured = dict[str, Any]()
         if seen is not None:
             if not isinstance(seen, Measurement):
-                raise Halt("failed", f"what sees the markers gave no Measurement, but {shown(seen)}")
-            taken, now = t if seen.taken is None else seen.taken, self.stream.now()
+                raise Halt(
+                    "failed", f"what sees the markers gave no Measurement, but {shown(seen)}"
+                )
+            taken = t if seen.taken is None else seen.taken
+            now = self.stream.now()
             if not taken <= now + STAMP:  # also what is no number
                 raise Halt(
                     "failed",
-                    f"an image was taken at {taken:.6g} s, which is not yet: by another clock? It is {now:.6g} s by "
+                    f"an image was taken at {taken:.6g} s, which is not yet: by another clock? It "
+                    f"is {now:.6g} s by "
                     "the clock of the time with which the source of images is called",
                 )
             # one that came since the state was read counts as taken with it
             taken = min(taken, t)
             pixels = None if seen.pixels is None else with_nan(seen.pixels)
-            if seen.camera is not None or (pixels is not None and not np.isnan(pixels).any(axis=1).all()):
+            if seen.camera is not None or (
+                pixels is not None and not np.isnan(pixels).any(axis=1).all()
+            ):
                 self.image_at = max(self.image_at, taken)
                 last = self.stream.periods[-1].pixels if self.stream.periods else None
                 if pixels is None or last is None or not np.array_equal(pixels, last):
                     self.same_since = taken
-                measured = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
+                measured = {
+                    "pixels": pixels,
+                    "taken": taken,
+                    "depth": seen.depth,
+                    "camera": seen.camera,
+                }
         if t - self.image_at > self.bounds.image_s:
             raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
         return measured
 
-    def _ask(self, t: float, q: Array, qd: Array, measured: dict[str, Any]) -> tuple[Command, float, float]:
-        """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
+    def _ask(
+        self, t: float, q: Array, qd: Array, measured: dict[str, Any]
+    ) -> tuple[Command, float, float]:
+        """The law's command, and how long rows with task, and the law, took [s]; raises Halt if
+        there is none.
+        """
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
         if doubts := self.control.doubts(evaluation):
             since = measured.get("taken", self.same_since) - self.same_since
-            frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
+            frozen = (
+                f"; images have not changed for {since:.3g} s, as if frozen"
+                if since > self.Ts
+                else ""
+            )
             raise Halt("failed", f"{doubts}{frozen}")
-        rows, task = evaluation.rows, evaluation.task
+        rows = evaluation.rows
+        task = evaluation.task
         ready = time.perf_counter()
         command = self.job.controller.command(rows, task)
         done = time.perf_counter()
         if command.status == "failed":
             raise Halt("failed", command.reason)
-        if command.status == "rank-loss" and self.setup.on_rank_loss == "abort" and loses_rank(rows):
+        if (
+            command.status == "rank-loss"
+            and self.setup.on_rank_loss == "abort"
+            and loses_rank(rows)
+        ):
             raise Halt("aborted", command.reason)
         if command.qdd.shape != q.shape or not np.isfinite(command.qdd).all():
             raise Halt("failed", f"the law's command is not {len(q)} finite numbers")

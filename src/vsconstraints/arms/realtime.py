@@ -1,4 +1,6 @@
-"""Clocks of a control loop, and a process that need not wait: SCHED_FIFO, locked memory, no garbage collection."""
+"""Clocks of a control loop, and a process that need not wait: SCHED_FIFO, locked memory, no garbage
+collection.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-PRIORITY = 80  #: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
+#: Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads.
+PRIORITY = 80
 CURRENT_AND_FUTURE = 1 | 2  #: MCL_CURRENT and MCL_FUTURE of Linux' mlockall.
 IPC_LOCK = 14  #: Number of the capability to lock memory without limit.
-SPIN = 150e-6  #: How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots.
+#: How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots.
+SPIN = 150e-6
 
 
 class RealClock:
@@ -39,7 +43,8 @@ class RealClock:
 class SimulatedClock:
     """Advances when it is waited for, and never otherwise."""
 
-    simulated, t = True, 0.0
+    simulated = True
+    t = 0.0
 
     def now(self) -> float:
         """[s]."""
@@ -63,7 +68,9 @@ REFUSED = (
 
 
 class Permitted(NamedTuple):
-    """Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked for."""
+    """Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked
+    for.
+    """
 
     fifo: str | None
     locked: str | None
@@ -85,7 +92,9 @@ class Permitted(NamedTuple):
 
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
-    """Run this thread, and those that it starts, in real time as far as permitted; if not, just without collection."""
+    """Run this thread, and those that it starts, in real time as far as permitted; if not, just
+    without collection.
+    """
     collected = gc.isenabled()
     gc.collect()
     gc.freeze()

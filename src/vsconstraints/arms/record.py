@@ -1,4 +1,6 @@
-"""What a run on an arm leaves: its log, and results that reports, comparisons and differences read as any other run."""
+"""What a run on an arm leaves: its log, and results that reports, comparisons and differences read
+as any other run.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,10 @@ LONG_STOP = 5.0  #: For so much of a stop there is room in the log [s].
 RESERVED = "arm-log.reserved"  #: File that keeps room for the log while the arm moves.
 BLOCK = 1 << 20  #: As much is written at once [bytes].
 NOT_LOST = "The record of the arm's motion is kept in {}"
-ARM = ARM_LOG.parent.name  #: Folder of what only a run on an arm has: the log of all periods, and how late they began.
-#: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there. ``failed``: anything else
-#: that ended it. ``stopped``: a signal asked for it.
+#: Folder of what only a run on an arm has: the log of all periods, and how late they began.
+ARM = ARM_LOG.parent.name
+#: ``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there.
+#: ``failed``: anything else that ended it. ``stopped``: a signal asked for it.
 Ended = Literal["done", "aborted", "failed", "stopped"]
 
 
@@ -53,7 +56,9 @@ class Period(NamedTuple):
     sent_qd: Array
     pixels: Array  #: (M, 2) the measured image, NaN without one.
     taken: float  #: Its time.
-    innovation: Array  #: (7,) its difference from the prediction: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
+    #: (7,) its difference from the prediction:
+    #: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
+    innovation: Array
     guarded: bool  #: Whether the command was brought to the limits.
     braking: bool
 
@@ -72,7 +77,8 @@ class ArmLog:
     Ts: float  #: Sampling time [s].
     compiled: bool = False  #: Whether rows, task and law all ran compiled.
     remarks: tuple[str, ...] = ()  #: What else a reader should know.
-    real_time: bool = False  #: Whether time was the system's; simulated time waits for the loop, which misses nothing.
+    #: Whether time was the system's; simulated time waits for the loop, which misses nothing.
+    real_time: bool = False
     bounds: Mapping[str, float] = field(default_factory=dict)  #: Of :class:`.Supervision`, by name.
 
     def column(self, name: str) -> Array:
@@ -87,7 +93,9 @@ class ArmLog:
     def save(self, path: Path, **facts: Any) -> None:
         """Write all periods as .npz, and facts as JSON in it."""
         columns = {name: self.column(name) for name in Period._fields}
-        own = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "periods"}
+        own = {
+            each.name: getattr(self, each.name) for each in fields(self) if each.name != "periods"
+        }
         write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})
 
 
@@ -104,16 +112,23 @@ class Punctuality(NamedTuple):
         found: dict[str, float] = {"periods": len(self.late), "missed": self.missed}
         for name, values in (("late", self.late), ("busy", self.busy)):
             for what, share in (("median", 50.0), ("p99", 99.0), ("max", 100.0)):
-                found[f"{name}_{what}_s"] = float(np.percentile(values if len(values) else 0.0, share))
+                found[f"{name}_{what}_s"] = float(
+                    np.percentile(values if len(values) else 0.0, share)
+                )
         return found
 
     def lines(self) -> list[str]:
         """For a terminal."""
         n = self.numbers()
         share = 100.0 * n["missed"] / max(n["periods"], 1.0)
-        said = [f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed ({share:.2g} %)"]
+        said = [
+            f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed "
+            f"({share:.2g} %)"
+        ]
         for what, name in (("late by", "late"), ("work of a period", "busy")):
-            median, p99, most = (_time(n[f"{name}_{which}_s"]) for which in ("median", "p99", "max"))
+            median, p99, most = (
+                _time(n[f"{name}_{which}_s"]) for which in ("median", "p99", "max")
+            )
             said.append(f"{what}: median {median}, p99 {p99}, maximum {most}")
         return said
 
@@ -134,10 +149,18 @@ def _draw(runs: dict[str, Punctuality]) -> Sheet | None:
     if not any(len(run.late) for run in runs.values()):
         return None
     sheet = Sheet()
-    panels = sheet.panels(len(runs), height=1.5, above=0.3, labels=("delay [ms]; red: one period", "number of periods"))
-    least, most = 1e-3, 1e3
+    panels = sheet.panels(
+        len(runs),
+        height=1.5,
+        above=0.3,
+        labels=("delay [ms]; red: one period", "number of periods"),
+    )
+    least = 1e-3
+    most = 1e3
     for ax, (name, run) in zip(panels, runs.items(), strict=True):
-        ax.hist(np.clip(1e3 * run.late, least, most), bins=np.geomspace(least, most, 73), color="0.35")
+        ax.hist(
+            np.clip(1e3 * run.late, least, most), bins=np.geomspace(least, most, 73), color="0.35"
+        )
         ax.axvline(1e3 * run.Ts, color="tab:red", linewidth=1.0)
         ax.set_xlim(least, most)
         logarithmic(ax.xaxis, decades(least, most))
@@ -158,7 +181,8 @@ class _Recorded(Plant):
 
     def __init__(self, states: Array, Ts: float) -> None:
         super().__init__(states[0, 0], states[0, 1], Ts, "acceleration", Disturbances())
-        self._states, self._at = states, 0
+        self._states = states
+        self._at = 0
 
     def follow(self) -> None:
         """Go to the next measurement."""
@@ -176,16 +200,22 @@ class _Repeated(Controller):
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The next command."""
-        return Command(next(self._commands).copy(), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
+        return Command(
+            next(self._commands).copy(),
+            "ok",
+            np.zeros(len(rows.labels), dtype=np.bool_),
+            rows.labels,
+        )
 
     command = define = solve
 
 
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
-    """The trajectory of a run on an arm of at least two periods, scored as a simulation is; ``where`` names the arm.
+    """The trajectory of a run on an arm of at least two periods, scored as a simulation is;
+    ``where`` names the arm.
 
-    The robot is where it was measured; rows, markers and camera are those of the model there. A run that was ended
-    includes the periods of its stop. Status and reason say that it was on an arm.
+    The robot is where it was measured; rows, markers and camera are those of the model there. A run
+    that was ended includes the periods of its stop. Status and reason say that it was on an arm.
     """
 
     class Recorded(Setup):
@@ -195,11 +225,18 @@ def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
     done = log.ended == "done"
     kept = ~log.braking if done else np.ones(len(log.periods), dtype=np.bool_)
     states = np.stack([log.column("q")[kept], log.column("qd")[kept]], axis=1)
-    undisturbed = {"disturbances": Disturbances(), "dynamics": None, "images": None, "actuation": "acceleration"}
+    undisturbed = {
+        "disturbances": Disturbances(),
+        "dynamics": None,
+        "images": None,
+        "actuation": "acceleration",
+    }
     settings = {each.name: getattr(setup, each.name) for each in fields(Setup)} | undisturbed
     settings["duration"] = (len(states) - 1) * setup.Ts
     run = simulate(Recorded(**settings), _Repeated(log.column("qdd")[kept]), remarks=())
-    status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(log.ended, run.status)
+    status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(
+        log.ended, run.status
+    )
     reason = (run.reason,) if done else (log.cause, log.stop)
     return replace(
         run,
@@ -215,7 +252,8 @@ def demand_own_folder(folder: Path) -> None:
     """Raise ConfigurationError if a folder holds results: a run on an arm cannot be repeated."""
     if (folder / MANIFEST).exists() or (folder / ARM).exists():
         raise ConfigurationError(
-            f"{folder} holds results: what an arm has done cannot be done again, so each run needs its own --out"
+            f"{folder} holds results: what an arm has done cannot be done again, so each run "
+            f"needs its own --out"
         )
 
 
@@ -225,10 +263,12 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
 
     Raises ConfigurationError, before anything moves, if there is no room in the folder.
     """
-    n, markers = setup.scene.robot.n, len(setup.scene.markers)
+    n = setup.scene.robot.n
+    markers = len(setup.scene.markers)
     numbers = 13 + 5 * n + 2 * markers  # of a Period
     periods = setup.samples + round(LONG_STOP / setup.Ts)
-    size, path = 8 * numbers * periods, folder / RESERVED
+    size = 8 * numbers * periods
+    path = folder / RESERVED
     try:
         try:
             with path.open("wb", buffering=0) as file:
@@ -240,7 +280,8 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
                 os.fsync(file.fileno())
         except OSError as error:
             raise ConfigurationError(
-                f"nothing has moved: {folder} has no room for the record of the motion, {size / 1e6:.3g} MB ({error}). "
+                f"nothing has moved: {folder} has no room for the record of the motion, "
+                f"{size / 1e6:.3g} MB ({error}). "
                 "Give a folder on another disk with --out"
             ) from error
         yield
@@ -250,14 +291,17 @@ def room_for_log(folder: Path, setup: Setup) -> Iterator[None]:
 
 
 def save_log(folder: Path, log: ArmLog, where: str) -> Path:
-    """Write the log into the folder of a run or, where that fails, into a new temporary one; returns its path.
+    """Write the log into the folder of a run or, where that fails, into a new temporary one;
+    returns its path.
 
     The motion cannot be made again. Raises StorageError if neither takes it.
     """
     failures = []
     for temporary in (False, True):
         try:
-            parent = Path(tempfile.mkdtemp(prefix="vsconstraints-arm-")) if temporary else folder / ARM
+            parent = (
+                Path(tempfile.mkdtemp(prefix="vsconstraints-arm-")) if temporary else folder / ARM
+            )
             parent.mkdir(parents=True, exist_ok=True)
             path = parent / ARM_LOG.name
             log.save(path, where=where, **punctuality(log).numbers())
@@ -272,8 +316,9 @@ def store(
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run as a comparison's, with tracking alone simulated beside it.
 
-    The suite is of one scenario and one controller. Returns the run's trajectory, None if there are less than two
-    periods, and the comparison. Raises StorageError, which says where the log is, if that or more cannot be stored.
+    The suite is of one scenario and one controller. Returns the run's trajectory, None if there are
+    less than two periods, and the comparison. Raises StorageError, which says where the log is, if
+    that or more cannot be stored.
     """
     log_file = save_log(folder, log, where)
     if log_file != folder / ARM_LOG:
@@ -282,7 +327,9 @@ def store(
         return _store_results(folder, suite, setup, log, where, command)
     except (OSError, StorageError) as error:
         why = error if isinstance(error, OSError) else error.__cause__ or error
-        raise StorageError(f"the results cannot be stored in {folder}: {why}. {NOT_LOST.format(log_file)}") from error
+        raise StorageError(
+            f"the results cannot be stored in {folder}: {why}. {NOT_LOST.format(log_file)}"
+        ) from error
 
 
 def _store_results(

@@ -1,4 +1,6 @@
-"""Bounds beyond which a run on an arm is stopped, checks before it starts, and the watchdog of a loop that hangs."""
+"""Bounds beyond which a run on an arm is stopped, checks before it starts, and the watchdog of a
+loop that hangs.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +24,22 @@ from .driver import Joints
 
 @dataclass(frozen=True)
 class Supervision(Plausible):
-    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is measured."""
+    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is
+    measured.
+    """
 
     start_rad: float = 0.02  #: How far a joint may be from the scenario's start [rad or m].
     rest_rad_s: float = 0.01  #: How fast a joint may move before the start [rad/s or m/s].
     following_rad: float = 0.1  #: How far a joint may be from where it was sent [rad or m].
-    #: How long the arm's clock may stand still in the states that are read [s]; five periods if that is longer.
+    #: How long the arm's clock may stand still in the states that are read [s]; five periods if
+    #: that is longer.
     stalled_s: float = 0.02
-    late_s: float = 0.02  #: How late a period may begin [s]; later than a whole period, it counts as missed.
-    begin_s: float = 2.0  #: How long the arm may take to be ready for setpoints, while it stands [s].
-    #: How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
-    #: arm's own watchdog should wait longer, or it comes first.
+    #: How late a period may begin [s]; later than a whole period, it counts as missed.
+    late_s: float = 0.02
+    #: How long the arm may take to be ready for setpoints, while it stands [s].
+    begin_s: float = 2.0
+    #: How long the loop may say nothing before another thread brakes the arm [s]; five periods if
+    #: that is longer. An arm's own watchdog should wait longer, or it comes first.
     hang_s: float = 0.05
 
     def __post_init__(self) -> None:
@@ -42,10 +49,11 @@ class Supervision(Plausible):
 
 
 def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
-    """The scenario's setup with the start that the arm has, which may be elsewhere if it is to start ``from_arm``.
+    """The scenario's setup with the start that the arm has, which may be elsewhere if it is to
+    start ``from_arm``.
 
-    Raises ConfigurationError if the arm is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`), or if
-    gradients have errors.
+    Raises ConfigurationError if the arm is elsewhere, moves, or cannot start there
+    (:meth:`Setup.check_start`), or if gradients have errors.
     """
     n = setup.scene.robot.n
     if state.q.shape != (n,) or state.qd.shape != (n,):
@@ -53,17 +61,25 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
         raise ConfigurationError("the arm's state is not finite")
     if setup.gradient_error().any:
-        raise ConfigurationError("disturbances.gradient_error is for simulations: on an arm rows are as they are known")
+        raise ConfigurationError(
+            "disturbances.gradient_error is for simulations: on an arm rows are as they are known"
+        )
     if setup.qd0.any():
         raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")
-    fast, off = np.abs(state.qd), np.abs(setup.scene.robot.difference(state.q, setup.q0))
-    i, j = int(np.argmax(fast)), int(np.argmax(off))
+    fast = np.abs(state.qd)
+    off = np.abs(setup.scene.robot.difference(state.q, setup.q0))
+    i = int(np.argmax(fast))
+    j = int(np.argmax(off))
     if fast[i] > supervision.rest_rad_s:
-        raise ConfigurationError(f"the arm moves: joint {i + 1} at {state.qd[i]:.3g} rad/s; it must stand still")
+        raise ConfigurationError(
+            f"the arm moves: joint {i + 1} at {state.qd[i]:.3g} rad/s; it must stand still"
+        )
     if not from_arm and off[j] > supervision.start_rad:
         raise ConfigurationError(
-            f"the arm does not stand at the scenario's start: joint {j + 1} is at {state.q[j]:.4g}, not at "
-            f"{setup.q0[j]:.4g}, {off[j]:.3g} away. Move it there, or let the run start where it stands (--from-arm)"
+            f"the arm does not stand at the scenario's start: joint {j + 1} is at "
+            f"{state.q[j]:.4g}, not at "
+            f"{setup.q0[j]:.4g}, {off[j]:.3g} away. Move it there, or let the run start where it "
+            f"stands (--from-arm)"
         )
     here = replace(setup, q0=state.q.copy(), qd0=np.zeros(n))
     here.check_start()
@@ -75,7 +91,8 @@ class Requests:
 
     def __init__(self) -> None:
         self.signal = 0  #: Number of the first one; 0 while there is none.
-        #: What a signal raises from now on, if the main thread is inside a period; until then it is noted.
+        #: What a signal raises from now on, if the main thread is inside a period; until then it is
+        #: noted.
         self.raising: Callable[[], BaseException] | None = None
         self.inside = False
 
@@ -100,7 +117,9 @@ class Requests:
 
 @contextmanager
 def requests_noted() -> Iterator[Requests]:
-    """Note signals instead of being interrupted by them: the loop checks them between two periods."""
+    """Note signals instead of being interrupted by them: the loop checks them between two
+    periods.
+    """
     requests = Requests()
     if threading.current_thread() is not threading.main_thread():
         yield requests  # signals are the main thread's
@@ -122,7 +141,9 @@ class Watchdog(threading.Thread):
 
     def __init__(self, patience: float, act: Callable[[], None]) -> None:
         super().__init__(daemon=True, name="watchdog")
-        self._patience, self._act, self._over = patience, act, threading.Event()
+        self._patience = patience
+        self._act = act
+        self._over = threading.Event()
         self._last = time.monotonic()
 
     def alive(self, more: float = 0.0) -> None:

@@ -1,4 +1,6 @@
-"""The command line: ``vsconstraints compare``, ``preview``, ``run``, ``evidence``, ``report`` and more."""
+"""The command line: ``vsconstraints compare``, ``preview``, ``run``, ``evidence``, ``report`` and
+more.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def list_(what: options.Names = None) -> None:
     print_listing(what or ())
 
 
-#: The commands by what they are for, each with an example, in the order in which ``--help`` shows them.
+#: The commands by what they are for, each with an example, in the order in which ``--help`` shows
+#: them.
 GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     "Laws in a few scenes": {
         "compare": (results.compare, "--scenario ur5-fov --controller cbf-filter"),
@@ -61,7 +64,9 @@ GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     },
 }
 _TESTSET = "Run laws on a frozen test set, check it, or make one."
-_testset = typer.Typer(no_args_is_help=True, help=f"Example: vsconstraints testset run --scenes 20\n\n{_TESTSET}")
+_testset = typer.Typer(
+    no_args_is_help=True, help=f"Example: vsconstraints testset run --scenes 20\n\n{_TESTSET}"
+)
 
 for _panel, _commands in GROUPS.items():
     for _name, (_command, _arguments) in _commands.items():
@@ -69,7 +74,9 @@ for _panel, _commands in GROUPS.items():
         _help = options.literal(f"Example: vsconstraints {_name} {_arguments}\n\n{_text}")
         _group, _, _word = _name.rpartition(" ")
         _to, _panel_of = (_testset, None) if _group else (app, _panel)
-        _declare = _to.command(_word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of)
+        _declare = _to.command(
+            _word, help=_help, short_help=_text.partition("\n")[0], rich_help_panel=_panel_of
+        )
         _declare(options.described(_name, _command))
 app.add_typer(_testset, name="testset", short_help=_TESTSET, rich_help_panel=_panel)
 
@@ -80,7 +87,9 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-_Version = Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")]
+_Version = Annotated[
+    bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+]
 
 
 @app.callback(help=_HELP)
@@ -88,7 +97,9 @@ def _options(version: _Version = False) -> None: ...
 
 
 def main() -> None:
-    """Run the command line; errors of this package and of the system end it with one line (see ``docs/trust.md``)."""
+    """Run the command line; errors of this package and of the system end it with one line (see
+    ``docs/trust.md``).
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # names and paths may hold what the terminal's encoding does not have
@@ -103,4 +114,5 @@ def main() -> None:
         errors.print("Interrupted.")
         sys.exit(exit_code(signal_of(interrupt)))
     finally:
-        gc.freeze()  # an end that looks for garbage among all that is loaded takes ten times as long
+        # an end that looks for garbage among all that is loaded takes ten times as long
+        gc.freeze()

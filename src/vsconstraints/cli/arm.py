@@ -42,21 +42,27 @@ def run(
     from ..scenarios import Scenario
 
     chosen = Scenario.load(scenario)
-    settings = [*(settings or ()), *([] if rate is None else [f"scenario.sampling_time={1.0 / rate!r}"])]
+    settings = [
+        *(settings or ()),
+        *([] if rate is None else [f"scenario.sampling_time={1.0 / rate!r}"]),
+    ]
     suite = Suite("run", f"{chosen.title}, on an arm", (chosen,), chosen_entries((), [controller]))
     suite = suite.select(settings=settings)
-    loaded, law = suite.scenarios[0], suite.controllers[0].make()
+    loaded = suite.scenarios[0]
+    law = suite.controllers[0].make()
     setup = loaded.setup()
     note(*(text for own in suite.warnings().values() for text in own))
     driver = driver_for(robot, setup)
     if driver.real and not yes:
         raise ConfigurationError(
-            f"{robot} is a real arm, which would move. Look at the same command without --robot first; then stand by "
+            f"{robot} is a real arm, which would move. Look at the same command without --robot "
+            f"first; then stand by "
             "its emergency stop, and give --yes"
         )
     if driver.real and images is None:
         raise ConfigurationError(
-            f"{robot} is a real arm: say what sees the markers, --images module:function, or --images {MODEL} where "
+            f"{robot} is a real arm: say what sees the markers, --images module:function, or "
+            f"--images {MODEL} where "
             "nothing does and the image is predicted from the joints"
         )
     source = image_source(images or SIMULATED, setup, loaded.folder)
@@ -66,7 +72,9 @@ def run(
     context.with_resource(locked(out, "a comparison"))
     prepare()
     if robot == SIMULATED_ARM:
-        console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
+        console.print(
+            "Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes."
+        )
     elif not driver.real:
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
     with room_for_log(out, setup), real_time(priority and not driver.simulated_time) as permitted:

@@ -1,4 +1,6 @@
-"""``families``, ``evidence``, ``merge``, ``advise`` and ``tune``: laws on thousands of drawn scenes."""
+"""``families``, ``evidence``, ``merge``, ``advise`` and ``tune``: laws on thousands of drawn
+scenes.
+"""
 
 from __future__ import annotations
 
@@ -59,9 +61,19 @@ def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
 
     done = count(1)
     with progress() as show:
-        summary = summarised(family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes))
-    accepted, attempts = len(summary.found), sum(scene.attempts for scene in summary.scenes)
-    say("family", family=family, scenes=scenes, summary=summary, accepted=accepted, attempts=attempts)
+        summary = summarised(
+            family, scenes, half, seed, lambda: show(f"drawing {family.name}", next(done), scenes)
+        )
+    accepted = len(summary.found)
+    attempts = sum(scene.attempts for scene in summary.scenes)
+    say(
+        "family",
+        family=family,
+        scenes=scenes,
+        summary=summary,
+        accepted=accepted,
+        attempts=attempts,
+    )
     return accepted
 
 
@@ -85,16 +97,24 @@ def evidence(
     slower: float | None = None,
     budget_us: float | None = None,
 ) -> None:
-    """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
+    """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and
+    write a report.
+    """
     from ..comparisons.evidence import MEASURED, Campaign, Plan, Shard, processes
 
     if cluster is not None and jobs is not None:
-        raise ConfigurationError("--jobs is for processes of this machine, and none are used with --cluster")
+        raise ConfigurationError(
+            "--jobs is for processes of this machine, and none are used with --cluster"
+        )
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=True)
-    chosen = Campaign.load(campaign).select(families or (), controllers or (), scenes, settings or ())
+    chosen = Campaign.load(campaign).select(
+        families or (), controllers or (), scenes, settings or ()
+    )
     note_processes(jobs)
     if cluster is not None and time_passes == MEASURED:
-        raise ConfigurationError("call times are measured on this machine: with --cluster, give a file of them")
+        raise ConfigurationError(
+            "call times are measured on this machine: with --cluster, give a file of them"
+        )
     chosen = with_call_times(chosen, None if fresh else out, jobs, time_passes, slower, budget_us)
     plan = Plan(Shard.parsed(shard), cast("Kept", keep), run_limit, fresh)
     workers: AbstractContextManager[Any] = nullcontext(processes(jobs))
@@ -113,22 +133,32 @@ def with_call_times(
     slower: float | None,
     budget_us: float | None,
 ) -> Campaign:
-    """The campaign, with the laws' commands as late as ``source`` says; results in ``out`` keep what was measured."""
+    """The campaign, with the laws' commands as late as ``source`` says; results in ``out`` keep
+    what was measured.
+    """
     from ..comparisons.evidence import call_times, processes
 
     if source is None:
         if slower is not None or budget_us is not None:
-            raise ConfigurationError("--slower and --budget-us are about time that passes: give --time-passes, too")
+            raise ConfigurationError(
+                "--slower and --budget-us are about time that passes: give --time-passes, too"
+            )
         return chosen
     with progress() as show:
-        times = call_times(source, chosen, out, processes(jobs), lambda done, of: show("measuring calls", done, of))
+        times = call_times(
+            source, chosen, out, processes(jobs), lambda done, of: show("measuring calls", done, of)
+        )
     times = times if slower is None else replace(times, slower=slower)
     times = times if budget_us is None else replace(times, budget_s=1e-6 * budget_us)
     return times.of(chosen)
 
 
 def run_campaign(
-    chosen: Campaign, out: Path, plan: Plan, workers: AbstractContextManager[Any], wanted: ReportOptions
+    chosen: Campaign,
+    out: Path,
+    plan: Plan,
+    workers: AbstractContextManager[Any],
+    wanted: ReportOptions,
 ) -> None:
     """Run a campaign with progress, say what came of it, and write its report."""
     from ..comparisons.evidence import collect
@@ -143,24 +173,38 @@ def run_campaign(
         )
     state = finished.progress
     for kind, failed in state.failed.items():
-        errors.print(f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, {state.reasons[kind]}")
+        errors.print(
+            f"{' · '.join(kind)}: {failed} of {state.of_kind[kind]} runs failed, "
+            f"{state.reasons[kind]}"
+        )
     if state.stored_before:
-        console.print(f"{state.stored_before} of {state.scenes} scenes were stored in {out} already.")
+        console.print(
+            f"{state.stored_before} of {state.scenes} scenes were stored in {out} already."
+        )
     if finished.interrupted:
         stop(finished.interrupted, f"{state.done} of {state.scenes} scenes are stored in {out}")
     console.print(
-        f"{state.done - state.stored_before} scenes, {state.runs} runs in {finished.wall_time:.1f} s: "
+        f"{state.done - state.stored_before} scenes, {state.runs} runs in "
+        f"{finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
     if plan.shard.of == 1:
         console.print(write_report(out, wanted))
     if state.all_failed:
-        errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
+        errors.print(
+            "error: every run of the controllers that were to be compared failed; column reason "
+            "says why"
+        )
         raise typer.Exit(NOTHING_DONE)
 
 
 def merge(
-    out: Path, shards: list[Path], figures: bool = True, formats: Names = None, latex: bool = False, trust: bool = False
+    out: Path,
+    shards: list[Path],
+    figures: bool = True,
+    formats: Names = None,
+    latex: bool = False,
+    trust: bool = False,
 ) -> None:
     """Merge parts of a campaign and write its report."""
     from ..comparisons.evidence import merge as merge_shards
@@ -168,7 +212,9 @@ def merge(
     wanted = ReportOptions(figures, formats=formats, latex=latex, trust=trust)
     merged = merge_shards(out, shards)
     note(*merged.remarks)
-    console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
+    console.print(
+        f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}"
+    )
     console.print(write_report(out, wanted))
 
 
@@ -197,20 +243,27 @@ def advise(
         raise unknown_name("type of constraints", kind, CONSTRAINTS)
     delay = None if latency_ms is None else latency_ms / 1e3
     types = tuple(sorted({*rows})) if rows else None
-    asked = Situation(joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion)
+    asked = Situation(
+        joints, constraints=types, delay=delay, noise=noise_px, unknown_motion=unknown_motion
+    )
     if scenario is not None:
         if asked.said:
-            raise ConfigurationError(f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers")
+            raise ConfigurationError(
+                f"{scenario} itself says {', '.join(asked.said)}: give a scenario or answers"
+            )
         asked = Situation.of(Scenario.load(scenario))
     elif not asked.said and keep is None:
-        raise ConfigurationError("advise takes a scenario, or answers such as --joints 6 --latency-ms 30")
+        raise ConfigurationError(
+            "advise takes a scenario, or answers such as --joints 6 --latency-ms 30"
+        )
     with progress() as show:
         runs = Study.load(study or SHIPPED, trust, partial(show, "scenes"), own=keep is not None)
     if keep is not None:
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
     if asked.said:
-        runs = runs if keep is None else Study.load(keep)  # advice names laws that come with the package
+        # advice names laws that come with the package
+        runs = runs if keep is None else Study.load(keep)
         known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
         for word in {*(may_use or ())} - known:
             raise unknown_name("information", word, known)
@@ -240,7 +293,9 @@ def _print_choices(laws: Sequence[Judged]) -> None:
             ]
         )
     console.print()
-    print_columns(["law", "success", "loses [points]", "a call [µs]", "requires"], lines, wrapped={4: 24})
+    print_columns(
+        ["law", "success", "loses [points]", "a call [µs]", "requires"], lines, wrapped={4: 24}
+    )
     console.print("≈ not distinguishable from the law that succeeds most often")
 
 
@@ -281,7 +336,9 @@ def tune(
         if key in ("half", "scenes"):
             why = "laws are tuned on training scenes alone, and --scenes says on how many"
             raise ConfigurationError(f"--set {key}: {why}")
-    chosen = Campaign.load(campaign).select(families or (), controllers or (), settings=settings or ())
+    chosen = Campaign.load(campaign).select(
+        families or (), controllers or (), settings=settings or ()
+    )
     problem = Problem(chosen, Budget(evaluations, seeds, scenes))
     note_processes(jobs)
     with progress(out) as show:

@@ -23,7 +23,8 @@ from ..scenarios.families import Family, families
 from ..vision.features import FEATURES
 from .terminal import console
 
-Entry = tuple[str, ...]  #: a name, what it means in a line or two, and what else is shown of it alone
+#: a name, what it means in a line or two, and what else is shown of it alone
+Entry = tuple[str, ...]
 
 
 def _described(name: str, thing: object) -> Entry:
@@ -34,7 +35,9 @@ def _described(name: str, thing: object) -> Entry:
 
 def _part(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
     """A law, a demand or a resolver, with its options and the information it requires."""
-    options = (str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values())
+    options = (
+        str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values()
+    )
     details = (("options", ", ".join(options)), ("requires", ", ".join(required)))
     return (*_described(name, part), *(f"{what}: {text}" for what, text in details if text))
 
@@ -53,7 +56,9 @@ def _scenario(scenario: Scenario) -> Entry:
 
 def _metric(metric: Metric) -> Entry:
     """A column of results.csv, with the first sentence of its definition, and the others."""
-    return metric.column, *re.split(r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1)
+    return metric.column, *re.split(
+        r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1
+    )
 
 
 #: What makes the entries of each kind.
@@ -61,8 +66,12 @@ KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
     "scenarios": lambda: (_scenario(Scenario.load(name)) for name in shipped_scenarios()),
     "families": lambda: ((name, Family.load(name).title) for name in families()),
     "laws": lambda: (_part(name, law, law().uses) for name, law in CONTROLLERS.items()),
-    "demands": lambda: (_part(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses)) for part in DEMANDS),
-    "resolvers": lambda: (_part(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses)) for part in RESOLVERS),
+    "demands": lambda: (
+        _part(part.name, part, map(USED_BY_DEMANDS.__getitem__, part.uses)) for part in DEMANDS
+    ),
+    "resolvers": lambda: (
+        _part(part.name, part, map(USED_BY_RESOLVERS.__getitem__, part.uses)) for part in RESOLVERS
+    ),
     "solvers": lambda: map(_solver, solver_names()),
     "robots": lambda: starmap(_described, READY_MADE.items()),
     "arms": lambda: (_described(f"{scheme}://", driver_class(scheme)) for scheme in DRIVERS),
@@ -74,9 +83,13 @@ KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
 
 
 def print_listing(words: Sequence[str]) -> None:
-    """Print the names of all kinds, or what ``words`` are; raises ConfigurationError for one that is nothing."""
+    """Print the names of all kinds, or what ``words`` are; raises ConfigurationError for one that
+    is nothing.
+    """
     if not words:
-        _print_table((kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items())
+        _print_table(
+            (kind, ", ".join(name for name, *_ in entries())) for kind, entries in KINDS.items()
+        )
         console.print("\nDetails: vsconstraints list KIND, for example list laws, or list NAME")
     for word in words:
         kind = "laws" if word == "controllers" else word
@@ -86,7 +99,9 @@ def print_listing(words: Sequence[str]) -> None:
         everything = [(kind, *entry) for kind, entries in KINDS.items() for entry in entries()]
         named = [entry for entry in everything if entry[1] == word]
         if not named:
-            raise unknown_name("kind or name", word, [*KINDS, *(name for _, name, *_ in everything)])
+            raise unknown_name(
+                "kind or name", word, [*KINDS, *(name for _, name, *_ in everything)]
+            )
         for kind, name, *texts in named:
             _print_table([(f"{name} ({kind})", "\n".join(filter(None, texts)))])
 

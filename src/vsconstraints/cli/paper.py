@@ -1,4 +1,6 @@
-"""``reproduce``: the whole paper, one of its figures or claims; ``study``: a general question about the laws."""
+"""``reproduce``: the whole paper, one of its figures or claims; ``study``: a general question about
+the laws.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,10 @@ def claim_names() -> list[str]:
     """Numbers of claims, and of their parts."""
     from ..paper import all_claims
 
-    return [*dict.fromkeys(f"{claim.number}" for claim in all_claims()), *(claim.key for claim in all_claims())]
+    return [
+        *dict.fromkeys(f"{claim.number}" for claim in all_claims()),
+        *(claim.key for claim in all_claims()),
+    ]
 
 
 def reproduce(
@@ -30,25 +35,35 @@ def reproduce(
     formats: Names = None,
     latex: bool = False,
 ) -> None:
-    """Check every claim of the paper, redraw its figures, and write a report; or only one of them."""
+    """Check every claim of the paper, redraw its figures, and write a report; or only one of
+    them.
+    """
     from ..paper import check, chosen_claims, chosen_figures, redraw
     from ..paper import reproduce as run
     from ..reports.latex import write_tables
 
     if controller is not None and (claim or not figure):
-        raise ConfigurationError("--controller is for figures: give --figure NUMBER. Claims are about the paper's law")
+        raise ConfigurationError(
+            "--controller is for figures: give --figure NUMBER. Claims are about the paper's law"
+        )
     # unknown names are errors before anything begins
     written = formats_of(formats or ())
     chosen_figures(figure or (), controller)
     chosen_claims(claim or ())
     note_processes(jobs)
-    result, findings, drawn = None, {}, {}
+    result = None
+    findings = {}
+    drawn = {}
     with progress(out) as show:
         show("starting")
         if not figure and not claim:
-            result = run(out, workers=jobs, on_progress=show, command=typed_command(), formats=written)
+            result = run(
+                out, workers=jobs, on_progress=show, command=typed_command(), formats=written
+            )
         if figure:
-            drawn = redraw(figure, out, controller=controller, workers=jobs, on_progress=show, formats=written)
+            drawn = redraw(
+                figure, out, controller=controller, workers=jobs, on_progress=show, formats=written
+            )
         if claim:
             findings = check(claim, out, workers=jobs, on_progress=show)
     if result is not None:
@@ -69,9 +84,14 @@ def reproduce(
 
 
 def study(
-    names: Names = None, out: Path = Path("vsconstraints-studies"), jobs: int | None = None, formats: Names = None
+    names: Names = None,
+    out: Path = Path("vsconstraints-studies"),
+    jobs: int | None = None,
+    formats: Names = None,
 ) -> None:
-    """Answer a general question about controllers with many runs and one figure; real-world is a campaign."""
+    """Answer a general question about controllers with many runs and one figure; real-world is a
+    campaign.
+    """
     from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 
     written = formats_of(formats or ())
@@ -86,7 +106,9 @@ def study(
     note_processes(jobs)
     with progress(out) as show:
         show("studying")
-        results = run_studies(studies, out, jobs, on_progress=partial(show, "studying"), formats=written)
+        results = run_studies(
+            studies, out, jobs, on_progress=partial(show, "studying"), formats=written
+        )
     for name, result in results.items():
         console.print(f"{STUDIES[name].title} ({figure_file(out, name, written)})")
         for sentence in result.sentences:

@@ -1,4 +1,6 @@
-"""``compare``, and what reads its folder again, ``report``, ``diff`` and ``verify``; how commands write reports."""
+"""``compare``, and what reads its folder again, ``report``, ``diff`` and ``verify``; how commands
+write reports.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,8 @@ if TYPE_CHECKING:
 class ReportOptions:
     """The options of all commands that write a report.
 
-    Raises ConfigurationError for an unknown format, and where replays need packages that are not installed.
+    Raises ConfigurationError for an unknown format, and where replays need packages that are not
+    installed.
     """
 
     figures: bool = True
@@ -56,13 +59,16 @@ class ReportOptions:
 
 
 def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None) -> str:
-    """Write the report of a comparison or of a campaign, with a progress bar; returns where it is."""
+    """Write the report of a comparison or of a campaign, with a progress bar; returns where it
+    is.
+    """
     from ..comparisons.runs.folder import kind_of
     from ..reports import write_report as write_comparison
     from ..reports.latex import write_tables
     from ..reports.page import where
 
-    formats, campaign = formats_of(wanted.formats or ()), kind_of(folder) == "evidence"
+    formats = formats_of(wanted.formats or ())
+    campaign = kind_of(folder) == "evidence"
     if campaign and wanted.replays:
         raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
     write: Callable[..., Path]
@@ -70,11 +76,17 @@ def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None
         if campaign:
             from ..reports.evidence import write_evidence_report  # needs an extra
 
-            write = partial(write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report"))
+            write = partial(
+                write_evidence_report, tuning=tuning, on_written=partial(show, "writing the report")
+            )
         else:
-            write = partial(write_comparison, all_figures=wanted.all_figures, replays=wanted.replays)
+            write = partial(
+                write_comparison, all_figures=wanted.all_figures, replays=wanted.replays
+            )
             write = partial(write, on_drawn=partial(show, "drawing figures"))
-        report = write(folder, figures=wanted.figures, formats=formats, trust=wanted.trust, on_remark=note)
+        report = write(
+            folder, figures=wanted.figures, formats=formats, trust=wanted.trust, on_remark=note
+        )
     if wanted.latex:
         console.print(f"Tables for LaTeX: {write_tables(report)}")
     return where(report)
@@ -116,12 +128,14 @@ def compare(
     context.with_resource(locked(out, "a comparison"))
     if not any(spec.has_own_parts for spec in runs):  # own laws may leave anything in their process
         context.with_resource(processes_kept())
-    failures, done = Counter[str](), count(1)
+    failures = Counter[str]()
+    done = count(1)
     with progress() as show:
 
         def finished(spec: RunSpec, score: Score, stored: bool) -> None:
             show("comparing", next(done), total)
-            status, reason = score.result["status"], score.result["reason"]
+            status = score.result["status"]
+            reason = score.result["reason"]
             if status in ("failed", "aborted"):
                 # the first time for each scenario, law and kind of reason
                 name = f"{spec.name} · {spec.controller.name}"
@@ -146,19 +160,31 @@ def compare(
         if times > 1:
             errors.print(f"{failure}: {times} of {chosen.trials} trials")
     if result.stored_before:
-        console.print(f"{result.stored_before} of {total} runs were stored in {out} already; --fresh runs them again.")
+        console.print(
+            f"{result.stored_before} of {total} runs were stored in {out} already; --fresh runs "
+            f"them again."
+        )
     if result.interrupted:
         stop(result.interrupted, f"{len(result.scores)} of {total} runs are stored in {out}")
     try:
         report_file = write_report(out, wanted)
     except INTERRUPTS as interrupt:
-        stop(signal_of(interrupt), f"all {total} runs are stored in {out}, the report is not", "does that")
+        stop(
+            signal_of(interrupt),
+            f"all {total} runs are stored in {out}, the report is not",
+            "does that",
+        )
     print_laws(out)
     if kept != "all":
-        console.print(f"Trajectories kept: {keep_trajectories(out, kept)} of {total}; --keep {kept}.")
+        console.print(
+            f"Trajectories kept: {keep_trajectories(out, kept)} of {total}; --keep {kept}."
+        )
     console.print(f"{total} runs in {result.wall_time:.1f} s. {report_file}")
     if result.all_failed:
-        errors.print("error: every run of the controllers that were to be compared failed; the report says why")
+        errors.print(
+            "error: every run of the controllers that were to be compared failed; the report says "
+            "why"
+        )
         raise typer.Exit(NOTHING_DONE)
 
 
@@ -173,7 +199,11 @@ def report(
     tuning: Path | None = None,
 ) -> None:
     """Write the report of stored results again."""
-    console.print(write_report(folder, ReportOptions(figures, all_figures, formats, latex, replays, trust), tuning))
+    console.print(
+        write_report(
+            folder, ReportOptions(figures, all_figures, formats, latex, replays, trust), tuning
+        )
+    )
 
 
 def diff(
@@ -185,7 +215,9 @@ def diff(
     tolerance: float | None = None,
     strict: bool | None = None,
 ) -> None:
-    """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they are not comparable."""
+    """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they
+    are not comparable.
+    """
     demand("evidence", "a difference of two folders")
     from ..comparisons.difference import TOLERANCE, difference
     from ..reports.difference import page, verdict
@@ -210,9 +242,11 @@ def diff(
 
 
 def verify(folder: Path) -> None:
-    """Check that stored results are complete and unchanged: every file as stored, every planned run, and no other.
+    """Check that stored results are complete and unchanged: every file as stored, every planned
+    run, and no other.
 
-    Exit code 1 if something was changed, is missing, unfinished or carries no checksum; 2 if the folder cannot be read.
+    Exit code 1 if something was changed, is missing, unfinished or carries no checksum; 2 if the
+    folder cannot be read.
     """
     from ..comparisons.runs.files import check_sums
     from ..comparisons.runs.folder import kind_of
@@ -226,7 +260,8 @@ def verify(folder: Path) -> None:
         wrong, remark = check_sums(folder, files)
         problems = [*wrong, *([remark] if remark and not wrong else []), *problems]
     except ConfigurationError as error:
-        contents, problems = "", [str(error)]
+        contents = ""
+        problems = [str(error)]
     for problem in problems:
         errors.print(problem if problem.startswith(str(folder)) else f"{folder}: {problem}")
     if problems:
@@ -235,13 +270,17 @@ def verify(folder: Path) -> None:
 
 
 def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
-    """What a comparison holds, its files and what is missing; raises ConfigurationError if it cannot be loaded."""
+    """What a comparison holds, its files and what is missing; raises ConfigurationError if it
+    cannot be loaded.
+    """
     from ..comparisons import StoredComparison
     from ..comparisons.record import run_file
     from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
-    results, problems = Results(StoredComparison.load(folder, trust=True)), []  # nothing of it is built
+    # nothing of it is built
+    results = Results(StoredComparison.load(folder, trust=True))
+    problems = []
     if results.finished < results.planned:
         problems.append(f"{results.finished} of {results.planned} runs have a line in results.csv")
     for line in (line for law in results.controllers for line in results.all_runs(law)):
@@ -249,20 +288,30 @@ def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
         path = run_file(folder, *key)
         if path.is_file() and results.stored.run(*key) is None:
             problems.append(f"{path.name} cannot be read")
-    return f"{results.finished} runs of {len(results.scenarios)} scenarios", stored_files(folder), problems
+    return (
+        f"{results.finished} runs of {len(results.scenarios)} scenarios",
+        stored_files(folder),
+        problems,
+    )
 
 
 def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
-    """What a campaign holds, its files and what is missing; raises ConfigurationError if it cannot be loaded."""
+    """What a campaign holds, its files and what is missing; raises ConfigurationError if it cannot
+    be loaded.
+    """
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
     from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
 
     evidence = Evidence.load(folder, trust=True)  # nothing of it is built
-    configuration, shard = evidence.manifest["configuration"], Shard(*evidence.manifest.get("shard", (1, 1)))
+    configuration = evidence.manifest["configuration"]
+    shard = Shard(*evidence.manifest.get("shard", (1, 1)))
     facts = [each.facts for each in shards(folder)]
     lost = missing_scenes(configuration, facts, shard.scenes(configuration["scenes"]))
-    contents = f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of {len(evidence.families)} families"
+    contents = (
+        f"{len(evidence.runs)} runs in {len(evidence.scenes)} scenes of "
+        f"{len(evidence.families)} families"
+    )
     return contents, stored_files(folder), [f"scenes {lost} are not there"] if lost else []
 
 
@@ -289,4 +338,6 @@ def print_laws(folder: Path) -> None:
     print_paragraph(f"{timings}. In parentheses: excluded from the ranking, since {why}.")
     slow = [name for name in results.competitors if "NumPy" in results.implementation(name)]
     if slow:
-        print_paragraph(f"In NumPy, not compiled: {', '.join(slow)}. Such runs take some ten times as long.")
+        print_paragraph(
+            f"In NumPy, not compiled: {', '.join(slow)}. Such runs take some ten times as long."
+        )

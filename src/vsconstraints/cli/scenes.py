@@ -1,4 +1,6 @@
-"""``preview``, ``replay`` and ``frames``: a scene before a run, a run in motion, and the images that it is based on."""
+"""``preview``, ``replay`` and ``frames``: a scene before a run, a run in motion, and the images
+that it is based on.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def preview(
     out: Path | None = None,
     figure: bool = True,
 ) -> None:
-    """Draw image and arm at the start and at each goal, and list the nearest rows, without a simulation."""
+    """Draw image and arm at the start and at each goal, and list the nearest rows, without a
+    simulation.
+    """
     from ..reports.preview import FIGURE, Preview, lines
     from ..scenarios import Scenario
     from ..scenarios.families import Family
@@ -32,7 +36,9 @@ def preview(
     if (scenario is None) == (family is None):
         raise ConfigurationError("preview takes a scenario, or --family with --scene")
     if out is not None and out.suffix.removeprefix(".") not in FORMATS:
-        raise ConfigurationError(f"the picture is a figure: --out {out} must end in .png, .svg or .pdf")
+        raise ConfigurationError(
+            f"the picture is a figure: --out {out} must end in .png, .svg or .pdf"
+        )
     if family is not None:
         drawn = Family.load(family).scene(scene, half, seed)
         seen = Preview.of_scenario(drawn.scenario(condition), seed=drawn.noise)
@@ -59,12 +65,16 @@ def replay(
     seed: int = 0,
     trust: bool = False,
 ) -> None:
-    """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a film."""
+    """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a
+    film.
+    """
     from ..reports.replay import write_film, write_replay
     from ..reports.replay.runs import campaign_run, name_of, select_run
 
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
-        raise ConfigurationError(f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films")
+        raise ConfigurationError(
+            f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films"
+        )
     films = [path for path in (gif, mp4) if path is not None]
     page = out or (None if films else Path(f"replay-{name_of(runs[0])}.html"))
     if page is not None:
@@ -72,7 +82,10 @@ def replay(
     if any(map(campaign_run, runs)):
         demand("evidence", "a run of a campaign")
         from ..reports.evidence import replayed
-    selected = [replayed(run, trust, note) if campaign_run(run) else select_run(run, seed, trust, note) for run in runs]
+    selected = [
+        replayed(run, trust, note) if campaign_run(run) else select_run(run, seed, trust, note)
+        for run in runs
+    ]
     for path in films:
         note(*write_film(selected, path))
         console.print(f"Film: {path}")
@@ -81,8 +94,12 @@ def replay(
         console.print(f"Replay: {page}")
 
 
-def frames(scenario: str, out: Path, controller: str = "sliding-mode", trial: int = 0, seed: int = 0) -> None:
-    """Run a scenario by rendered images, whatever its sensor, and write them with the tags that are detected."""
+def frames(
+    scenario: str, out: Path, controller: str = "sliding-mode", trial: int = 0, seed: int = 0
+) -> None:
+    """Run a scenario by rendered images, whatever its sensor, and write them with the tags that are
+    detected.
+    """
     from ..comparisons.runs.spec import ControllerSpec
     from ..reports.frames import kind_of, write_frames
     from ..scenarios import Scenario
@@ -97,7 +114,8 @@ def frames(scenario: str, out: Path, controller: str = "sliding-mode", trial: in
     with progress() as show:
         show("simulating")
         run = simulate(setup, law)
-        total, written = setup.photographer().settings.number(float(run.t[-1])) + 1, count(1)
+        total = setup.photographer().settings.number(float(run.t[-1])) + 1
+        written = count(1)
         images = write_frames(setup, run, out, lambda: show("writing images", next(written), total))
     console.print(f"{run.status}{': ' if run.reason else ''}{run.reason}")
     console.print(f"{images} images: {out}")

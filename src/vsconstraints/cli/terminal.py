@@ -16,16 +16,21 @@ from rich.text import Text
 
 from ..plugins.processes import INTERRUPTS, exit_code, signal_of
 
-# no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no picture of one
+# no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no
+# picture of one
 console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
 errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
-NOTHING_DONE, USAGE_ERROR = 1, 2
+NOTHING_DONE = 1
+USAGE_ERROR = 2
 
-Show = Callable[..., None]  #: shows progress: of what, how many are done, and of how many if that is known
+#: shows progress: of what, how many are done, and of how many if that is known
+Show = Callable[..., None]
 
 
-TEXTS: dict[str, str] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
+TEXTS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("texts.toml").read_text(encoding="utf-8")
+)
 
 
 def say(text: str, **values: Any) -> None:
@@ -39,20 +44,26 @@ def say(text: str, **values: Any) -> None:
 def print_columns(
     header: Sequence[str], lines: Sequence[Sequence[str]], wrapped: Mapping[int, int] | None = None
 ) -> None:
-    """Print a table, its first column aligned left and the others right, none of whose lines is broken.
+    """Print a table, its first column aligned left and the others right, none of whose lines is
+    broken.
 
-    If it is wider than the terminal it is printed as several tables, each of which begins with the first column.
-    Headers are broken at spaces. Cells stay whole, except those of the columns in ``wrapped``, which are aligned left
-    and at least so wide. Text between two stars is bold.
+    If it is wider than the terminal it is printed as several tables, each of which begins with the
+    first column. Headers are broken at spaces. Cells stay whole, except those of the columns in
+    ``wrapped``, which are aligned left and at least so wide. Text between two stars is bold.
     """
     wrapped = wrapped or {}
     widths = []
     for column, title in enumerate(header):
         cells = [_emphasised(line[column]).cell_len for line in lines]
-        widths.append(max(*map(cell_len, title.split()), wrapped.get(column) or max(cells, default=0)))
+        widths.append(
+            max(*map(cell_len, title.split()), wrapped.get(column) or max(cells, default=0))
+        )
     blocks = [[0]]
     for column in range(1, len(header)):
-        if sum(widths[k] + 1 for k in (*blocks[-1], column)) > console.width + 1 and len(blocks[-1]) > 1:
+        if (
+            sum(widths[k] + 1 for k in (*blocks[-1], column)) > console.width + 1
+            and len(blocks[-1]) > 1
+        ):
             blocks.append([0])
         blocks[-1].append(column)
     for number, block in enumerate(blocks):
@@ -86,13 +97,17 @@ def _print_block(
 
 
 def _emphasised(text: str) -> Text:
-    """Return text that is bold where Markdown has stars; where nothing can be bold the stars stay."""
+    """Return text that is bold where Markdown has stars; where nothing can be bold the stars
+    stay.
+    """
     parts = text.split("**") if console.is_terminal else [text]
     return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))
 
 
 def print_paragraph(text: str) -> None:
-    """Print a text; on a terminal its lines end between words, elsewhere they are those of the text."""
+    """Print a text; on a terminal its lines end between words, elsewhere they are those of the
+    text.
+    """
     console.print(text, soft_wrap=not console.is_terminal)
 
 
@@ -104,7 +119,10 @@ def note(*remarks: str) -> None:
 
 def typed_command() -> list[str]:
     """What the user typed, such that files in UTF-8 can hold it."""
-    return ["vsconstraints", *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:])]
+    return [
+        "vsconstraints",
+        *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:]),
+    ]
 
 
 def note_processes(jobs: int | None) -> None:
@@ -124,10 +142,17 @@ def stop(signal: int, what: str, then: str = "continues") -> NoReturn:
 
 @contextmanager
 def progress(folder: Path | None = None) -> Iterator[Show]:
-    """A bar, from the first call of what it yields on; an interrupt says that ``folder`` keeps finished runs."""
+    """A bar, from the first call of what it yields on; an interrupt says that ``folder`` keeps
+    finished runs.
+    """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     bar = Progress(*columns, console=errors)
     task = bar.add_task("", total=None)
 

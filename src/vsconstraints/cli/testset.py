@@ -1,4 +1,6 @@
-"""``testset run``, ``verify`` and ``make``: laws on frozen scenes, and the files that hold these."""
+"""``testset run``, ``verify`` and ``make``: laws on frozen scenes, and the files that hold
+these.
+"""
 
 from __future__ import annotations
 
@@ -43,13 +45,16 @@ def run(
     frozen = TestSet.load(folder or V1)
     chosen = frozen.chosen(families or (), half, scenes, secret_seed)
     if laws and "scenarios" in read_toml(laws):
-        chosen["controllers"], laws = Suite.load(laws).controllers, None
+        chosen["controllers"] = Suite.load(laws).controllers
+        laws = None
     campaign = Campaign.load(laws).changed(title=f"Test set {frozen.version}", **chosen)
     names = [each.name for each in campaign.controllers]
     note_processes(jobs)
     campaign = campaign.select(controllers=[*names, *(entry or ())], settings=settings or ())
     campaign = with_call_times(campaign, out, jobs, time_passes, slower, budget_us)
-    run_campaign(campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True))
+    run_campaign(
+        campaign, out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures, trust=True)
+    )
 
 
 def fresh(
@@ -59,7 +64,9 @@ def fresh(
     out: Path = Path("vsconstraints-fresh"),
     jobs: int | None = None,
 ) -> None:
-    """Run the published laws on scenes of a secret seed, and compare their success with the published one."""
+    """Run the published laws on scenes of a secret seed, and compare their success with the
+    published one.
+    """
     demand("evidence", "fresh scenes")
     from ..comparisons.evidence import Campaign, Plan, processes
     from ..comparisons.repetition import secret_seed
@@ -72,9 +79,13 @@ def fresh(
     chosen = TestSet.load().chosen(families or (), "held-out", scenes, drawn_by)
     laws = tuple(published.laws.values())
     title = f"Fresh scenes of seed {drawn_by}"
-    campaign = Campaign.load(None).changed(title=title, controllers=laws, conditions=CONDITIONS, **chosen)
+    campaign = Campaign.load(None).changed(
+        title=title, controllers=laws, conditions=CONDITIONS, **chosen
+    )
     note_processes(jobs)
-    run_campaign(campaign.checked(), out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures=False))
+    run_campaign(
+        campaign.checked(), out, Plan(), nullcontext(processes(jobs)), ReportOptions(figures=False)
+    )
     with progress() as show:
         study = Study.load(out, on_scene=lambda done, total: show("scenes", done, total))
     table = out / FRESH_TABLE
@@ -105,19 +116,27 @@ def make(
     version: str = "own",
     out: Path = Path("vsconstraints-testset"),
 ) -> None:
-    """Draw scenes of all or the named families, and freeze them with their hashes in a new folder."""
+    """Draw scenes of all or the named families, and freeze them with their hashes in a new
+    folder.
+    """
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped
     from ..scenarios.families.frozen import TestSet
 
     counts = {"training": -(-scenes // 5), "held-out": scenes}
     with progress() as show:
-        made = TestSet.make(out, [Family.load(name) for name in families or shipped()], version, counts, seed, show)
+        made = TestSet.make(
+            out, [Family.load(name) for name in families or shipped()], version, counts, seed, show
+        )
     console.print(f"Test set {made.version} of {len(made.families)} families. Stored in {out}")
 
 
 def leaderboard(
-    tables: list[Path], rerun: float = 0.0, seed: int | None = None, jobs: int | None = None, trust: bool = False
+    tables: list[Path],
+    rerun: float = 0.0,
+    seed: int | None = None,
+    jobs: int | None = None,
+    trust: bool = False,
 ) -> None:
     """Check tables of runs on all held-out scenes, and print a ranking in Markdown."""
     demand("evidence", "the leaderboard")
@@ -128,14 +147,19 @@ def leaderboard(
     from ..scenarios.families.frozen import TestSet
 
     note_processes(jobs)
-    frozen, studies = TestSet.load(), dict[str, Study]()
+    frozen = TestSet.load()
+    studies = dict[str, Study]()
     repetitions = {}
     drawn_by = secret_seed() if seed is None else seed
     with progress() as show:
         for path in tables:
             if path.stem in studies:
-                raise ConfigurationError(f"two tables are named {path.stem}, and laws are told apart by their names")
-            study = Study.load(path, trust, lambda done, scenes: show("scenes", done, scenes), own=True)
+                raise ConfigurationError(
+                    f"two tables are named {path.stem}, and laws are told apart by their names"
+                )
+            study = Study.load(
+                path, trust, lambda done, scenes: show("scenes", done, scenes), own=True
+            )
             studies[path.stem] = study
         text = board(studies, frozen)
         families = {family.name: family for family in frozen.families}
@@ -153,13 +177,18 @@ def leaderboard(
         for sentence in repetition.by_rounding:
             errors.print(f"remark: rounding decides {name}: {sentence}")
         for file in repetition.changed_files:
-            errors.print(f"error: {name}: {file}, which custom laws have loaded or read, has another content here")
+            errors.print(
+                f"error: {name}: {file}, which custom laws have loaded or read, has another "
+                f"content here"
+            )
         for sentence in repetition.differences:
             errors.print(f"error: {name}: {sentence}")
         counts = f"{repetition.agreeing} agree, {len(repetition.differences)} differ"
         counts += f", {len(repetition.by_rounding)} are decided by rounding"
         repeated = f"{repetition.runs} of {len(studies[name].runs)} runs of {name}"
         errors.print(f"{repeated} were repeated: {counts}. They were drawn by --seed {drawn_by}")
-    if any(repetition.differences or repetition.changed_files for repetition in repetitions.values()):
+    if any(
+        repetition.differences or repetition.changed_files for repetition in repetitions.values()
+    ):
         raise typer.Exit(NOTHING_DONE)
     print(text)

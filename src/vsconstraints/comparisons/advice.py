@@ -13,18 +13,21 @@ from .runs.spec import ControllerSpec
 from .statistics import PairedRates, Rate, distinguishable, mcnemar, rate, simultaneous
 from .study import CONDITION, SCENE, Situation, Study
 
-ENOUGH = 20  #: scenes that advice rests on, where the study has them; all others together count as many
+#: scenes that advice rests on, where the study has them; all others together count as many
+ENOUGH = 20
 MARGIN = 0.25  #: standard errors that a law which requires less may lose
-ALIKE, NEAR = 2.0, 4.0  #: factors between two numbers that are alike, and near
+ALIKE = 2.0  #: factors between two numbers that are alike, and near
+NEAR = 4.0
 
-#: What may differ of scenes, one after the other, until there are enough: 1 is near, 2 is anything. First is what laws'
-#: success depends on least.
+#: What may differ of scenes, one after the other, until there are enough: 1 is near, 2 is anything.
+#: First is what laws' success depends on least.
 STEPS = (
     ("sampling_time", 1), ("noise", 1), ("delay", 1), ("constraints", 1), ("sampling_time", 2), ("joints", 1),
     ("fixed_camera", 2), ("feature", 2), ("constraints", 2), ("joints", 2), ("noise", 2), ("limits", 2), ("delay", 2),
     ("wrong_model", 2), ("unknown_motion", 2), ("images", 2), ("mass", 2),
 )  # fmt: skip
-FAR = STEPS.index(("constraints", 2))  #: steps after which scenes are no longer like the one that is asked about
+#: steps after which scenes are no longer like the one that is asked about
+FAR = STEPS.index(("constraints", 2))
 
 
 _RESULTS = "success", "tolerant_success", "call_us"
@@ -52,9 +55,12 @@ class Advice(NamedTuple):
 
 
 def distance(name: str, asked: Any, there: Any) -> int:
-    """0 of values that are alike, 1 of near ones (a joint more, half of the constraints in common), 2 of others."""
+    """0 of values that are alike, 1 of near ones (a joint more, half of the constraints in common),
+    2 of others.
+    """
     if name == "constraints":
-        shared, every = len({*asked} & {*there}), len({*asked} | {*there})
+        shared = len({*asked} & {*there})
+        every = len({*asked} | {*there})
         return 0 if shared == every else 1 if 2 * shared >= every else 2
     if name == "joints":
         return min(abs(int(asked) - int(there)), 2)
@@ -65,61 +71,103 @@ def distance(name: str, asked: Any, there: Any) -> int:
 
 
 def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
-    """Of a study's scenes those like one, each in the condition most like it; ``widened``, ``unlike`` of an advice."""
-    steps, reasons = {}, []
+    """Of a study's scenes those like one, each in the condition most like it; ``widened``,
+    ``unlike`` of an advice.
+    """
+    steps = {}
+    reasons = []
     for name, asked in situation.said.items():
         far = {value: distance(name, asked, value) for value in scenes[name].unique()}
         if name == "constraints":
-            reasons += [f"no scene has {kind}" for kind in asked if not any(kind in kinds for kinds in far)]
+            reasons += [
+                f"no scene has {kind}" for kind in asked if not any(kind in kinds for kinds in far)
+            ]
         elif isinstance(asked, bool | str) and asked not in far:
             reasons.append(f"no scene has {name.replace('_', ' ')}: {asked}")
         elif not isinstance(asked, bool | str) and not min(far) <= asked <= max(far):
-            reasons.append(f"{name.replace('_', ' ')} {asked:.3g}: {min(far):.3g} to {max(far):.3g} in all scenes")
+            reasons.append(
+                f"{name.replace('_', ' ')} {asked:.3g}: {min(far):.3g} to {max(far):.3g} in all "
+                f"scenes"
+            )
         # in what no scene is like it they are not told from each other
-        step = {value: 1 + STEPS.index((name, d)) if d > min(far.values()) else 0 for value, d in far.items()}
+        step = {
+            value: 1 + STEPS.index((name, d)) if d > min(far.values()) else 0
+            for value, d in far.items()
+        }
         steps[name] = scenes[name].map(step)
-    levels = scenes.assign(**steps, level=np.max([np.zeros(len(scenes), int), *steps.values()], axis=0))
+    levels = scenes.assign(
+        **steps, level=np.max([np.zeros(len(scenes), int), *steps.values()], axis=0)
+    )
     levels = levels.sort_values("level", kind="stable").drop_duplicates(SCENE)
     taken = levels[levels["level"] <= levels["level"].iloc[min(ENOUGH, len(levels)) - 1]]
     if (like := int((levels["level"] <= FAR).sum())) < ENOUGH:
         reasons.append(f"{like} scenes are like it, fewer than {ENOUGH}")
-    reached = [STEPS[step - 1] for step in sorted({step for name in steps for step in taken[name]} - {0})]
-    widened = tuple(f"{('similar', 'any')[reach - 1]} {name.replace('_', ' ')}" for name, reach in reached)
+    reached = [
+        STEPS[step - 1] for step in sorted({step for name in steps for step in taken[name]} - {0})
+    ]
+    widened = tuple(
+        f"{('similar', 'any')[reach - 1]} {name.replace('_', ' ')}" for name, reach in reached
+    )
     return taken[[*SCENE, CONDITION]], widened, tuple(reasons)
 
 
 def advise(
-    study: Study, situation: Situation, may_use: Collection[str] | None = None, margin: float = MARGIN
+    study: Study,
+    situation: Situation,
+    may_use: Collection[str] | None = None,
+    margin: float = MARGIN,
 ) -> Advice:
-    """The law for a situation, of those that require (:attr:`.Controller.uses`) nothing that is not in ``may_use``.
+    """The law for a situation, of those that require (:attr:`.Controller.uses`) nothing that is not
+    in ``may_use``.
 
-    Laws are ordered by success in similar scenes, to which those of the whole study add as much as :data:`ENOUGH`. Of
-    laws not distinguishable from the first, and no more than ``margin`` standard errors of the difference behind it,
-    that one is recommended which requires least: no model, no L_fφ, the shortest call. Raises ConfigurationError if
-    none may be used.
+    Laws are ordered by success in similar scenes, to which those of the whole study add as much as
+    :data:`ENOUGH`. Of laws not distinguishable from the first, and no more than ``margin`` standard
+    errors of the difference behind it, that one is recommended which requires least: no model, no
+    L_fφ, the shortest call. Raises ConfigurationError if none may be used.
     """
     requires = {name: law.make().uses for name, law in study.laws.items()}
     names = [name for name in requires if may_use is None or {*requires[name]} <= {*may_use}]
     if not names:
-        raise ConfigurationError(f"no law of the study uses no more than {', '.join(sorted(may_use or ()))}")
+        raise ConfigurationError(
+            f"no law of the study uses no more than {', '.join(sorted(may_use or ()))}"
+        )
     scenes, widened, reasons = similar(study.scenes, situation)
-    runs, overall = study.runs.merge(scenes), study.runs.groupby("controller")["success"].mean()
-    good, tolerant, calls = (runs.pivot(index=SCENE, columns="controller", values=c) for c in _RESULTS)
+    runs = study.runs.merge(scenes)
+    overall = study.runs.groupby("controller")["success"].mean()
+    good, tolerant, calls = (
+        runs.pivot(index=SCENE, columns="controller", values=c) for c in _RESULTS
+    )
     score = (good.sum() + ENOUGH * overall) / (len(good) + ENOUGH)
     names.sort(key=lambda name: -score[name])
-    confidence, first = simultaneous(0.95, math.comb(len(names), 2)), names[0]
+    confidence = simultaneous(0.95, math.comb(len(names), 2))
+    first = names[0]
 
     def loss(law: str, against: str) -> PairedRates:
         return mcnemar(good[against], good[law], confidence)
 
     behind = {name: loss(name, first) for name in names}
     best = {name: not distinguishable(pair.low, pair.high, pair.n) for name, pair in behind.items()}
-    error = {n: math.sqrt(len(good)) * (good[first] * 1.0 - good[n]).std(ddof=0) / (len(good) + ENOUGH) for n in names}
-    near = [name for name in names if best[name] and score[first] - score[name] <= margin * error[name]]
+    error = {
+        n: math.sqrt(len(good)) * (good[first] * 1.0 - good[n]).std(ddof=0) / (len(good) + ENOUGH)
+        for n in names
+    }
+    near = [
+        name for name in names if best[name] and score[first] - score[name] <= margin * error[name]
+    ]
     call = {name: float(calls[name].median()) for name in names}
-    chosen = min(near, key=lambda name: ("model" in requires[name], "L_fφ" in requires[name], call[name]))
+    chosen = min(
+        near, key=lambda name: ("model" in requires[name], "L_fφ" in requires[name], call[name])
+    )
     laws = tuple(
-        Judged(study.laws[n], requires[n], rate(good[n]), rate(tolerant[n]), loss(n, chosen), best[n], call[n])
+        Judged(
+            study.laws[n],
+            requires[n],
+            rate(good[n]),
+            rate(tolerant[n]),
+            loss(n, chosen),
+            best[n],
+            call[n],
+        )
         for n in sorted(names, key=lambda name: name != chosen)
     )
     return Advice(laws, tuple(dict.fromkeys(scenes["family"])), widened, reasons)

@@ -1,4 +1,6 @@
-"""An experiment: scenes × conditions × laws × trials, described by a file and changed by a command line."""
+"""An experiment: scenes × conditions × laws × trials, described by a file and changed by a command
+line.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,19 @@ from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
 from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
 
-MAX_NAME_BYTES = 100  #: Bytes that the name of a scenario or controller may have; files are named after both.
+#: Bytes that the name of a scenario or controller may have; files are named after both.
+MAX_NAME_BYTES = 100
 Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
 
 
 class Experiment:
-    """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen dataclasses."""
+    """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen
+    dataclasses.
+    """
 
     controllers: Entries
-    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys besides names of scenarios and controllers.
+    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys besides names of scenarios
+    #: and controllers.
     whole_numbers: ClassVar[tuple[str, ...]]
     settings: ClassVar[tuple[str, ...]]
 
@@ -33,15 +39,22 @@ class Experiment:
         return replace(self, **attributes)  # type: ignore[type-var]
 
     def _selected(
-        self, what: str, load: Callable[[str], Any], names: Sequence[str], controllers: Sequence[str]
+        self,
+        what: str,
+        load: Callable[[str], Any],
+        names: Sequence[str],
+        controllers: Sequence[str],
     ) -> Self:
         """The same with scenes and controllers of these names, or paths, if any."""
         own = {each.name: each for each in getattr(self, what)}
         chosen = tuple(own.get(name) or load(name) for name in dict.fromkeys(names or own))
-        return self.changed(**{what: chosen, "controllers": chosen_entries(self.controllers, controllers)})
+        return self.changed(
+            **{what: chosen, "controllers": chosen_entries(self.controllers, controllers)}
+        )
 
     def with_settings(self, settings: Iterable[str]) -> Self:
-        """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for what is wrong.
+        """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for
+        what is wrong.
 
         KEY is an attribute, or the name of a controller, or of another part, and a key in it.
         """
@@ -66,14 +79,19 @@ class Experiment:
 
     def _with(self, key: str, value: Any) -> Self:
         name, option = self._target(key)
-        entries = (entry.changed(option, value) if entry.name == name else entry for entry in self.controllers)
+        entries = (
+            entry.changed(option, value) if entry.name == name else entry
+            for entry in self.controllers
+        )
         return self.changed(controllers=tuple(entries))
 
     def _target(self, key: str, others: Iterable[str] = ()) -> tuple[str, str]:
         """The controller, or one of ``others``, that a dotted key begins with, and the rest."""
         names = {*others, *(entry.name for entry in self.controllers)}
         # names may contain dots: the longest one that the key begins with is meant
-        target = max((name for name in names if f"{key}.".startswith(f"{name}.")), key=len, default=None)
+        target = max(
+            (name for name in names if f"{key}.".startswith(f"{name}.")), key=len, default=None
+        )
         if target is None:
             raise unknown_name("setting", key.partition(".")[0], {*names, *self.settings})
         if not (rest := key[len(target) + 1 :]):
@@ -81,15 +99,24 @@ class Experiment:
         return target, rest
 
     def with_baseline(self) -> Self:
-        """The same with unconstrained tracking first; raises ConfigurationError if its name is another law's."""
-        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
+        """The same with unconstrained tracking first; raises ConfigurationError if its name is
+        another law's.
+        """
+        baseline = next(
+            (entry for entry in self.controllers if entry.name == BASELINE),
+            ControllerSpec(BASELINE),
+        )
         if baseline.law != BASELINE or baseline.run != AS_THE_SCENE:
-            raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
+            raise ConfigurationError(
+                f"the name {BASELINE!r} is that of the baseline; give the controller another one"
+            )
         others = (entry for entry in self.controllers if entry is not baseline)
         return self.changed(controllers=(baseline, *others))
 
     def demand_controllers(self) -> None:
-        """Raise ConfigurationError or InvalidInput unless all can be made, and files can be named after them."""
+        """Raise ConfigurationError or InvalidInput unless all can be made, and files can be named
+        after them.
+        """
         demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
@@ -105,24 +132,40 @@ def entries_of(tables: Table, where: str, folder: Path) -> Entries:
 
 
 def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
-    """Those of these names, of the file's, registered ones or ``module:Class``; all of the file's without names."""
+    """Those of these names, of the file's, registered ones or ``module:Class``; all of the file's
+    without names.
+    """
     by_name = {entry.name: entry for entry in entries}
     for name in names:
         if name not in by_name and name not in CONTROLLERS and ":" not in name:
-            others = "a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
-            raise ConfigurationError(f"{unknown_name('controller', name, {*by_name, *CONTROLLERS})}; {others}")
-    chosen = tuple(by_name.get(name) or ControllerSpec.called(name, folder=Path()) for name in dict.fromkeys(names))
+            others = (
+                "a suite can name others, as comparisons/laws.toml does, and module:Class is "
+                "one of your own"
+            )
+            raise ConfigurationError(
+                f"{unknown_name('controller', name, {*by_name, *CONTROLLERS})}; {others}"
+            )
+    chosen = tuple(
+        by_name.get(name) or ControllerSpec.called(name, folder=Path())
+        for name in dict.fromkeys(names)
+    )
     demand_names("controller", [entry.name for entry in chosen])
     return chosen or entries
 
 
 def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
-    """Raise ConfigurationError unless files can be named after these names, and each is there once."""
+    """Raise ConfigurationError unless files can be named after these names, and each is there
+    once.
+    """
     for name, count in Counter(iter(names)).items():
         named = f"{where}{what} name {shown(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
-            raise ConfigurationError(f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'")
+            raise ConfigurationError(
+                f"{named}: letters, digits, ' ', '.', '_', '+', '=', ',' and single '-'"
+            )
         if len(name.encode()) > MAX_NAME_BYTES:
             raise ConfigurationError(f"{named} and longer than {MAX_NAME_BYTES} bytes")
         if count > 1:
-            raise ConfigurationError(f"{where}{what} {name!r} appears more than once; give each its own name")
+            raise ConfigurationError(
+                f"{where}{what} {name!r} appears more than once; give each its own name"
+            )

@@ -1,4 +1,5 @@
-"""Scores of a run: what metrics are computed from, each worked out once, and the table of all metrics.
+"""Scores of a run: what metrics are computed from, each worked out once, and the table of all
+metrics.
 
 The definitions are part of the product: reports print :data:`DEFINITIONS`.
 """
@@ -24,9 +25,11 @@ from .record import RunRecord
 from .runs.spec import ROUNDING
 
 NEGLIGIBLE = 1e-4
-"""Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict standard.
+"""Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict
+standard.
 
-A law that keeps a row on its boundary is off by some 1e-5. What T_s u⁺ (43) explains is violated all the same.
+A law that keeps a row on its boundary is off by some 1e-5. What T_s u⁺ (43) explains is violated
+all the same.
 """
 
 TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what cameras and arms resolve
@@ -34,32 +37,40 @@ TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what camer
 #: Where reports show how success grows with the depth that is tolerated.
 TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
 
-SLIDING_GAP = 10  #: in a sliding mode φ crosses zero again and again: within this many samples, from either side
+#: in a sliding mode φ crosses zero again and again: within this many samples, from either side
+SLIDING_GAP = 10
 AT_BOUNDARY = 3  #: samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
-#: While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on.
+#: While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and
+#: after holds on.
 STEPS = 2.0
 
 
 @dataclass
 class Measured:
-    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the same trial.
+    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the
+    same trial.
 
-    ``run`` is what the simulation left, ``Ts`` the sampling time [s]. (m,) ``least`` clearances are of the whole run,
-    between samples too; ``violated`` are depths by the strict standard, 0 if not, ``within_band`` those that were never
-    deeper than the sampling band, ``fraction`` the greatest depths, however slight, over the characteristic lengths.
-    (N, m) ``outside`` says in which periods a row is as deep outside as violated ones are, (T, m) ``outside_alone`` the
-    same of the baseline; (N, m) ``usage`` is 1 − c/L, from 0 to 1, of clearances c. From sample to sample within the
-    scenario's duration: ``switches``, whether the active set changes, and ``command_changes`` ‖Δq̈_c‖. ``step_times``
-    and ``rows_times`` are of the controller's calls, and of rows and task, but the first [µs].
+    ``run`` is what the simulation left, ``Ts`` the sampling time [s]. (m,) ``least`` clearances are
+    of the whole run, between samples too; ``violated`` are depths by the strict standard, 0 if not,
+    ``within_band`` those that were never deeper than the sampling band, ``fraction`` the greatest
+    depths, however slight, over the characteristic lengths. (N, m) ``outside`` says in which
+    periods a row is as deep outside as violated ones are, (T, m) ``outside_alone`` the same of the
+    baseline; (N, m) ``usage`` is 1 − c/L, from 0 to 1, of clearances c. From sample to sample
+    within the scenario's duration: ``switches``, whether the active set changes, and
+    ``command_changes`` ‖Δq̈_c‖. ``step_times`` and ``rows_times`` are of the controller's calls,
+    and of rows and task, but the first [µs].
     """
 
     record: RunRecord
     baseline: RunRecord | None = None
 
     def __post_init__(self) -> None:
-        record, run = self.record, self.record.trajectory
-        self.run, self.Ts = run, record.Ts
-        in_period, nothing = _in_period(record), np.zeros((0, len(run.labels)), dtype=np.bool_)
+        record = self.record
+        run = self.record.trajectory
+        self.run = run
+        self.Ts = record.Ts
+        in_period = _in_period(record)
+        nothing = np.zeros((0, len(run.labels)), dtype=np.bool_)
         self.least = in_period.min(axis=0) if len(run.t) else np.full(len(run.labels), np.nan)
         self.violated = np.where(self.least < -NEGLIGIBLE * record.length, -self.least, 0.0)
         self.within_band = np.where(self.violated > record.sampling_band, 0.0, self.violated)
@@ -70,10 +81,12 @@ class Measured:
             alone = None
         self.outside_alone = nothing if alone is None else _outside_at(alone, record.Ts)
         self.usage = np.clip(np.nan_to_num(1.0 - run.clearance / record.length), 0.0, 1.0)
-        active, command = run.active[: record.common], run.qdd_command[: record.common]
+        active = run.active[: record.common]
+        command = run.qdd_command[: record.common]
         self.switches = (active[1:] != active[:-1]).any(axis=1)
         self.command_changes: Array = np.sqrt((np.diff(command, axis=0) ** 2).sum(axis=1))
-        self.step_times, self.rows_times = run.step_time[1:] * 1e6, run.rows_time[1:] * 1e6
+        self.step_times = run.step_time[1:] * 1e6
+        self.rows_times = run.rows_time[1:] * 1e6
 
     def named(self, depth: Array) -> str:
         """Labels of the rows with a depth (m,), separated by semicolons."""
@@ -81,7 +94,9 @@ class Measured:
 
     @cached_property
     def usage_at_speed(self) -> Array:
-        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: 1 where the arm may come no faster, by φ = σ + K σ̇ = 0."""
+        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: 1 where the arm may come no faster, by φ = σ + K σ̇
+        = 0.
+        """
         c = self.run.clearance
         if len(c) < 2:
             return np.zeros(c.shape)
@@ -92,8 +107,11 @@ class Measured:
 
     @cached_property
     def held(self) -> BoolArray:
-        """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and after."""
-        held, steps = self.run.active.copy(), self.Ts * self.record.switching_gain
+        """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and
+        after.
+        """
+        held = self.run.active.copy()
+        steps = self.Ts * self.record.switching_gain
         for i in np.flatnonzero(held.any(axis=0)):
             at = np.flatnonzero(self.run.active[:, i])
             for begin, end in ((at[k], at[k + 1]) for k in np.flatnonzero(np.diff(at) > 1)):
@@ -102,7 +120,9 @@ class Measured:
         return held
 
     def utilization(self) -> float:
-        """Mean usage where the baseline is outside, while both runs last; NaN if not converged, or it never is."""
+        """Mean usage where the baseline is outside, while both runs last; NaN if not converged, or
+        it never is.
+        """
         common = min(len(self.usage), len(self.outside_alone))
         when = self.outside_alone[:common]
         if self.run.status != "converged" or not when.any():
@@ -111,20 +131,28 @@ class Measured:
 
     @cached_property
     def band(self) -> tuple[float, float]:
-        """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the other; NaN if none."""
+        """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the
+        other; NaN if none.
+        """
         bounds = self.Ts * self.record.switching_gain
-        bands = np.array([_band(phi, bound) for phi, bound in zip(self.run.phi.T, bounds, strict=True)])
+        bands = np.array(
+            [_band(phi, bound) for phi, bound in zip(self.run.phi.T, bounds, strict=True)]
+        )
         if len(self.run.t) < 2 or not np.isfinite(bands).any():
             return np.nan, np.nan
         worst = np.nanargmax(bands / bounds)
         return float(bands[worst]), float(bounds[worst])
 
     def largest_acceleration(self) -> float:
-        """Return the largest acceleration commanded of one joint in any sample; NaN if there is none."""
+        """Return the largest acceleration commanded of one joint in any sample; NaN if there is
+        none.
+        """
         return over(np.abs(self.run.qdd_command).ravel(), np.fmax.reduce)
 
     def sliding_lost(self) -> float:
-        """Time for which some row's φ stays at or above zero for longer than a sliding mode does, beyond T_s u⁺ [s]."""
+        """Time for which some row's φ stays at or above zero for longer than a sliding mode does,
+        beyond T_s u⁺ [s].
+        """
         lost = np.zeros(len(self.run.t), dtype=np.bool_)
         for phi, bound in zip(self.run.phi.T, self.Ts * self.record.switching_gain, strict=True):
             for begin, end in _intervals(phi >= 0.0):
@@ -141,17 +169,24 @@ class Measured:
         return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
 
     def settling_time(self) -> float:
-        """From the beginning of each goal until it is reached for good [s], added up; NaN if it did not converge."""
+        """From the beginning of each goal until it is reached for good [s], added up; NaN if it did
+        not converge.
+        """
         if self.run.status != "converged":
             return float("nan")
-        begins, t = self.record.goal_begins, self.run.t
+        begins = self.record.goal_begins
+        t = self.run.t
         goals = goals_at(begins, t)
-        unsettled = [np.flatnonzero((goals == goal) & ~self.record.settled) for goal in range(len(begins))]
+        unsettled = [
+            np.flatnonzero((goals == goal) & ~self.record.settled) for goal in range(len(begins))
+        ]
         unreached = np.array([samples[-1] if len(samples) else -1 for samples in unsettled])
         return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
 
     def missed_periods(self) -> float:
-        """Samples but the first that took longer than a period, NaN without; on an arm, what its loop missed."""
+        """Samples but the first that took longer than a period, NaN without; on an arm, what its
+        loop missed.
+        """
         if self.record.missed is not None:
             return self.record.missed
         both = self.step_times + self.rows_times
@@ -164,14 +199,18 @@ def _in_period(record: RunRecord) -> Array:
 
 
 def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
-    """(T, m) whether each row is as deep outside as violated ones, in any part of periods of sampling time Ts [s]."""
+    """(T, m) whether each row is as deep outside as violated ones, in any part of periods of
+    sampling time Ts [s].
+    """
     outside = _in_period(record) < -NEGLIGIBLE * record.length
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING
     return np.logical_or.reduceat(outside, begins.astype(np.int64)) if len(outside) else outside
 
 
 def mean_while(values: Array, when: BoolArray) -> Array:
-    """(m,) mean of values (N, m) over the samples in which a flag (T, m) is set, of those that both have; else NaN."""
+    """(m,) mean of values (N, m) over the samples in which a flag (T, m) is set, of those that both
+    have; else NaN.
+    """
     common = min(len(values), len(when))
     count = when[:common].sum(axis=0)
     total = np.where(when[:common], values[:common], 0.0).sum(axis=0)
@@ -214,16 +253,18 @@ def _band(phi: Array, bound: float) -> float:
 class Metric:
     """A column of results.csv or constraints.csv, and of the tables of reports.
 
-    ``value`` is that of a run or, in constraints.csv, of each of its rows; None for the ratio ``column / over``.
-    ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number that differs from run to run on the same
-    machine. Columns stand in the order in which they were ``added``: a new one has a greater number than all others.
-    Tables of earlier versions can be read without it if it is a number.
+    ``value`` is that of a run or, in constraints.csv, of each of its rows; None for the ratio
+    ``column / over``. ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number
+    that differs from run to run on the same machine. Columns stand in the order in which they were
+    ``added``: a new one has a greater number than all others. Tables of earlier versions can be
+    read without it if it is a number.
 
-    In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a scenario, ``overall`` in
-    the tables over all scenarios, where runs are ``condensed``: to the median of those that converged, of a time of
-    all, or to the worst. ``factor`` and ``style`` make the shown number: three digits; not less than a thousandth; two
-    decimals; whole. ``finding`` is the sentence that names the best law, and the unit. ``judged`` says whose values are
-    compared, of the runs that converged: ``any``, those ``inside`` that violated no row, or of these the ones
+    In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a
+    scenario, ``overall`` in the tables over all scenarios, where runs are ``condensed``: to the
+    median of those that converged, of a time of all, or to the worst. ``factor`` and ``style`` make
+    the shown number: three digits; not less than a thousandth; two decimals; whole. ``finding`` is
+    the sentence that names the best law, and the unit. ``judged`` says whose values are compared,
+    of the runs that converged: ``any``, those ``inside`` that violated no row, or of these the ones
     ``sliding`` that never lost a sliding mode.
     """
 
@@ -244,14 +285,24 @@ class Metric:
     added: int = 0
 
 
-_NUMBERS = {"PATIENCE": PATIENCE, "SLIDING_GAP": SLIDING_GAP, "NEGLIGIBLE": NEGLIGIBLE, "TOLERANT": TOLERANT}
+_NUMBERS = {
+    "PATIENCE": PATIENCE,
+    "SLIDING_GAP": SLIDING_GAP,
+    "NEGLIGIBLE": NEGLIGIBLE,
+    "TOLERANT": TOLERANT,
+}
 _DEFINITIONS = tomllib.loads(Path(__file__).with_name("metrics.toml").read_text(encoding="utf-8"))
 
 
 def _described(what: str, metrics: Sequence[Metric]) -> tuple[Metric, ...]:
     """With their definitions, where those are in the file beside this one; ratios have none."""
-    texts = {metric.column: _DEFINITIONS[what].get(metric.column, "").format(**_NUMBERS) for metric in metrics}
-    return tuple(m if m.definition or m.over else replace(m, definition=texts[m.column]) for m in metrics)
+    texts = {
+        metric.column: _DEFINITIONS[what].get(metric.column, "").format(**_NUMBERS)
+        for metric in metrics
+    }
+    return tuple(
+        m if m.definition or m.over else replace(m, definition=texts[m.column]) for m in metrics
+    )
 
 
 #: Of a run, in the order in which a scenario's tables show them.
@@ -281,7 +332,8 @@ METRICS = _described("run", (
     Metric("switching_rate_hz", lambda m: m.per_second(m.switches), "switching rate [Hz]",
            overall="switching rate [Hz]"),
     Metric("acceleration_variation", lambda m: m.per_second(m.command_changes), "acceleration variation [rad/s³]",
-           overall="acceleration variation [rad/s³]", finding=("Least chattering (acceleration variation)", "rad/s³")),
+           overall="acceleration variation "
+                   "[rad/s³]", finding=("Least chattering (acceleration variation)", "rad/s³")),
     Metric("jerk_rms", lambda m: over(m.command_changes, lambda change: np.sqrt((change**2).mean()) / m.Ts),
            "RMS jerk [rad/s³]"),
     Metric("step_time_median_us", lambda m: over(m.step_times, np.median), "call, median [µs]", None, kind="time",
@@ -324,13 +376,20 @@ ROW_METRICS = _described("row", (
     Metric("utilization", lambda m: mean_while(m.usage, m.outside_alone)),
 ))  # fmt: skip
 
-RUN = ("suite", "scenario", "controller", "trial")  #: columns of both files that say which run it is
-STORED = tuple(sorted((metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added))
+#: columns of both files that say which run it is
+RUN = ("suite", "scenario", "controller", "trial")
+STORED = tuple(
+    sorted(
+        (metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added
+    )
+)
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
 #: Columns that tables of earlier versions may lack: they then read as empty. Only numbers can,
 #: since an empty text says something.
-LATER_COLUMNS = tuple(each.column for each in STORED if each.added and each.kind in ("number", "time"))
+LATER_COLUMNS = tuple(
+    each.column for each in STORED if each.added and each.kind in ("number", "time")
+)
 #: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")
 #: What the scores mean, and words that this uses: the one source of reports and documentation.
@@ -341,7 +400,9 @@ DEFINITIONS: dict[str, str] = _DEFINITIONS["term"] | {
 
 @dataclass(frozen=True)
 class Score:
-    """One line of results.csv and one of constraints.csv for each row, without suite, scenario, controller, trial."""
+    """One line of results.csv and one of constraints.csv for each row, without suite, scenario,
+    controller, trial.
+    """
 
     result: Mapping[str, Any]
     constraints: Sequence[Mapping[str, Any]]
@@ -349,20 +410,29 @@ class Score:
     @in_one_line
     def __repr__(self) -> str:
         outside = self.result["violated"] or "none"
-        return f"<Score: {self.result['status']}, violated rows: {outside}, of {len(self.constraints)}>"
+        return (
+            f"<Score: {self.result['status']}, violated rows: {outside}, of "
+            f"{len(self.constraints)}>"
+        )
 
 
 def score(record: RunRecord, baseline: RunRecord | None) -> Score:
     """Score a run; where it has no sample, what is a number does not exist.
 
-    ``baseline`` is the tracking-only run of the same scenario and trial; without one no row counts as challenged.
+    ``baseline`` is the tracking-only run of the same scenario and trial; without one no row counts
+    as challenged.
     """
-    run, some = Measured(record, baseline), len(record.trajectory.t) > 0
+    run = Measured(record, baseline)
+    some = len(record.trajectory.t) > 0
     result = {
         metric.column: metric.value(run) if some or metric.kind in ("text", "flag") else math.nan
         for metric in METRICS
         if metric.value is not None
     }
-    columns = {metric.column: metric.value(run) for metric in ROW_METRICS if some and metric.value is not None}
+    columns = {
+        metric.column: metric.value(run)
+        for metric in ROW_METRICS
+        if some and metric.value is not None
+    }
     lines = zip(*columns.values(), strict=True)
     return Score(result, [dict(zip(columns, line, strict=True)) for line in lines])

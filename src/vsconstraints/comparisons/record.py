@@ -22,9 +22,12 @@ from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0  # bytes that a sample may take: thousands of rows and robot points
 
-#: Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p, goals g.
+#: Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points
+#: p, goals g.
 SHAPES = {
-    **dict.fromkeys(("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"),
+    **dict.fromkeys(
+        ("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"
+    ),
     **dict.fromkeys(("q", "qd", "qdd_command"), "Nn"),
     **dict.fromkeys(("phi", "sigma", "clearance", "active", "between_clearance"), "Nm"),
     **dict.fromkeys(("labels", "kinds", "units", "length", "switching_gain"), "m"),
@@ -37,10 +40,18 @@ SHAPES = {
     "goal_begins": "g",
 }
 
-TEXTS, FLAGS = ("labels", "kinds", "units"), ("active", "saturated", "settled")
+TEXTS = ("labels", "kinds", "units")
+FLAGS = ("active", "saturated", "settled")
 #: What else a record holds.
 FACTS: dict[str, Any] = dict.fromkeys(("status", "reason", "fingerprint"), str)
-FACTS |= {"fallbacks": int, "compiled": bool, "files": dict, "Ts": float, "common": int, "missed": (int, type(None))}
+FACTS |= {
+    "fallbacks": int,
+    "compiled": bool,
+    "files": dict,
+    "Ts": float,
+    "common": int,
+    "missed": (int, type(None)),
+}
 
 TRAJECTORY = [f.name for f in fields(Trajectory)]
 
@@ -55,18 +66,23 @@ class RunRecord:
     units: tuple[str, ...]
     length: Array
     switching_gain: Array
-    #: (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row, in its unit.
+    #: (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row,
+    #: in its unit.
     approach_time: Array
     sampling_band: Array
-    #: (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins [s].
+    #: (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins
+    #: [s].
     settled: BoolArray
     goal_begins: Array
-    common: int  #: Samples of the scenario's duration, which all laws share: scores per second are of these.
+    #: Samples of the scenario's duration, which all laws share: scores per second are of these.
+    common: int
     Ts: float  #: Sampling time [s].
-    #: Hash of scenario, controller, trial, seed and code; hashes of the other files that it was made from.
+    #: Hash of scenario, controller, trial, seed and code; hashes of the other files that it was
+    #: made from.
     fingerprint: str
     files: Files = field(default_factory=dict)
-    missed: int | None = None  #: On an arm, how many periods the loop has missed; None in a simulation.
+    #: On an arm, how many periods the loop has missed; None in a simulation.
+    missed: int | None = None
 
     @in_one_line
     def __repr__(self) -> str:
@@ -75,8 +91,15 @@ class RunRecord:
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:
         """The record of a run of this setup."""
-        told, own = replace(trajectory, reason=one_line(trajectory.reason)), setup.constraints
-        rows = own.kinds, own.units, own.characteristic_length, own.switching_gain, own.approach_time
+        told = replace(trajectory, reason=one_line(trajectory.reason))
+        own = setup.constraints
+        rows = (
+            own.kinds,
+            own.units,
+            own.characteristic_length,
+            own.switching_gain,
+            own.approach_time,
+        )
         settled = setup.reached(told.t, told.camera_error, told.feature_error_px, told.qd)
         goals = settled, setup.goal_begins, setup.samples
         return cls(told, *rows, own.sampling_band(setup.Ts), *goals, setup.Ts, fingerprint)
@@ -88,7 +111,12 @@ class RunRecord:
         for name, axes in SHAPES.items():
             shape = [int(axis) if axis.isdecimal() else 0 for axis in axes]
             values.setdefault(name, np.empty(shape, np.bool_ if name in FLAGS else float))
-        values |= {"status": "failed", "reason": one_line(reason), "fallbacks": 0, "compiled": False}
+        values |= {
+            "status": "failed",
+            "reason": one_line(reason),
+            "fallbacks": 0,
+            "compiled": False,
+        }
         return cls._from({**values, "common": 0, "Ts": math.nan, "fingerprint": fingerprint})
 
     @classmethod
@@ -98,15 +126,20 @@ class RunRecord:
         return cls(Trajectory(**{name: values[name] for name in TRAJECTORY}), **others)
 
     def save(self, path: Path) -> None:
-        """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
+        """Write the file whole or not at all; raises OSError, and what an own part's strange arrays
+        may raise.
+        """
         values = {name: getattr(self.trajectory, name) for name in TRAJECTORY}
         values |= {f.name: getattr(self, f.name) for f in fields(self)[1:]}
         write_arrays(path, {**values, "labels": np.array(self.trajectory.labels, dtype=np.str_)})
 
     @classmethod
     def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
-        """What the file holds, unless it is no whole record of this version, or has more samples; else None."""
-        with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
+        """What the file holds, unless it is no whole record of this version, or has more samples;
+        else None.
+        """
+        # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
+        with suppress(Exception):
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             values |= {name: tuple(map(str, values[name])) for name in TEXTS}
             _demand_shapes(values, samples)
@@ -115,12 +148,18 @@ class RunRecord:
 
 
 def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
-    """Raise ValueError, KeyError or TypeError unless arrays of a record fit each other, and facts are what they are."""
+    """Raise ValueError, KeyError or TypeError unless arrays of a record fit each other, and facts
+    are what they are.
+    """
     sizes: dict[str, int] = {}
     for name, axes in SHAPES.items():
         value = values[name]
         shape = (len(value),) if isinstance(value, tuple) else value.shape
-        if not isinstance(value, tuple) and value.size and value.dtype != (np.bool_ if name in FLAGS else np.float64):
+        if (
+            not isinstance(value, tuple)
+            and value.size
+            and value.dtype != (np.bool_ if name in FLAGS else np.float64)
+        ):
             raise TypeError(f"{name} are no numbers")
         if len(shape) != len(axes):
             raise ValueError(f"{name} has the shape {shape}")
@@ -137,7 +176,9 @@ def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
 
 
 def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
-    """What a comparison's folder holds of this run; None unless all that it was made from is as it is now."""
+    """What a comparison's folder holds of this run; None unless all that it was made from is as it
+    is now.
+    """
     record = RunRecord.load(run_file(folder, *spec.key))
     if record is None or record.fingerprint != spec.fingerprint:
         return None

@@ -31,9 +31,9 @@ ON_ALL_CORES = processes()
 class Repetition:
     """Runs of a study that were made again.
 
-    ``differences`` are sentences on runs that differ, ``by_rounding`` sentences on those that differ because rounding
-    decides them. ``changed_files`` are names of files that own laws have loaded or read and that have another content
-    on this machine than the study was made with.
+    ``differences`` are sentences on runs that differ, ``by_rounding`` sentences on those that
+    differ because rounding decides them. ``changed_files`` are names of files that own laws have
+    loaded or read and that have another content on this machine than the study was made with.
     """
 
     runs: int
@@ -71,9 +71,9 @@ def repeat(
 ) -> Repetition:
     """Make a share of a study's runs again, drawn by ``seed``, and name those that differ.
 
-    Numbers differ by more than :data:`TOLERANCE`. Rounding decides a run that ends as differently when its start is
-    moved by :data:`NUDGE`. Raises ConfigurationError for laws that do not come with the package, unless they are
-    trusted.
+    Numbers differ by more than :data:`TOLERANCE`. Rounding decides a run that ends as differently
+    when its start is moved by :data:`NUDGE`. Raises ConfigurationError for laws that do not come
+    with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:
@@ -83,7 +83,12 @@ def repeat(
     limits = {}
     for number, line in enumerate(lines):
         family = families[line["family"]]
-        calls[number] = line, family, study.laws[line["controller"]], study.frozen[family.name]["seed"]
+        calls[number] = (
+            line,
+            family,
+            study.laws[line["controller"]],
+            study.frozen[family.name]["seed"],
+        )
         limits[number] = RUNS_OF_CALL * run_limit(family.tables)
     differences: dict[int, str] = {}
     by_rounding: dict[int, str] = {}
@@ -99,11 +104,15 @@ def repeat(
                 by_kind = by_rounding if decided_by_rounding else differences
                 by_kind[number] = f"{where}: {'; '.join(found)}"
             on_progress(done, len(lines))
-    return Repetition(len(lines), _in_order(differences), _in_order(by_rounding), changed_files(study))
+    return Repetition(
+        len(lines), _in_order(differences), _in_order(by_rounding), changed_files(study)
+    )
 
 
 def changed_files(study: Study) -> tuple[str, ...]:
-    """Names of the files of own laws whose content here differs from that with which a study was made."""
+    """Names of the files of own laws whose content here differs from that with which a study was
+    made.
+    """
     own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
     if not own_laws:
         return ()
@@ -114,8 +123,12 @@ def _in_order(sentences: Mapping[int, str]) -> tuple[str, ...]:
     return tuple(sentence for _, sentence in sorted(sentences.items()))
 
 
-def repeat_run(line: Line, family: Family, law: ControllerSpec, seed: int) -> tuple[list[str], bool]:
-    """Make the run of a line again; what differs, and whether rounding decides it. Called in workers."""
+def repeat_run(
+    line: Line, family: Family, law: ControllerSpec, seed: int
+) -> tuple[list[str], bool]:
+    """Make the run of a line again; what differs, and whether rounding decides it. Called in
+    workers.
+    """
     made = _made(line, family, law, seed)
     found = _differences(line, made)
     if not found:
@@ -141,7 +154,9 @@ def _differences(one: Line, other: Line) -> list[str]:
         a, b = (each[column.name] for each in (one, other))
         if column.kind == "number":
             a, b = (math.nan if x is None else x for x in (a, b))
-            same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (math.isnan(a) and math.isnan(b))
+            same = math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE) or (
+                math.isnan(a) and math.isnan(b)
+            )
         else:
             same = a == b
         found += [] if same else [f"{column.name} is {a!r} and was made {b!r}"]

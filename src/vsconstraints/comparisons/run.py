@@ -23,7 +23,8 @@ from .record import RunRecord
 from .runs.law_process import LawRun, simulate_apart
 from .runs.spec import RunSpec
 
-#: Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses zero repeatedly.
+#: Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses
+#: zero repeatedly.
 MERGE = 0.6
 
 
@@ -51,12 +52,16 @@ class Run:
 
     @cached_property
     def score(self) -> Score:
-        """Its scores without a baseline: no row counts as challenged, and there is no utilization."""
+        """Its scores without a baseline: no row counts as challenged, and there is no
+        utilization.
+        """
         return score(self.record, None)
 
     @property
     def settling_time(self) -> float:
-        """From the last change of the goal until the error stays within tolerance [s]; NaN if it does not."""
+        """From the last change of the goal until the error stays within tolerance [s]; NaN if it
+        does not.
+        """
         return float(self.score.result["settling_time_s"])
 
     def index(self, label: str) -> int:
@@ -64,7 +69,9 @@ class Run:
         return self.trajectory.labels.index(label)
 
     def labels(self, name: str) -> list[str]:
-        """Labels of the rows of a kind (``"fov"``) or of an entry whose sides are rows (``"range[joint 6]"``)."""
+        """Labels of the rows of a kind (``"fov"``) or of an entry whose sides are rows
+        (``"range[joint 6]"``).
+        """
         return [label for label in self.trajectory.labels if label.startswith(name)]
 
     def phi(self, label: str) -> Array:
@@ -112,50 +119,71 @@ class Run:
         return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
 
     def while_sliding(self, label: str, gap: float = 0.1) -> Array:
-        """φ of a row from the first to the last sample of each active interval, without the time between."""
+        """φ of a row from the first to the last sample of each active interval, without the time
+        between.
+        """
         inside = np.zeros(len(self.t), dtype=np.bool_)
         for first, last in self.active_intervals(label, gap=gap):
             inside |= (self.t >= first) & (self.t <= last)
         return self.phi(label)[inside]
 
     def approach_speed(self, label: str) -> Array:
-        """(N,) how fast a row's clearance shrinks [its unit per second], averaged over five samples."""
+        """(N,) how fast a row's clearance shrinks [its unit per second], averaged over five
+        samples.
+        """
         clearance = self.trajectory.clearance[:, self.index(label)]
-        rate: Array = -np.convolve(np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same")
+        rate: Array = -np.convolve(
+            np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same"
+        )
         return rate
 
     @cached_property
     def drift(self) -> Array:
-        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along this motion."""
-        world, drift = self.setup.world(), np.zeros_like(self.trajectory.phi)
+        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along
+        this motion.
+        """
+        world = self.setup.world()
+        drift = np.zeros_like(self.trajectory.phi)
         for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
-            rows = world.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k]).rows
+            rows = world.evaluate(
+                float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k]
+            ).rows
             drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
         return drift
 
     def needed_gain(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this motion."""
+        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this
+        motion.
+        """
         needed: Array = self.drift.sum(axis=1)
         return needed
 
     def needed_share(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, each by its own u⁺: (12) requires it to be below 1."""
+        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, each by its own u⁺: (12) requires it
+        to be below 1.
+        """
         share: Array = (self.drift / self.record.switching_gain).sum(axis=1)
         return share
 
 
-def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False) -> Run:
+def perform(
+    spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False
+) -> Run:
     """Make a run; raises what the scenario, the controller or the simulation raise.
 
-    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see :func:`.until_settled`. With
-    ``apart`` the controller runs in a process of its own, see :func:`.simulate_apart`, which also says what is raised.
+    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see
+    :func:`.until_settled`. With ``apart`` the controller runs in a process of its own, see
+    :func:`.simulate_apart`, which also says what is raised.
     """
     scenario = spec.load()
-    # own parts may change the working directory, and import what lies beside them whenever they like
+    # own parts may change the working directory, and import what lies beside them whenever they
+    # like
     with chdir("."), beside(scenario.folder, spec.controller.folder):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
-        law_run = LawRun(scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call)
+        law_run = LawRun(
+            scenario, spec.controller, spec.trial, spec.seed, setup.time_limit, by_public_call
+        )
         setup = spec.controller.run.of(setup)
         if apart:
             trajectory = simulate_apart(law_run, setup)
@@ -176,13 +204,17 @@ def kept_run(spec: RunSpec, file: Path) -> Run:
 
 
 def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
-    """Where something of a run is kept; another file if anything it depends on, the code included, has changed."""
+    """Where something of a run is kept; another file if anything it depends on, the code included,
+    has changed.
+    """
     return folder / f"{spec.fingerprint}-{what}.npz"
 
 
 @contextmanager
 def unfinished(folder: Path | None) -> Iterator[Path]:
-    """The folder ``unfinished`` below a command's, or a temporary one if None; removed when the block is complete."""
+    """The folder ``unfinished`` below a command's, or a temporary one if None; removed when the
+    block is complete.
+    """
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:
             yield Path(temporary)

@@ -16,7 +16,16 @@ from ..plugins.provenance import Files, digests, imported, noted
 from .metrics import RUN, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
-from .runs.files import SUMS, TRAJECTORIES, add_sums, plain, remove_changed, seal, storing, write_json
+from .runs.files import (
+    SUMS,
+    TRAJECTORIES,
+    add_sums,
+    plain,
+    remove_changed,
+    seal,
+    storing,
+    write_json,
+)
 from .runs.folder import MANIFEST, locked
 from .runs.law_process import LawFailedError, LawProcessLostError
 from .runs.machine import loaded_versions, provenance, run_limit, used_versions
@@ -35,7 +44,8 @@ NOT_STORED = ""  #: Fingerprint of a run that is made again next time, since its
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a comparison: a score per run, fewer if it was ended by the signal ``interrupted``.
+    """The result of a comparison: a score per run, fewer if it was ended by the signal
+    ``interrupted``.
 
     ``stored_before`` runs were not made again; it took ``wall_time`` [s].
     """
@@ -66,29 +76,36 @@ def compare(
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
-    Runs stored there before with the same scenario, controller, trial, seed, code and files are kept, unless ``fresh``,
-    which also replaces another comparison. The unconstrained baseline is always run. A run that fails in any way, even
-    by ending its process or by never ending, becomes a row with its reason.
+    Runs stored there before with the same scenario, controller, trial, seed, code and files are
+    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is
+    always run. A run that fails in any way, even by ending its process or by never ending, becomes
+    a row with its reason.
 
-    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other can.
-    Custom laws run in further processes, one for each, or in this one if ``workers`` is 0. ``limit`` is
-    how long a run may take [s], by its number of samples if None. ``warnings`` of scenarios are kept for
-    the report, those of :meth:`.Suite.warnings` if None. ``on_finished`` is called with every finished
-    run. Raises ConfigurationError if the folder cannot be made, is held by another process, or holds
-    something else that would be lost, and StorageError if the tables cannot be written; what could be
-    stored stays.
+    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other
+    can. Custom laws run in further processes, one for each, or in this one if ``workers`` is 0.
+    ``limit`` is how long a run may take [s], by its number of samples if None. ``warnings`` of
+    scenarios are kept for the report, those of :meth:`.Suite.warnings` if None. ``on_finished`` is
+    called with every finished run. Raises ConfigurationError if the folder cannot be made, is held
+    by another process, or holds something else that would be lost, and StorageError if the tables
+    cannot be written; what could be stored stays.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
         prepare_laws(suite.controllers)
         warned = plain(suite.warnings() if warnings is None else warnings)
-        suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
+        # a law may change the working directory
+        suite = suite.with_baseline()
+        folder = folder.absolute()
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
             demand_nothing_lost(folder, suite)
         demand_arm_kept(folder, runs.values(), fresh)
         resolved = suite.resolved()
-        manifest = {**provenance(command, used_versions(resolved)), "seed": suite.seed, "configuration": resolved}
+        manifest = {
+            **provenance(command, used_versions(resolved)),
+            "seed": suite.seed,
+            "configuration": resolved,
+        }
         manifest["warnings"] = warned
         with storing("results", folder):
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
@@ -105,7 +122,8 @@ def compare(
         def done(key: Key, answer: tuple[Score, bool] | Failure) -> None:
             nonlocal stored_before
             if isinstance(answer, Failure):
-                # what was stored before is not this run; this is not stored: memory, say, may suffice next time
+                # what was stored before is not this run; this is not stored: memory, say, may
+                # suffice next time
                 run_file(folder, *key).unlink(missing_ok=True)
                 answer = score(RunRecord.failed(answer.reason, ""), None), False
             # earlier results stay until there is something to replace them
@@ -120,13 +138,20 @@ def compare(
             on_finished(runs[key], *answer)
 
         interrupted = 0
-        # baselines first, since the others are scored against them; in other processes, where those can make the run
-        baselines = {(run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE}
+        # baselines first, since the others are scored against them; in other processes, where those
+        # can make the run
+        baselines = {
+            (run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE
+        }
         here = {key for key, run in runs.items() if workers == 0 or run.here}
         calls = {
-            key: (run, folder, fresh, baselines[run.name, run.trial], key not in here) for key, run in runs.items()
+            key: (run, folder, fresh, baselines[run.name, run.trial], key not in here)
+            for key, run in runs.items()
         }
-        batches = ({key: calls[key] for key in runs if (key[1] == BASELINE) == first} for first in (True, False))
+        batches = (
+            {key: calls[key] for key in runs if (key[1] == BASELINE) == first}
+            for first in (True, False)
+        )
         limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
         try:
             run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
@@ -136,8 +161,13 @@ def compare(
         scores = {key: scores[key] for key in runs if key in scores}
         wall_time = time.perf_counter() - started
         compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
-        manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(scores), stored_before=stored_before)
-        manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]}, loaded=loaded_versions())
+        manifest.update(
+            wall_time_s=wall_time, runs=len(runs), finished=len(scores), stored_before=stored_before
+        )
+        manifest.update(
+            compiled={"compiled": compiled[True], "NumPy": compiled[False]},
+            loaded=loaded_versions(),
+        )
         with storing("results", folder):
             for name, lines in _lines(suite, scores).items():
                 if scores or not (folder / name).exists():
@@ -148,16 +178,27 @@ def compare(
 
 
 def run_stored(
-    spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None, apart: bool = False
+    spec: RunSpec,
+    folder: Path,
+    fresh: bool = False,
+    baseline: RunSpec | None = None,
+    apart: bool = False,
 ) -> tuple[Score, bool]:
-    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes a failed run.
+    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes
+    a failed run.
 
     With ``apart`` a custom law runs in a process of its own.
     """
 
     def scored(record: RunRecord) -> Score:
         # the baseline of an earlier comparison does not count
-        own = record if spec == baseline else None if baseline is None else stored_run(baseline, folder)
+        own = (
+            record
+            if spec == baseline
+            else None
+            if baseline is None
+            else stored_run(baseline, folder)
+        )
         return score(record, own)
 
     with suppress(Exception):  # what cannot be read or scored is damaged, and run again
@@ -192,13 +233,21 @@ def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
             raise
         except BaseException as error:  # even SystemExit
             record = RunRecord.failed(described(error), spec.fingerprint)
-    # of several readings the first: what was there before an edit is never taken for what is there after it; a process
-    # of a law has read some files before
+    # of several readings the first: what was there before an edit is never taken for what is there
+    # after it; a process of a law has read some files before
     found = {**files, **read} if apart else {**read, **files}
     return replace(record, files={**found, **(imported() if spec.has_own_parts else {})})
 
 
 def _lines(suite: Suite, scores: Mapping[Key, Score]) -> dict[str, list[dict[str, Any]]]:
-    runs = [(dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
+    runs = [
+        (dict(zip(RUN, (suite.name, *key), strict=True)), score) for key, score in scores.items()
+    ]
     results = [{**own, **score.result} for own, score in runs]
-    return dict(zip(TABLES, (results, [{**own, **row} for own, each in runs for row in each.constraints]), strict=True))
+    return dict(
+        zip(
+            TABLES,
+            (results, [{**own, **row} for own, each in runs for row in each.constraints]),
+            strict=True,
+        )
+    )

@@ -1,4 +1,6 @@
-"""A comparison's folder: its files, what would be lost to another one, and all of it read back for reports."""
+"""A comparison's folder: its files, what would be lost to another one, and all of it read back for
+reports.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,11 @@ from .tables import read_table
 
 TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
-Number, Texts = float | None, Sequence[str]
+Number = float | None
+Texts = Sequence[str]
 
-ARM_LOG = Path("arm", "log.npz")  #: What a run on an arm leaves in its folder beside what all runs do.
+#: What a run on an arm leaves in its folder beside what all runs do.
+ARM_LOG = Path("arm", "log.npz")
 ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: How the reason of a run on an arm begins.
 
 
@@ -40,8 +44,11 @@ def stored_files(folder: Path) -> list[Path]:
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
-    """Raise ConfigurationError if finished runs are no part of a suite, or have other settings in it."""
-    earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
+    """Raise ConfigurationError if finished runs are no part of a suite, or have other settings in
+    it.
+    """
+    earlier = _settings(manifest_of(folder).get("configuration"))
+    now = _settings(plain(suite.resolved()))
     planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
@@ -51,65 +58,92 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             why = "has other settings in this one"
         else:
             continue
-        lost = f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}"
+        lost = (
+            f"{folder} holds another comparison, which would be lost: {scenario} with "
+            f"{controller}, trial {trial}"
+        )
         instead = "Give another folder with --out, or --fresh to replace what is there"
         raise FolderTaken(f"{lost}, {why}. {instead}", f"{lost}, {why}")
 
 
 def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
-    """Raise ConfigurationError if a run on an arm would be made again, which only a simulation would be."""
+    """Raise ConfigurationError if a run on an arm would be made again, which only a simulation
+    would be.
+    """
     if not (folder / ARM_LOG).is_file():
         return
     demand_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
     planned = {(run.key[0], run.key[1], str(run.key[2])): run for run in runs}
     for key, reason in _finished(folder).items():
-        driven, run = ON_ARM.match(reason), planned.get(key)
+        driven = ON_ARM.match(reason)
+        run = planned.get(key)
         if driven and (fresh or run is None or stored_run(run, folder) is None):
-            lost = f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace"
+            lost = (
+                f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation "
+                f"would replace"
+            )
             why = "code, settings or files have changed"
             instead = "or --fresh was given. Give another folder with --out"
             raise FolderTaken(f"{lost}: {why}, {instead}", f"{lost}: {why}")
 
 
 def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
-    """What results depend on: the seed, and scenarios and controllers by their names, of whatever a manifest holds."""
+    """What results depend on: the seed, and scenarios and controllers by their names, of whatever a
+    manifest holds.
+    """
     settings: dict[tuple[str, str], Any] = {}
     with suppress(KeyError, TypeError, AttributeError):
         settings["seed", ""] = configuration["seed"]
-        settings |= {("controller", name): entry for name, entry in configuration["controllers"].items()}
+        settings |= {
+            ("controller", name): entry for name, entry in configuration["controllers"].items()
+        }
         for name, entry in configuration["scenarios"].items():
             own = entry["tables"].items()
-            settings["scenario", name] = {key: value for key, value in own if key not in ("title", "description")}
+            settings["scenario", name] = {
+                key: value for key, value in own if key not in ("title", "description")
+            }
     return settings
 
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
-    """Scenario, controller and trial of every line of results.csv that can be read, and its reason."""
+    """Scenario, controller and trial of every line of results.csv that can be read, and its
+    reason.
+    """
     names = ("scenario", "controller", "trial")
     try:
         with (folder / "results.csv").open(newline="", encoding="utf-8", errors="replace") as file:
             lines = [line for line in csv.DictReader(file) if all(line.get(name) for name in names)]
     except (OSError, csv.Error):
         return {}
-    return {(line["scenario"], line["controller"], line["trial"]): line.get("reason") or "" for line in lines}
+    return {
+        (line["scenario"], line["controller"], line["trial"]): line.get("reason") or ""
+        for line in lines
+    }
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
-    """Remove the trajectories of all other runs of a stored comparison but those on an arm; how many stay.
+    """Remove the trajectories of all other runs of a stored comparison but those on an arm; how
+    many stay.
 
-    Raises ConfigurationError if there is no comparison in the folder, StorageError if one cannot be removed.
+    Raises ConfigurationError if there is no comparison in the folder, StorageError if one cannot be
+    removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
     kept = kept_lines(lines, keep, ("scenario", "controller"), ("scenario", "trial"))
-    files = {run_file(folder, line["scenario"], line["controller"], int(line["trial"])) for line in (*kept, *driven)}
+    files = {
+        run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
+        for line in (*kept, *driven)
+    }
     stored = set((folder / TRAJECTORIES).glob("*.npz"))
     try:
         for path in stored - files:
             path.unlink(missing_ok=True)
         seal(folder, stored_files(folder))
     except OSError as error:
-        raise StorageError(f"trajectories that are not to be kept stay in {folder}: {error}") from error
+        raise StorageError(
+            f"trajectories that are not to be kept stay in {folder}: {error}"
+        ) from error
     return len(stored & files)
 
 
@@ -135,13 +169,20 @@ class StoredComparison(StoredResults):
         stored = self.manifest["configuration"]["scenarios"]
         # shipped scenarios are stored without the folder, which differs from machine to machine
         return {
-            name: Scenario(name, entry["tables"], Path(entry["folder"]) if entry["folder"] else SHIPPED, self.trusted)
+            name: Scenario(
+                name,
+                entry["tables"],
+                Path(entry["folder"]) if entry["folder"] else SHIPPED,
+                self.trusted,
+            )
             for name, entry in stored.items()
         }
 
     @property
     def warnings(self) -> Mapping[str, Sequence[str]]:
-        """What was to be said of scenarios before their runs, by name: see :meth:`.Suite.warnings`."""
+        """What was to be said of scenarios before their runs, by name: see
+        :meth:`.Suite.warnings`.
+        """
         warnings: Mapping[str, Sequence[str]] = self.manifest.get("warnings", {})
         return warnings
 
@@ -167,19 +208,33 @@ class StoredComparison(StoredResults):
         for name, lines in zip(TABLES, (self.results, self.constraints), strict=True):
             seen = set()
             for line in lines:
-                scenario, controller, trial = line["scenario"], line["controller"], line["trial"]
+                scenario = line["scenario"]
+                controller = line["controller"]
+                trial = line["trial"]
                 key = scenario, controller, trial, line.get("constraint")
-                known = scenario in configuration["scenarios"] and controller in configuration["controllers"]
+                known = (
+                    scenario in configuration["scenarios"]
+                    and controller in configuration["controllers"]
+                )
                 planned = known and trial < configuration.get("trials", 1)
                 if key in seen or not planned:
-                    named = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
+                    named = (
+                        f"scenario {shown(scenario)}, controller {shown(controller)}, trial "
+                        f"{trial:g}"
+                    )
                     why = " twice" if planned else f", which {MANIFEST} beside it does not have"
                     raise ConfigurationError(f"{self.folder / name} has {named}{why}")
                 seen.add(key)
 
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
-        others = {"machine": Table, "packages": Table, "command": Texts, "wall_time_s": Number, "stored_before": Number}
+        others = {
+            "machine": Table,
+            "packages": Table,
+            "command": Texts,
+            "wall_time_s": Number,
+            "stored_before": Number,
+        }
         others["warnings"] = Table
         manifest = entries(manifest, where, {"configuration": Table}, others)
         for name, texts in manifest.get("warnings", {}).items():
@@ -187,7 +242,10 @@ class StoredComparison(StoredResults):
         where += ".configuration"
         tables = {"scenarios": Table, "controllers": Table}
         configuration = entries(
-            manifest["configuration"], where, tables, {"suite": str, "title": str, "trials": int, "seed": int}
+            manifest["configuration"],
+            where,
+            tables,
+            {"suite": str, "title": str, "trials": int, "seed": int},
         )
         for key, least in (("trials", 1), ("seed", 0)):
             if configuration.get(key, least) < least:

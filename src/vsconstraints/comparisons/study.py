@@ -1,4 +1,6 @@
-"""A study: runs of laws with the situation that each was in, kept as one table that others can check and read."""
+"""A study: runs of laws with the situation that each was in, kept as one table that others can
+check and read.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ class Situation:
     delay: float | None = None  #: How old an image is when it can be used [s].
     noise: float | None = None  #: Standard deviation of a pixel coordinate [px].
     unknown_motion: bool | None = None  #: Of the target or of something forbidden.
-    wrong_model: bool | None = None  #: Whether calibration, depths, gradients or actuation are not as believed.
+    #: Whether calibration, depths, gradients or actuation are not as believed.
+    wrong_model: bool | None = None
     limits: bool | None = None  #: Of accelerations.
     mass: bool | None = None  #: Of the arm.
     images: bool | None = None  #: Whether the control sees rendered images.
@@ -43,12 +46,20 @@ class Situation:
     def of(cls, scenario: Scenario) -> Situation:
         """That of a scenario; raises what :meth:`.Scenario.setup` raises."""
         setup = scenario.setup()
-        own, images = setup.disturbances, setup.images
+        own = setup.disturbances
+        images = setup.images
         types = {str(table["type"]) for table in scenario.tables.get("constraints", ())}
         delay = own.delay * (own.image_period or setup.Ts) if images is None else images.latency_s
         delay += own.command_delay
         unknown = setup.constraints.has_unknown_motion(setup.scene)
-        believed = own.intrinsics, own.distortion, own.mount, own.target, own.depth_factor != 1.0, own.gradient_error
+        believed = (
+            own.intrinsics,
+            own.distortion,
+            own.mount,
+            own.target,
+            own.depth_factor != 1.0,
+            own.gradient_error,
+        )
         wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
         return cls(
             setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None, tuple(sorted(types)),
@@ -62,9 +73,13 @@ class Situation:
         return {name: value for name, value in vars(self).items() if value is not None}
 
 
-SCENE, CONDITION = ["family", "scene"], "condition"  #: conditions of a scene are not independent of each other
+SCENE = ["family", "scene"]  #: conditions of a scene are not independent of each other
+CONDITION = "condition"
 _KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
-_SITUATION = [Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text")) for each in fields(Situation)]
+_SITUATION = [
+    Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text"))
+    for each in fields(Situation)
+]
 #: What came of a run, the same wherever it is made again; see ``results.csv``.
 _NUMBERS = "violation_fraction", "settling_time_s", "utilization", "acceleration_variation"
 OUTCOME = (
@@ -72,20 +87,27 @@ OUTCOME = (
     Column("violated", "text"),
     *(Column(name, "number") for name in _NUMBERS),
 )
-_SUCCESS = Column("success", "flag"), Column("tolerant_success", "flag"), Column("call_us", "number")
-#: Columns that have no number for runs that failed at once, or never settled: cells of all others are never empty.
+_SUCCESS = (
+    Column("success", "flag"),
+    Column("tolerant_success", "flag"),
+    Column("call_us", "number"),
+)
+#: Columns that have no number for runs that failed at once, or never settled: cells of all others
+#: are never empty.
 _MAY_BE_EMPTY = (*_NUMBERS, "call_us")
-#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what came of it.
+#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what
+#: came of it.
 COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 
 
 @dataclass(frozen=True)
 class Study:
-    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs have.
+    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs
+    have.
 
-    ``requires`` says what each uses beside rows and task, None for an own one whose code was not trusted; ``frozen``
-    says of each family of a test set the seed and the hash of its scenes, by half. ``files`` are hashes of what own
-    laws have loaded or read, see :mod:`.own_files`.
+    ``requires`` says what each uses beside rows and task, None for an own one whose code was not
+    trusted; ``frozen`` says of each family of a test set the seed and the hash of its scenes, by
+    half. ``files`` are hashes of what own laws have loaded or read, see :mod:`.own_files`.
     """
 
     runs: Any
@@ -96,20 +118,34 @@ class Study:
 
     @classmethod
     def load(
-        cls, path: Path = SHIPPED, trust: bool = False, on_scene: Callable[[int, int], Any] = max, own: bool = False
+        cls,
+        path: Path = SHIPPED,
+        trust: bool = False,
+        on_scene: Callable[[int, int], Any] = max,
+        own: bool = False,
     ) -> Study:
-        """A table that was kept, or a folder of ``vsconstraints evidence``, whose scenes are set up again.
+        """A table that was kept, or a folder of ``vsconstraints evidence``, whose scenes are set up
+        again.
 
-        Laws that do not come with the package are left out unless ``own``; their code is never imported. Raises
-        ConfigurationError that names what cannot be read, is another version's, or holds no run of a law.
+        Laws that do not come with the package are left out unless ``own``; their code is never
+        imported. Raises ConfigurationError that names what cannot be read, is another version's, or
+        holds no run of a law.
         """
         if path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)
         else:
             facts = parquet.facts_of(path)
-            missing = [name for name in ("controllers", "requires", "frozen") if not isinstance(facts.get(name), dict)]
+            missing = [
+                name
+                for name in ("controllers", "requires", "frozen")
+                if not isinstance(facts.get(name), dict)
+            ]
             if (there := facts.get("study")) != FORMAT or missing:
-                why = f"says nothing of {missing[0]}" if there == FORMAT else f"its format is {there}, not {FORMAT}"
+                why = (
+                    f"says nothing of {missing[0]}"
+                    if there == FORMAT
+                    else f"its format is {there}, not {FORMAT}"
+                )
                 why += "; --keep makes one of a folder of evidence"
                 raise ConfigurationError(f"{path} is no study of this version: {why}")
             study = _of_table(path, facts)
@@ -121,12 +157,18 @@ class Study:
                 if ":" not in law.law:
                     law.make()
             except VsconstraintsError as error:
-                raise ConfigurationError(f"{path}: the law {name} is another version's: {error}") from error
+                raise ConfigurationError(
+                    f"{path}: the law {name} is another version's: {error}"
+                ) from error
         names = sorted(study.laws)
-        whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(lambda own: sorted(own) == names)
+        whole = study.runs.groupby([*SCENE, CONDITION])["controller"].agg(
+            lambda own: sorted(own) == names
+        )
         if not names or not len(study.runs) or not whole.all():
             why = "it is empty" if whole.all() else "not every law has one run in each scene"
-            raise ConfigurationError(f"{path} is no study of laws that come with the package: {why}")
+            raise ConfigurationError(
+                f"{path} is no study of laws that come with the package: {why}"
+            )
         return study
 
     def keep(self, path: Path) -> None:
@@ -139,27 +181,42 @@ class Study:
 
     @cached_property
     def scenes(self) -> Any:
-        """A DataFrame with one line for each scene in each condition: its keys and its situation."""
-        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[[*SCENE, CONDITION, *vars(Situation())]]
-        return scenes.assign(constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]])
+        """A DataFrame with one line for each scene in each condition: its keys and its
+        situation.
+        """
+        scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[
+            [*SCENE, CONDITION, *vars(Situation())]
+        ]
+        return scenes.assign(
+            constraints=[tuple(filter(None, text.split("; "))) for text in scenes["constraints"]]
+        )
 
 
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
     """By name, without tracking alone."""
-    return {name: ControllerSpec.from_table(name, own) for name, own in entries.items() if name != BASELINE}
+    return {
+        name: ControllerSpec.from_table(name, own)
+        for name, own in entries.items()
+        if name != BASELINE
+    }
 
 
 def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
-    """A table that was kept, with the facts in its footer; raises ConfigurationError for a wrong one."""
+    """A table that was kept, with the facts in its footer; raises ConfigurationError for a wrong
+    one.
+    """
     where = str(path)
     requires = checked(facts["requires"], dict[str, Sequence[str] | None], where, "requires")
     frozen = checked(facts["frozen"], dict[str, Table], where, "frozen")
     files = checked(facts.get("files", {}), dict[str, str], where, "files")
-    runs, laws = parquet.read([path], COLUMNS).to_pandas(), _laws(facts["controllers"])
+    runs = parquet.read([path], COLUMNS).to_pandas()
+    laws = _laws(facts["controllers"])
     for column in COLUMNS:
         empty = int(runs[column.name].isna().sum())
         if empty and column.name not in _MAY_BE_EMPTY:
-            raise ConfigurationError(f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so")
+            raise ConfigurationError(
+                f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so"
+            )
     for name in laws:
         if name not in requires:
             raise ConfigurationError(f"{path}: requires says nothing of the law {shown(name)}")
@@ -168,7 +225,10 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
 
 def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Study:
     if (version := evidence.manifest.get("version")) != __version__:
-        why = f"is of version {version}, and scenes of {__version__} may be others: let that version --keep its table"
+        why = (
+            f"is of version {version}, and scenes of {__version__} may be others: let that "
+            f"version --keep its table"
+        )
         raise ConfigurationError(f"{evidence.folder} {why}")
     configuration = evidence.manifest["configuration"]
     laws = _laws(configuration["controllers"])
@@ -178,7 +238,8 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
         for name, family in configuration["families"].items()
         if "frozen" in family["tables"]
     }
-    runs, lines = evidence.runs[evidence.runs["controller"].isin(laws)], []
+    runs = evidence.runs[evidence.runs["controller"].isin(laws)]
+    lines = []
     runs = runs.assign(
         success=OUTCOMES["success"].flag(runs),
         tolerant_success=OUTCOMES["tolerant success"].flag(runs),
@@ -193,4 +254,6 @@ def _of_evidence(evidence: Evidence, on_scene: Callable[[int, int], Any]) -> Stu
             said["constraints"] = "; ".join(said["constraints"])
             lines += [{**line, **said} for line in each.to_dict("records")]
     requires = {name: known[name].make().uses if name in known else None for name in laws}
-    return Study(parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files)
+    return Study(
+        parquet.table(COLUMNS, lines).to_pandas(), laws, requires, frozen, evidence.own_files
+    )

@@ -31,7 +31,9 @@ MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
 
 @dataclass(frozen=True)
 class Suite(Experiment):
-    """Every scenario is run with every controller, so many trials: the first as it says, others with random starts."""
+    """Every scenario is run with every controller, so many trials: the first as it says, others
+    with random starts.
+    """
 
     name: str
     title: str
@@ -44,13 +46,14 @@ class Suite(Experiment):
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Suite:
-        """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
+        """The suite of a TOML file; without a path the default one: the paper's scenarios and two
+        real arms.
 
-        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table: ``scenario`` (name or path),
-        ``name`` and ``title`` of the variant, ``set`` (dotted keys and values, ``{ "task.Kp0" = 5.0, duration = 4.0
-        }``; a table replaces the scenario's), and ``each`` (dotted keys and lists of values: one variant for every
-        combination). Raises ConfigurationError or InvalidInput for an unknown key, and if something in it cannot be
-        built or started.
+        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table: ``scenario``
+        (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys and values, ``{
+        "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
+        keys and lists of values: one variant for every combination). Raises ConfigurationError or
+        InvalidInput for an unknown key, and if something in it cannot be built or started.
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
@@ -58,10 +61,18 @@ class Suite(Experiment):
             raise ConfigurationError(f"{source} is a folder of results, not a suite: {again}")
 
         def suite(
-            scenarios: Sequence[Any], controllers: Table, title: str = "", trials: int = 1, seed: int = 0
+            scenarios: Sequence[Any],
+            controllers: Table,
+            title: str = "",
+            trials: int = 1,
+            seed: int = 0,
         ) -> Suite:
-            where, folder = source.name, source.parent
-            named = (_scenarios_of(entry, f"{where}.scenarios[{i}]", folder) for i, entry in enumerate(scenarios))
+            where = source.name
+            folder = source.parent
+            named = (
+                _scenarios_of(entry, f"{where}.scenarios[{i}]", folder)
+                for i, entry in enumerate(scenarios)
+            )
             made = tuple(scenario for entry in named for scenario in entry)
             laws = entries_of(controllers, f"{where}.controllers", folder)
             return cls(source.stem, title or source.stem, made, laws, trials, seed)
@@ -75,23 +86,29 @@ class Suite(Experiment):
         seed: int | None = None,
         settings: Iterable[str] = (),
     ) -> Suite:
-        """The suite a command line asks for, with scenarios and controllers of these names, or paths, if any.
+        """The suite a command line asks for, with scenarios and controllers of these names, or
+        paths, if any.
 
-        KEY of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name and a key in it, a
-        controller's name and an option, ``trials`` or ``seed``.
+        KEY of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name
+        and a key in it, a controller's name and an option, ``trials`` or ``seed``.
         """
         suite = self if seed is None else replace(self, seed=seed)
         suite = suite._selected("scenarios", Scenario.load, scenarios, controllers)
         if (suite.scenarios, suite.controllers) != (self.scenarios, self.controllers):
-            suite = replace(suite, title=f"{suite.title}: a selection")  # the title speaks of all of them
+            # the title speaks of all of them
+            suite = replace(suite, title=f"{suite.title}: a selection")
         return suite.with_settings(settings).checked()
 
     def _with(self, key: str, value: Any) -> Suite:
-        target, rest = self._target(key, ["scenario", *(scenario.name for scenario in self.scenarios)])
+        target, rest = self._target(
+            key, ["scenario", *(scenario.name for scenario in self.scenarios)]
+        )
         if target in {entry.name for entry in self.controllers}:
             return super()._with(key, value)
         scenarios = (
-            scenario.with_override(rest, value, Path()) if target in (scenario.name, "scenario") else scenario
+            scenario.with_override(rest, value, Path())
+            if target in (scenario.name, "scenario")
+            else scenario
             for scenario in self.scenarios
         )
         return replace(self, scenarios=tuple(scenarios))
@@ -100,10 +117,18 @@ class Suite(Experiment):
         """The suite itself; raises what is wrong if something in it cannot be built or started."""
         if not self.scenarios or not self.controllers:
             missing = "scenario" if self.controllers else "controller"
-            raise ConfigurationError(f"suite {self.name}: there is nothing to compare: it has no {missing}")
+            raise ConfigurationError(
+                f"suite {self.name}: there is nothing to compare: it has no {missing}"
+            )
         if self.trials < 1 or self.seed < 0 or self.trials % 1 or self.seed % 1:
-            raise ConfigurationError(f"trials must be an integer from 1, and seed from 0: {self.trials}, {self.seed}")
-        counts = {"scenarios": len(self.scenarios), "controllers": len(self.controllers), "trials": self.trials}
+            raise ConfigurationError(
+                f"trials must be an integer from 1, and seed from 0: {self.trials}, {self.seed}"
+            )
+        counts = {
+            "scenarios": len(self.scenarios),
+            "controllers": len(self.controllers),
+            "trials": self.trials,
+        }
         if prod(counts.values()) > MAX_RUNS:
             what = " × ".join(f"{count} {of}" for of, count in counts.items())
             are = f"{what} are {prod(counts.values()):.3g} runs; a comparison may have {MAX_RUNS}"
@@ -117,27 +142,34 @@ class Suite(Experiment):
         return self
 
     def remarks(self) -> list[str]:
-        """What a reader should know of starts, and of own constraints that raise; raises why one cannot be started."""
+        """What a reader should know of starts, and of own constraints that raise; raises why one
+        cannot be started.
+        """
         return [
-            f"{scenario.name}: {remark}" for scenario in self.scenarios for remark in _remarks_at_start(scenario)[1]
+            f"{scenario.name}: {remark}"
+            for scenario in self.scenarios
+            for remark in _remarks_at_start(scenario)[1]
         ]
 
     def warnings(self) -> dict[str, list[str]]:
-        """Everything that a reader of the results should know of each scenario before its runs, by its name.
+        """Everything that a reader of the results should know of each scenario before its runs, by
+        its name.
 
-        Beside what :meth:`remarks` finds at the start, this is what is wrong at goals: out of reach, forbidden, not to
-        be seen. Scenarios without a warning are left out.
+        Beside what :meth:`remarks` finds at the start, this is what is wrong at goals: out of
+        reach, forbidden, not to be seen. Scenarios without a warning are left out.
         """
         found = {}
         for scenario in self.scenarios:
             try:
                 setup, warnings = _remarks_at_start(scenario)
-                with chdir("."), beside(scenario.folder):  # own parts may change the working directory
+                # own parts may change the working directory
+                with chdir("."), beside(scenario.folder):
                     # what a goal forbids is said with the distance below
                     warnings = [text for text in warnings if text not in setup.forbidden]
                     at_goals = problems_at_goals(setup)
             except Exception as error:  # own parts may raise anything; their runs say it again
-                warnings, at_goals = [f"no run would start: {described(error)}"], []
+                warnings = [f"no run would start: {described(error)}"]
+                at_goals = []
             known = {text.partition(": ")[2] for text in at_goals} & set(warnings)
             warnings += [text for text in at_goals if text.partition(": ")[2] not in known]
             if warnings:
@@ -147,7 +179,10 @@ class Suite(Experiment):
     def runs(self) -> list[RunSpec]:
         """All runs, in the order of the results."""
         every = product(self.scenarios, self.controllers, range(self.trials))
-        return [RunSpec(scenario, entry, trial=trial, seed=self.seed) for scenario, entry, trial in every]
+        return [
+            RunSpec(scenario, entry, trial=trial, seed=self.seed)
+            for scenario, entry, trial in every
+        ]
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results, as data."""
@@ -158,7 +193,10 @@ class Suite(Experiment):
             "seed": self.seed,
             "controllers": {entry.name: entry.table for entry in self.controllers},
             "scenarios": {
-                each.name: {"folder": "" if each.shipped else str(each.folder.resolve()), "tables": plain(each.tables)}
+                each.name: {
+                    "folder": "" if each.shipped else str(each.folder.resolve()),
+                    "tables": plain(each.tables),
+                }
                 for each in self.scenarios
             },
         }
@@ -173,14 +211,18 @@ def _remarks_at_start(scenario: Scenario) -> tuple[Setup, list[str]]:
             return setup, setup.check_start()
     except VsconstraintsError as error:
         cause = error.__cause__
-        ours = isinstance(error, ConfigurationError) and isinstance(cause, (type(None), VsconstraintsError))
+        ours = isinstance(error, ConfigurationError) and isinstance(
+            cause, (type(None), VsconstraintsError)
+        )
         if ours or not scenario.own_parts:
             raise ConfigurationError(f"{scenario.name}: {error}") from error
         return setup, [f"its runs will fail: {error}"]
 
 
 def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
-    """The scenarios of an entry of a suite; raises ConfigurationError that names ``where`` (see :meth:`Suite.load`)."""
+    """The scenarios of an entry of a suite; raises ConfigurationError that names ``where`` (see
+    :meth:`Suite.load`).
+    """
     if isinstance(value, str):
         return [Scenario.load(value, folder)]
     if not isinstance(value, dict):
@@ -201,14 +243,22 @@ def _variants(
     base = Scenario.load(scenario, folder)
     for key, candidates in each.items():
         if not isinstance(candidates, list) or not candidates:
-            raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
+            raise ConfigurationError(
+                f"{where}.each: {key} must be a list of values, not {shown(candidates)}"
+            )
     if (count := prod(map(len, each.values()))) > MAX_VARIANTS:
-        raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}")
+        raise ConfigurationError(
+            f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}"
+        )
     scenarios = []
     for values in product(*each.values()):
         texts = [str(value) for value in values]
         variant = replace(base, name="-".join([name, *texts]))
-        changes = {"title": ", ".join([title or name, *texts]), **set, **dict(zip(each, values, strict=True))}
+        changes = {
+            "title": ", ".join([title or name, *texts]),
+            **set,
+            **dict(zip(each, values, strict=True)),
+        }
         for key, changed in changes.items():
             variant = variant.with_override(key, changed, folder)
         scenarios.append(variant)
@@ -218,7 +268,8 @@ def _variants(
 def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
     with chdir("."):  # own parts may change the working directory
-        first, second = scenario.setup(0, seed), scenario.setup(1, seed)
+        first = scenario.setup(0, seed)
+        second = scenario.setup(1, seed)
     drawn = first.disturbances.random or (first.images is not None and first.images.random)
     if not drawn and (first.q0 == second.q0).all():
         same = f"{trials} trials of {scenario.name} would be the same run: nothing in it is random"

@@ -21,7 +21,10 @@ from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-_KINDS = {**{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)}, **dict.fromkeys(RUN[:-1], "text")}
+_KINDS = {
+    **{metric.column: metric.kind for metric in (*METRICS, *ROW_METRICS)},
+    **dict.fromkeys(RUN[:-1], "text"),
+}
 
 
 def cell(value: object) -> str:
@@ -36,7 +39,9 @@ def cell(value: object) -> str:
 
 def _text(columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> str:
     text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows([cell(line[name]) for name in columns] for line in lines)
+    csv.writer(text, lineterminator="\n").writerows(
+        [cell(line[name]) for name in columns] for line in lines
+    )
     return text.getvalue()
 
 
@@ -46,12 +51,17 @@ def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, An
         file.write(_text(columns, [dict(zip(columns, columns, strict=True)), *lines]))
 
 
-def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False) -> None:
-    """Add lines to a table, which is begun if it is ``new`` or not there; where they do not fit, none is added."""
+def append_lines(
+    path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False
+) -> None:
+    """Add lines to a table, which is begun if it is ``new`` or not there; where they do not fit,
+    none is added.
+    """
     if new or not path.exists():
         write_table(path, columns, lines)
         return
-    text, size = _text(columns, lines).encode(), path.stat().st_size
+    text = _text(columns, lines).encode()
+    size = path.stat().st_size
     try:
         with path.open("ab") as file:
             file.write(text)
@@ -73,14 +83,19 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
             reader = csv.reader(file, strict=True)
             header: list[str] = next(reader, [])
             later = [name for name in columns if name in LATER_COLUMNS and name not in header]
-            if missing := [name for name in columns if header.count(name) != 1 and name not in later]:
+            if missing := [
+                name for name in columns if header.count(name) != 1 and name not in later
+            ]:
                 why = "or more than one; another version may have written it"
                 raise ValueError(f"it has no column {shown(missing[0])}, {why}")
             for cells in reader:
                 where = f"line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
-                line = {name: _parsed(name, text, where) for name, text in zip(header, cells, strict=True)}
+                line = {
+                    name: _parsed(name, text, where)
+                    for name, text in zip(header, cells, strict=True)
+                }
                 lines.append(line | dict.fromkeys(later, math.nan))
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
@@ -90,7 +105,9 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
 def _parsed(name: str, text: str, where: str) -> str | bool | float:
     kind = _KINDS.get(name, "number")
     if name == "status" and text not in get_args(Outcome):
-        raise ValueError(f"{where}: status must be one of {', '.join(get_args(Outcome))}, not {shown(text)}")
+        raise ValueError(
+            f"{where}: status must be one of {', '.join(get_args(Outcome))}, not {shown(text)}"
+        )
     if kind == "text":
         return text
     if kind == "flag":

@@ -1,4 +1,6 @@
-"""The arrays of an arm with mass: its bodies, its drive, and what both remember; see :mod:`.drives`."""
+"""The arrays of an arm with mass: its bodies, its drive, and what both remember; see
+:mod:`.drives`.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +9,17 @@ from typing import Annotated, NamedTuple
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, zeros
 
-#: Controllers of the joints: computed torque; a speed loop with a position loop around it; the speed loop alone.
+#: Controllers of the joints: computed torque; a speed loop with a position loop around it; the
+#: speed loop alone.
 TORQUE, POSITION, SPEED = range(3)
 
 
 class BodyArrays(NamedTuple):
     """The moving bodies of an arm, one per joint, and how each is placed on the one before.
 
-    Placement at q = 0, the joint's axis in it, whether it moves along the axis; mass [kg], centre of mass [m] and
-    inertia about it [kg m²] in the body's frame; inertia of the motors as the joints feel it [kg m²]; gravity in the
-    base frame [m/s²].
+    Placement at q = 0, the joint's axis in it, whether it moves along the axis; mass [kg], centre
+    of mass [m] and inertia about it [kg m²] in the body's frame; inertia of the motors as the
+    joints feel it [kg m²]; gravity in the base frame [m/s²].
     """
 
     R: Annotated[Array, F8, "n", 3, 3]
@@ -31,7 +34,9 @@ class BodyArrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """M(q), of which the lower half counts, its Cholesky factor, and the bias h(q, q̇): M q̈ + h = τ."""
+    """M(q), of which the lower half counts, its Cholesky factor, and the bias h(q, q̇): M q̈ + h =
+    τ.
+    """
 
     M: Annotated[Array, F8, "n", "n"]
     L: Annotated[Array, F8, "n", "n"]
@@ -46,7 +51,8 @@ class Drive(NamedTuple):
     exact: int  # whether the controller believes in the true model
     rate: float  # ω of its critically damped loops
     outer: float  # κ of the position loop around the speed loop [1/s]
-    weight: Annotated[Array, F8, "n"]  # inertia that the speed loop takes each joint to have [kg m²]
+    # inertia that the speed loop takes each joint to have [kg m²]
+    weight: Annotated[Array, F8, "n"]
     effort: Annotated[Array, F8, "n"]  # greatest torque; infinite where there is none
     speed: Annotated[Array, F8, "n"]  # greatest speed that a reference may have
     # friction: per speed, at speed, at rest, and the speed at which the last two have met by 63 %
@@ -55,17 +61,20 @@ class Drive(NamedTuple):
     static: Annotated[Array, F8, "n"]
     stribeck: Annotated[Array, F8, "n"]
     has_friction: int
-    share: float  # fraction of the way to the commanded torque that is covered in a substep: 1 − exp(−h/τ)
-    at_once: int  # whether the commanded torque acts without dead time and lag, and changes within a substep
+    # fraction of the way to the commanded torque that is covered in a substep: 1 − exp(−h/τ)
+    share: float
+    # whether the commanded torque acts without dead time and lag, and changes within a substep
+    at_once: int
     fourth_order: int  # whether the motion is integrated by Runge and Kutta's method of that order
 
 
 class Memory(NamedTuple):
     """The memory of a driven arm.
 
-    The command integrated, which is the controller's reference; the integral of the speed loop's error; the weight that
-    the controller compensates; the torque of the gears; torques commanded in the last substeps, a ring buffer, and the
-    place of the next one; substeps in which the torque limit was exceeded.
+    The command integrated, which is the controller's reference; the integral of the speed loop's
+    error; the weight that the controller compensates; the torque of the gears; torques commanded in
+    the last substeps, a ring buffer, and the place of the next one; substeps in which the torque
+    limit was exceeded.
     """
 
     q_c: Annotated[Array, F8, "n"]
@@ -79,7 +88,8 @@ class Memory(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """An arm, its controller's belief of it, inertia and bias of both, and its integration in substeps of h [s].
+    """An arm, its controller's belief of it, inertia and bias of both, and its integration in
+    substeps of h [s].
 
     The last six are scratch, ``commanded`` the torques that the controller commands.
     """
@@ -100,7 +110,9 @@ class Arm(NamedTuple):
     stages: Annotated[Array, F8, 4, "n"]
 
 
-def blank(bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, substeps: int, h: float) -> Arm:
+def blank(
+    bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, substeps: int, h: float
+) -> Arm:
     """An arm of which nothing has been computed yet; its gears remember so many ``slots``."""
     known = {"true": bodies[0], "believed": bodies[1], "drive": drive, "substeps": substeps, "h": h}
     arm: Arm = zeros(Arm, {"n": len(drive.effort), "slots": slots}, known)

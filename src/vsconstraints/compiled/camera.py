@@ -1,4 +1,6 @@
-"""The camera of a control step: where it is, how it moves, and where it was in the samples before."""
+"""The camera of a control step: where it is, how it moves, and where it was in the samples
+before.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +61,11 @@ def from_target(step: Step, R: Matrix, origin: Vector) -> tuple[Matrix, Vector]:
 @in_place
 def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
     """Where the target is in the base frame at time t [s]."""
-    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
-    R, origin = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    tip = step.bodies[len(step.joints)]
+    camera = step.camera[0]
+    target = step.target[0]
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    origin = (0.0, 0.0, 0.0)
     if camera.fixed:
         tip_R = matrix(tip.R)
         R = product(tip_R, matrix(camera.tip_R))
@@ -73,12 +78,17 @@ def target_at(step: Step, t: float) -> tuple[Matrix, Vector]:
 
 @in_place
 def place_camera(step: Step, t: float) -> None:
-    """Write where the camera and the target are in the base frame, and the one relative to the other."""
-    tip, camera = step.bodies[len(step.joints)], step.camera[0]
-    R, origin = matrix(camera.R), vector(camera.t)
+    """Write where the camera and the target are in the base frame, and the one relative to the
+    other.
+    """
+    tip = step.bodies[len(step.joints)]
+    camera = step.camera[0]
+    R = matrix(camera.R)
+    origin = vector(camera.t)
     if not camera.fixed:
         tip_R = matrix(tip.R)
-        R, origin = product(tip_R, R), plus(vector(tip.origin), turned(tip_R, origin))
+        R = product(tip_R, R)
+        origin = plus(vector(tip.origin), turned(tip_R, origin))
     target_R, target_t = target_at(step, t)
     put_pose((R, origin), step.eye[0].R, step.eye[0].origin)
     put_pose((target_R, target_t), step.target_R, step.target_t)
@@ -90,21 +100,33 @@ def place_camera(step: Step, t: float) -> None:
 def move_camera(step: Step, t: float) -> None:
     """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
     n = len(step.joints)
-    tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
-    R, origin = matrix(eye.R), vector(eye.origin)
+    tip = step.bodies[n]
+    camera = step.camera[0]
+    target = step.target[0]
+    eye = step.eye[0]
+    R = matrix(eye.R)
+    origin = vector(eye.origin)
     r = turned(matrix(tip.R), vector(camera.t))
     if camera.fixed:
         # as if the tip carried it: its motion is that of the target, reversed
         r = minus(vector(camera.t), vector(tip.origin))
     _, velocity, acceleration = carry(step, n, r)
-    away, omega = origin, (0.0, 0.0, 0.0)
+    away = origin
+    omega = (0.0, 0.0, 0.0)
     if target.moves:
         known = 1.0 * target.known
         d, d_dot, d_ddot = displaced(target.motion, t)
-        away, omega = minus(minus(origin, vector(target.centre)), d), times(known, vector(target.angular_velocity))
-        velocity, acceleration = along_with(velocity, -known, d_dot), along_with(acceleration, -known, d_ddot)
+        away = minus(minus(origin, vector(target.centre)), d)
+        omega = times(known, vector(target.angular_velocity))
+        velocity = along_with(velocity, -known, d_dot)
+        acceleration = along_with(acceleration, -known, d_ddot)
     v, w, v_dot, w_dot = relative_twist(
-        velocity, acceleration, vector(tip.angular_velocity), vector(tip.angular_acceleration), omega, away
+        velocity,
+        acceleration,
+        vector(tip.angular_velocity),
+        vector(tip.angular_acceleration),
+        omega,
+        away,
     )
     sign = -1.0 if camera.fixed else 1.0
     put(times(sign, turned_back(R, v)), eye.velocity)
@@ -127,12 +149,17 @@ def newest_view(step: Step) -> int:
 
 @in_place
 def keep_view(step: Step, t: float) -> None:
-    """Keep where the camera is, as far as motion is known; in a sample of the same time in place of the one before."""
-    last, target, views = step.last[0], step.target[0], step.views
+    """Keep where the camera is, as far as motion is known; in a sample of the same time in place of
+    the one before.
+    """
+    last = step.last[0]
+    target = step.target[0]
+    views = step.views
     newest = views[newest_view(step)].time
     if last.views > 0 and t <= newest:
         last.views = last.views - 1 if t == newest else 0
-    target_R, target_t = matrix(step.target_R), vector(step.target_t)
+    target_R = matrix(step.target_R)
+    target_t = vector(step.target_t)
     if target.moves and not target.known:  # what moves unknown to the control stands still for it
         target_R, target_t = target_at(step, 0.0)
     view = views[last.views % len(views)]
@@ -143,11 +170,16 @@ def keep_view(step: Step, t: float) -> None:
 
 @in_place
 def look_back(step: Step) -> None:
-    """Write where the camera was when the image was taken, and move its measured pose on from there to now.
+    """Write where the camera was when the image was taken, and move its measured pose on from there
+    to now.
 
-    That is where it was in the sample that is nearest in time, moved by the present twist for the rest of the time.
+    That is where it was in the sample that is nearest in time, moved by the present twist for the
+    rest of the time.
     """
-    eye, measurement, views, then = step.eye[0], step.measurement[0], step.views, step.then[0]
+    eye = step.eye[0]
+    measurement = step.measurement[0]
+    views = step.views
+    then = step.then[0]
     at = newest = newest_view(step)
     taken = measurement.time
     for i in range(1, min(step.last[0].views, len(views))):
@@ -155,14 +187,19 @@ def look_back(step: Step) -> None:
         if abs(views[before].time - taken) >= abs(views[at].time - taken):
             break
         at = before
-    rest, R = taken - views[at].time, matrix(views[at].R)
+    rest = taken - views[at].time
+    R = matrix(views[at].R)
     origin = plus(vector(views[at].t), turned(R, times(rest, vector(eye.velocity))))
     R = product(R, turn_by(times(rest, vector(eye.angular_velocity))))
     put_pose((R, origin), then.R, then.t)
     if measurement.pose_given:
-        measured, now_R, now = matrix(step.camera_R), matrix(views[newest].R), vector(views[newest].t)
+        measured = matrix(step.camera_R)
+        now_R = matrix(views[newest].R)
+        now = vector(views[newest].t)
         moved = plus(vector(step.camera_t), turned(measured, turned_back(R, minus(now, origin))))
-        put_pose((product(measured, transposed_product(R, now_R)), moved), step.camera_R, step.camera_t)
+        put_pose(
+            (product(measured, transposed_product(R, now_R)), moved), step.camera_R, step.camera_t
+        )
 
 
 @in_place
@@ -173,11 +210,15 @@ def in_view(step: Step, view: Any, i: int) -> Vector:
 
 @in_place
 def moved_since(step: Step, i: int) -> Vector:
-    """By how much the model has moved a marker in the image, in normalised coordinates, and its depth, since then."""
-    before, now = in_view(step, step.then[0], i), in_view(step, step.views[newest_view(step)], i)
+    """By how much the model has moved a marker in the image, in normalised coordinates, and its
+    depth, since then.
+    """
+    before = in_view(step, step.then[0], i)
+    now = in_view(step, step.views[newest_view(step)], i)
     if not (before[2] >= MINIMUM_DEPTH and now[2] >= MINIMUM_DEPTH):
         return 0.0, 0.0, 0.0
-    x, y = now[0] / now[2] - before[0] / before[2], now[1] / now[2] - before[1] / before[2]
+    x = now[0] / now[2] - before[0] / before[2]
+    y = now[1] / now[2] - before[1] / before[2]
     return x, y, now[2] - before[2]
 
 

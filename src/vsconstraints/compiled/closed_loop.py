@@ -1,4 +1,6 @@
-"""The closed loop, compiled whole: step, law, tracking alone beside it, robot, and what is kept of a run."""
+"""The closed loop, compiled whole: step, law, tracking alone beside it, robot, and what is kept of
+a run.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ load_loop = struct_loader(zeros(Loop))
 
 @in_place
 def now(clock: IntArray) -> float:
-    """Time of a clock that only goes forward [s], or 0 where nobody asks; ``clock`` (2,) or (0,) is scratch."""
+    """Time of a clock that only goes forward [s], or 0 where nobody asks; ``clock`` (2,) or (0,) is
+    scratch.
+    """
     return monotonic(clock) if clock.size else 0.0
 
 
@@ -48,12 +52,16 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     """
     loop = load_loop(loop_address)
     evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
-    q, qd, kept = loop.plant.x[0], loop.plant.x[1], loop.kept
+    q = loop.plant.x[0]
+    qd = loop.plant.x[1]
+    kept = loop.kept
     while k < end:
         at = k % len(kept.rows_time)
         if stage == STEP:
             t = k * loop.Ts[0]
-            if evaluate == 0 or (true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0):
+            if evaluate == 0 or (
+                true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0
+            ):
                 return k, STEP
             # what comes before is the world's part, not the control's
             if observe != 0 and call_int_pointer(observe, (sensing, true, believed, t, k)) != 0:
@@ -72,12 +80,15 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             stage = ALONE
         # unless the law has found it on its way
         if stage == ALONE and math.isnan(loop.alone[0]):
-            tracking, task = load_law(alone), loop.task
+            tracking = load_law(alone)
+            task = loop.task
             call_int_pointer(
-                tracking.track, (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone)
+                tracking.track,
+                (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone),
             )
         samples.finish(loop, k)
-        k, stage = k + 1, STEP
+        k = k + 1
+        stage = STEP
         # an unbounded motion is for Python to report
         if move != 0 and call_int_pointer(move, (moved, loop.plant.x)) != 0:
             return k, STEP

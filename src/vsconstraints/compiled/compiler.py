@@ -33,15 +33,19 @@ from .checksums import remove_damaged, seal
 F = TypeVar("F", bound=Callable[..., Any])
 Formulas = Sequence[Callable[..., Any]]
 
-#: Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit.
+#: Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat
+#: bit by bit.
 OPTIONS = {"error_model": "numpy", "fastmath": False}
-#: For functions that make no arrays: counting references to every view of one takes as long as computing.
+#: For functions that make no arrays: counting references to every view of one takes as long as
+#: computing.
 IN_PLACE = {**OPTIONS, "_nrt": False}
 #: Value of the environment variable with which a process compiles everything it needs by itself.
 SINGLE_PROCESS = "alone"
-#: States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
-#: the length of their names' ends.
-KEPT, KEPT_PARTS, HASH = 8, 64, 16
+#: States of a module's code that are kept compiled, those used last, without formulas of their own
+#: and with them, and the length of their names' ends.
+KEPT = 8
+KEPT_PARTS = 64
+HASH = 16
 _warned: list[Exception] = []  #: Why nothing is compiled, once a warning has said so.
 
 
@@ -49,14 +53,17 @@ def _warn(error: Exception) -> None:
     if not _warned:
         _warned.append(error)
         warnings.warn(
-            f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to say nothing)",
+            f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to "
+            f"say nothing)",
             RuntimeWarning,
             stacklevel=5,
         )
 
 
 def _internals() -> Any:
-    """:mod:`.numba_internals`; None where nothing is to be compiled, or numba is missing or broken."""
+    """:mod:`.numba_internals`; None where nothing is to be compiled, or numba is missing or
+    broken.
+    """
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
@@ -72,14 +79,23 @@ numba: Any = internals and internals.numba
 VOID, INT, FLOAT, VECTOR, MATRIX = (
     getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
 )
-#: ``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math`` raises.
+#: ``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math``
+#: raises.
 QUIET = SimpleNamespace(
-    **{**vars(math), **{name: getattr(np, name) for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]}}
+    **{
+        **vars(math),
+        **{
+            name: getattr(np, name)
+            for name in ["sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"]
+        },
+    }
 )
 
 
 def compiles() -> bool:
-    """Whether functions are compiled; otherwise they run in Python, some 200 times slower, to the same results."""
+    """Whether functions are compiled; otherwise they run in Python, some 200 times slower, to the
+    same results.
+    """
     return internals is not None
 
 
@@ -103,7 +119,9 @@ _registered: set[Callable[..., Any]] = set()  #: Formulas that compiled code can
 
 
 def register_formulas(*formulas: Callable[..., Any]) -> None:
-    """Let compiled code call these functions and every marked formula: see :mod:`vsconstraints.formulas`."""
+    """Let compiled code call these functions and every marked formula: see
+    :mod:`vsconstraints.formulas`.
+    """
     for function in (*FORMULAS, *formulas):
         if function not in _registered and internals is not None:
             _registered.add(function)
@@ -125,15 +143,21 @@ def in_place(function: F) -> F:
 
 
 def compiled(
-    signature: Any, options: dict[str, Any] = OPTIONS, formulas: Formulas = (), from_python: bool = True
+    signature: Any,
+    options: dict[str, Any] = OPTIONS,
+    formulas: Formulas = (),
+    from_python: bool = True,
 ) -> Callable[[F], F]:
-    """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`.
+    """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or
+    :data:`IN_PLACE`.
 
-    The function may call ``formulas`` beside the marked ones. Arguments of other types raise TypeError. What is only
-    called by its address, not ``from_python``, compiles faster: whole structures take long to be taken apart.
+    The function may call ``formulas`` beside the marked ones. Arguments of other types raise
+    TypeError. What is only called by its address, not ``from_python``, compiles faster: whole
+    structures take long to be taken apart.
 
-    Where nothing is compiled, the function runs in Python. Where the compiler fails for a function without formulas of
-    its own, a RuntimeWarning says why, and nothing more is compiled in this process.
+    Where nothing is compiled, the function runs in Python. Where the compiler fails for a function
+    without formulas of its own, a RuntimeWarning says why, and nothing more is compiled in this
+    process.
     """
 
     def decorate(function: F) -> F:
@@ -154,9 +178,13 @@ def compiled(
 
 
 def in_python(function: F, signature: Any = None) -> F:
-    """The function as Python runs it: it checks arrays and numbers if its signature is text, and never warns."""
+    """The function as Python runs it: it checks arrays and numbers if its signature is text, and
+    never warns.
+    """
     _as_compiled(function)
-    checks = _checks(signature) if isinstance(signature, str) and "UniTuple" not in signature else []
+    checks = (
+        _checks(signature) if isinstance(signature, str) and "UniTuple" not in signature else []
+    )
 
     @wraps(function)
     def quiet(*arguments: Any) -> Any:
@@ -176,14 +204,20 @@ def _checks(signature: str) -> list[Callable[[Any], bool]]:
     def check(constant: str, d: str, dtype: str, layout: str) -> Callable[[Any], bool]:
         if not (constant or dtype):
             return lambda x: isinstance(x, (Real, np.bool_))
-        kind, ndim = np.dtype((constant or dtype).replace("boolean", "bool")), int(d or layout.count(",") + 1)
+        kind = np.dtype((constant or dtype).replace("boolean", "bool"))
+        ndim = int(d or layout.count(",") + 1)
         any_layout = bool(dtype) and "1" not in layout
         return lambda x: (
-            isinstance(x, np.ndarray) and x.dtype == kind and x.ndim == ndim and (any_layout or x.flags.c_contiguous)
+            isinstance(x, np.ndarray)
+            and x.dtype == kind
+            and x.ndim == ndim
+            and (any_layout or x.flags.c_contiguous)
         )
 
     arguments = signature.partition("(")[2].replace("Tuple", "")
-    parts = re.findall(r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments)
+    parts = re.findall(
+        r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|\w+", arguments
+    )
     return [check(*part) for part in parts]
 
 
@@ -191,8 +225,10 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
     config = numba.config
     before = config.CACHE_DIR, config.LOOP_VECTORIZE
     with _writable(cache_of(function, formulas)) as folder:
-        # loops are of a few joints or rows: vectors make no step faster, and compiling takes a tenth longer
-        config.CACHE_DIR, config.LOOP_VECTORIZE = str(folder), 0
+        # loops are of a few joints or rows: vectors make no step faster, and compiling takes a
+        # tenth longer
+        config.CACHE_DIR = str(folder)
+        config.LOOP_VECTORIZE = 0
         try:
             with compile_lock(folder):
                 pattern = f"*.{function.__name__}-*.nb[ci]"
@@ -205,7 +241,9 @@ def _compiled(function: F, jit: Any, formulas: Formulas) -> F:
 
 
 def _compile_or_read(jit: Any, function: F) -> F:
-    """Let numba compile or read a function without looking for garbage, of which there is hardly any before the end."""
+    """Let numba compile or read a function without looking for garbage, of which there is hardly
+    any before the end.
+    """
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -218,7 +256,9 @@ def _compile_or_read(jit: Any, function: F) -> F:
 
 @contextmanager
 def compile_lock(folder: Path) -> Iterator[None]:
-    """One process at a time: of workers that need the same function, one compiles it and the others read it."""
+    """One process at a time: of workers that need the same function, one compiles it and the others
+    read it.
+    """
     with ExitStack() as stack:
         # where files cannot be locked each compiles for itself
         with suppress(OSError):
@@ -228,7 +268,9 @@ def compile_lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _writable(folder: Path) -> Iterator[Path]:
-    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing, even to read."""
+    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing,
+    even to read.
+    """
     if os.access(folder, os.W_OK | os.X_OK):
         yield folder
         return
@@ -239,7 +281,8 @@ def _writable(folder: Path) -> Iterator[Path]:
         yield Path(copy)
 
 
-#: Files outside this room and the formulas' of which compiled code takes constants, which leave no trace in it.
+#: Files outside this room and the formulas' of which compiled code takes constants, which leave no
+#: trace in it.
 OTHERS = ("vision/distortion.py", "vision/scene.py", "rows/checks.py", "rows/tolerances.py")
 
 
@@ -293,11 +336,12 @@ def cache_candidates() -> list[Path]:
 
 
 def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
-    """Where a compiled function is kept: one folder for each state of its code, the compiler, Python and the processor.
+    """Where a compiled function is kept: one folder for each state of its code, the compiler,
+    Python and the processor.
 
-    Numba by itself would compare the file of a function, and not see that one it calls has changed. The folder is made
-    in the first of :func:`cache_candidates` that can be written. One that cannot be written but
-    holds the function is as good.
+    Numba by itself would compare the file of a function, and not see that one it calls has changed.
+    The folder is made in the first of :func:`cache_candidates` that can be written. One that cannot
+    be written but holds the function is as good.
 
     Raises
     ------
@@ -321,10 +365,14 @@ def cache_folder(function: Callable[..., Any], formulas: Formulas = ()) -> Path:
         if next((folder / name).rglob(f"*.{function.__name__}-*.nbi"), None) is not None:
             return folder / name
     refused = " or ".join(map(str, candidates))
-    raise OSError(f"no folder to keep compiled code in: cannot write {refused}; NUMBA_CACHE_DIR names another one")
+    raise OSError(
+        f"no folder to keep compiled code in: cannot write {refused}; NUMBA_CACHE_DIR names "
+        f"another one"
+    )
 
 
-_helpers: list[subprocess.Popen[bytes]] = []  #: Kept, since the end of a process that nobody holds is complained about.
+#: Kept, since the end of a process that nobody holds is complained about.
+_helpers: list[subprocess.Popen[bytes]] = []
 _announced: set[Path] = set()  #: Caches of which this process has said that it fills them.
 
 
@@ -334,7 +382,9 @@ def cache_of(function: Callable[..., Any], formulas: Formulas) -> Path:
     with suppress(OSError):
         os.utime(folder)
         states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
-        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT_PARTS if formulas else KEPT :]:
+        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[
+            KEPT_PARTS if formulas else KEPT :
+        ]:
             shutil.rmtree(old, ignore_errors=True)
     missing = next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None
     # the workers of a command compile what it has announced
@@ -356,22 +406,37 @@ def _announcement(part: str, kept_in: Path) -> str:
 
 
 def _share(modules: Iterable[str]) -> None:
-    """Let another process compile these modules in the meantime, so that they are there when they are needed.
+    """Let another process compile these modules in the meantime, so that they are there when they
+    are needed.
 
-    Locks keep the two from compiling the same; nothing waits for that process, which ends with this one, and nothing
-    is lost if it fails.
+    Locks keep the two from compiling the same; nothing waits for that process, which ends with this
+    one, and nothing is lost if it fails.
     """
-    if os.environ.get(VARIABLE) == SINGLE_PROCESS or not sys.executable or (os.cpu_count() or 1) < 2:
+    if (
+        os.environ.get(VARIABLE) == SINGLE_PROCESS
+        or not sys.executable
+        or (os.cpu_count() or 1) < 2
+    ):
         return
     package = __name__.rpartition(".")[0]
     code = (
-        f"from {package.rpartition('.')[0]}.plugins.processes import end_with\nend_with({os.getpid()})\n"
+        f"from {package.rpartition('.')[0]}.plugins.processes import "
+        f"end_with\nend_with({os.getpid()})\n"
         f"from {package} import load\nfor name in {[*modules]!r}:\n    load(name)"
     )
-    environment = {**os.environ, VARIABLE: SINGLE_PROCESS, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command, nowhere = [sys.executable, "-c", code], subprocess.DEVNULL
+    environment = {
+        **os.environ,
+        VARIABLE: SINGLE_PROCESS,
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
+    command = [sys.executable, "-c", code]
+    nowhere = subprocess.DEVNULL
     with suppress(OSError):
-        _helpers.append(subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere, env=environment))
+        _helpers.append(
+            subprocess.Popen(
+                command, stdin=nowhere, stdout=nowhere, stderr=nowhere, env=environment
+            )
+        )
 
 
 def compile_ahead(modules: Sequence[str]) -> None:

@@ -1,6 +1,7 @@
 """The rows of the kinds of constraints, each made by a template for the formulas of one constraint.
 
-A template returns a function (address, i): it writes the rows of part ``i`` of the :class:`.Step` at an address.
+A template returns a function (address, i): it writes the rows of part ``i`` of the :class:`.Step`
+at an address.
 """
 
 from __future__ import annotations
@@ -10,7 +11,12 @@ from functools import cache
 from typing import Any
 
 from ..formulas.features import image_row, interaction, pose_error, pose_rates
-from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
+from ..formulas.frames import (
+    differences_in_image,
+    differences_in_space,
+    turned_back_in_image,
+    turned_in_image,
+)
 from ..formulas.motion import displacement
 from ..formulas.rotation import rotation_vector_rate, whole_turns
 from ..formulas.row import gradient_error
@@ -38,27 +44,36 @@ def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
 @in_place
 def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
     """How far what a constraint forbids has moved, and how it moves, as far as that is known."""
-    moved, velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    moved = (0.0, 0.0, 0.0)
+    velocity = (0.0, 0.0, 0.0)
+    acceleration = (0.0, 0.0, 0.0)
     if part.moves:
         moved, velocity, acceleration = displaced(part.motion, t)
         if not part.known:
-            velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            velocity = (0.0, 0.0, 0.0)
+            acceleration = (0.0, 0.0, 0.0)
     return moved, velocity, acceleration
 
 
 @in_place
 def write_row(step: Step, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
-    """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ = 0."""
+    """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ =
+    0.
+    """
     rows = step.rows
-    rows.sigma[row], rows.sigma_dot[row] = sigma, sigma_dot
-    rows.phi[row], rows.Lf[row] = sigma + K * sigma_dot, sigma_dot + K * drift
+    rows.sigma[row] = sigma
+    rows.sigma_dot[row] = sigma_dot
+    rows.phi[row] = sigma + K * sigma_dot
+    rows.Lf[row] = sigma_dot + K * drift
 
 
 @in_place
 def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, float]:
-    """Where the goal that holds at time t [s] begins among the parameters of a funnel; its width and two derivatives.
+    """Where the goal that holds at time t [s] begins among the parameters of a funnel; its width
+    and two derivatives.
 
-    ``numbers`` are final, decay, the number of goals, when each begins, and ``size`` numbers of each.
+    ``numbers`` are final, decay, the number of goals, when each begins, and ``size`` numbers of
+    each.
     """
     goals = int(numbers[2])
     begins = numbers[3 : 3 + goals]
@@ -74,7 +89,9 @@ def joint_rows() -> WriteRows:
         step = load_step(address)
         part = step.parts[i]
         for row in range(part.first, part.first + part.count):
-            value, rate, g = step.offsets[row], 0.0, step.gradients[row]
+            value = step.offsets[row]
+            rate = 0.0
+            g = step.gradients[row]
             middle = step.middles[row]
             for j in range(len(g)):
                 q = step.q[j]
@@ -95,7 +112,8 @@ def speed_rows() -> WriteRows:
         step = load_step(address)
         part = step.parts[i]
         for row in range(part.first, part.first + part.count):
-            value, g = step.offsets[row], step.gradients[row]
+            value = step.offsets[row]
+            g = step.gradients[row]
             for j in range(len(g)):
                 value += g[j] * step.qd[j]
                 step.rows.Lg[row, j] = g[j]
@@ -104,18 +122,24 @@ def speed_rows() -> WriteRows:
     return rows
 
 
-def point_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int) -> WriteRows:
+def point_rows(
+    formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
+) -> WriteRows:
     """Rows on where robot points are in space, from a formula: see :func:`image_rows`."""
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
-        part, J = step.parts[i], step.J_point
-        parameters, K, R = to_fixed_tuple(step.parameters[i], count), part.K, matrix(part.R)
+        part = step.parts[i]
+        J = step.J_point
+        parameters = to_fixed_tuple(step.parameters[i], count)
+        K = part.K
+        R = matrix(part.R)
         moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             which = step.which[row]
             place = step.places[which]
-            p_dot, p_ddot = minus(vector(place.velocity), velocity), minus(vector(place.drift), acceleration)
+            p_dot = minus(vector(place.velocity), velocity)
+            p_ddot = minus(vector(place.drift), acceleration)
             # in the frame of the formula
             y = turned_back(R, minus(minus(vector(place.position), moved), vector(part.t)))
             y_dot = turned_back(R, p_dot)
@@ -134,22 +158,34 @@ def point_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None
     return rows
 
 
-def image_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int) -> WriteRows:
-    """Rows on where markers are in the image, from a formula of so many parameters: see :class:`.ByFormula`."""
+def image_rows(
+    formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int
+) -> WriteRows:
+    """Rows on where markers are in the image, from a formula of so many parameters: see
+    :class:`.ByFormula`.
+    """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
-        part, focal, offset = step.parts[i], step.camera[0].focal, step.camera[0].offset
-        parameters, K, R, Jc = to_fixed_tuple(step.parameters[i], count), part.K, part.R, step.camera_J
+        part = step.parts[i]
+        focal = step.camera[0].focal
+        offset = step.camera[0].offset
+        parameters = to_fixed_tuple(step.parameters[i], count)
+        K = part.K
+        R = part.R
+        Jc = step.camera_J
         moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             marker = step.seen[step.which[row]]
             u = focal[0] * marker.xy[0] - moved[0] + offset[0]
             v = focal[1] * marker.xy[1] - moved[1] + offset[1]
-            u_dot, v_dot = focal[0] * marker.velocity[0] - velocity[0], focal[1] * marker.velocity[1] - velocity[1]
-            u_ddot, v_ddot = focal[0] * marker.drift[0] - acceleration[0], focal[1] * marker.drift[1] - acceleration[1]
+            u_dot = focal[0] * marker.velocity[0] - velocity[0]
+            v_dot = focal[1] * marker.velocity[1] - velocity[1]
+            u_ddot = focal[0] * marker.drift[0] - acceleration[0]
+            v_ddot = focal[1] * marker.drift[1] - acceleration[1]
             # in the frame of the formula
-            y, y_dot = turned_back_in_image(R, (u - part.t[0], v - part.t[1])), turned_back_in_image(R, (u_dot, v_dot))
+            y = turned_back_in_image(R, (u - part.t[0], v - part.t[1]))
+            y_dot = turned_back_in_image(R, (u_dot, v_dot))
             value, along_u, along_v = formula(*(y + parameters))
             if curvature is None:
                 bent = differences_in_image(formula, parameters, y, y_dot)
@@ -158,9 +194,12 @@ def image_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None
             g = turned_in_image(R, (along_u, along_v))
             drift = bent + g[0] * u_ddot + g[1] * v_ddot
             write_row(step, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
-            a, b = interaction(K * g[0] * focal[0], K * g[1] * focal[1], marker.xy[0], marker.xy[1], marker.depth)
+            a, b = interaction(
+                K * g[0] * focal[0], K * g[1] * focal[1], marker.xy[0], marker.xy[1], marker.depth
+            )
             for j in range(len(step.qd)):
-                first, second = a[0] * Jc[0, j] + b[0] * Jc[3, j], a[1] * Jc[1, j] + b[1] * Jc[4, j]
+                first = a[0] * Jc[0, j] + b[0] * Jc[3, j]
+                second = a[1] * Jc[1, j] + b[1] * Jc[4, j]
                 step.rows.Lg[row, j] = first + second + (a[2] * Jc[2, j] + b[2] * Jc[5, j])
 
     return rows
@@ -171,11 +210,15 @@ def image_funnel_rows() -> WriteRows:
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
-        part, J, wanted = step.parts[i], step.camera_J, step.parameters[i]
+        part = step.parts[i]
+        J = step.camera_J
+        wanted = step.parameters[i]
         at, width, rate, bend = funnel_now(wanted, step.time[0], 2 * len(step.seen))
         for row in range(part.first, part.first + part.count):
-            entry, side = step.which[row], step.offsets[row]
-            marker, c = step.seen[entry // 2], entry % 2
+            entry = step.which[row]
+            side = step.offsets[row]
+            marker = step.seen[entry // 2]
+            c = entry % 2
             slope = side * step.camera[0].focal[c]
             write_row(
                 step,
@@ -196,26 +239,44 @@ def image_funnel_rows() -> WriteRows:
 
 
 def pose_funnel_rows() -> WriteRows:
-    """Rows of a funnel of the camera's pose: see :class:`vsconstraints.constraints.PerformanceFunnel`."""
+    """Rows of a funnel of the camera's pose: see
+    :class:`vsconstraints.constraints.PerformanceFunnel`.
+    """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
-        part, eye, J, wanted = step.parts[i], step.eye[0], step.camera_J, step.parameters[i]
+        part = step.parts[i]
+        eye = step.eye[0]
+        J = step.camera_J
+        wanted = step.parameters[i]
         at, width, rate, bend = funnel_now(wanted, step.time[0], 12)
-        v, omega = vector(eye.velocity), vector(eye.angular_velocity)
-        v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
+        v = vector(eye.velocity)
+        omega = vector(eye.angular_velocity)
+        v_dot = vector(eye.acceleration)
+        omega_dot = vector(eye.angular_acceleration)
         wanted_R = vector(wanted[at:]), vector(wanted[at + 3 :]), vector(wanted[at + 6 :])
         place = matrix(step.camera_R), vector(step.camera_t)
-        E, t, w = pose_error(wanted_R, vector(wanted[at + 9 :]), place[0], place[1], (0.0, 0.0, 0.0), False)
+        E, t, w = pose_error(
+            wanted_R, vector(wanted[at + 9 :]), place[0], place[1], (0.0, 0.0, 0.0), False
+        )
         w_dot, L, L_dot = rotation_vector_rate(w, omega)
         t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
         for row in range(part.first, part.first + part.count):
-            entry, side = step.which[row], step.offsets[row]
-            c, turns = entry % 3, entry >= 3
-            error, velocity, drift, along = t, t_dot, t_ddot, E
+            entry = step.which[row]
+            side = step.offsets[row]
+            c = entry % 3
+            turns = entry >= 3
+            error = t
+            velocity = t_dot
+            drift = t_ddot
+            along = E
             if turns:
-                error, velocity, drift, along = w, w_dot, w_ddot, L
-            sigma, sigma_dot = side * error[c] - width, side * velocity[c] - rate
+                error = w
+                velocity = w_dot
+                drift = w_ddot
+                along = L
+            sigma = side * error[c] - width
+            sigma_dot = side * velocity[c] - rate
             write_row(step, row, part.K, sigma, sigma_dot, side * drift[c] - bend)
             for j in range(J.shape[1]):
                 column = vector(J[3:, j]) if turns else vector(J[:3, j])
@@ -226,16 +287,21 @@ def pose_funnel_rows() -> WriteRows:
 
 @cache
 def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> Any:
-    """The compiled function that the template ``kind`` gives; None, with a RuntimeWarning, if numba refuses a formula.
+    """The compiled function that the template ``kind`` gives; None, with a RuntimeWarning, if numba
+    refuses a formula.
 
     ``count`` is the number of parameters of the formulas.
     """
-    template, options = globals().get(kind), IN_PLACE
+    template = globals().get(kind)
+    options = IN_PLACE
     if template is None:
         # makes arrays
-        template, options = getattr(load(kind), kind), OPTIONS
+        template = getattr(load(kind), kind)
+        options = OPTIONS
     try:
-        return make_part(template, formulas, (count,) if formulas else (), "void(int64, int64)", options)
+        return make_part(
+            template, formulas, (count,) if formulas else (), "void(int64, int64)", options
+        )
     except Exception as error:  # numba raises anything for code that it does not know
         if all(formula is None for formula in formulas):
             raise
@@ -256,7 +322,8 @@ def apply_gradient_error(step_address: int, in_phi: int) -> None:
     See :class:`vsconstraints.simulation.sensing.GradientError`.
     """
     step = load_step(step_address)
-    rows, share = step.rows, step.gradient_share
+    rows = step.rows
+    share = step.gradient_share
     for i in range(len(rows.phi)):
         change = 0.0
         for j in range(len(step.qd)):

@@ -17,12 +17,14 @@ from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, RowArrays, Ta
 class DelayArrays(NamedTuple):
     """The commands of n joints that are under way, and the law that answers."""
 
-    #: Addresses of the law, of the step in the loop, and of the one that predicts; 0 where Python predicts.
+    #: Addresses of the law, of the step in the loop, and of the one that predicts; 0 where Python
+    #: predicts.
     law: int
     loop: int
     step: int
     frozen: int  #: Whether all is predicted at the present time.
-    #: T_s, how late commands begin to act, and how much longer the first of those under way acts [s].
+    #: T_s, how late commands begin to act, and how much longer the first of those under way acts
+    #: [s].
     period: float
     delay: float
     first: float
@@ -31,13 +33,26 @@ class DelayArrays(NamedTuple):
 
     @classmethod
     def of(
-        cls, n: int, addresses: tuple[int, int, int], frozen: bool, period: float, delay: tuple[int, float]
+        cls,
+        n: int,
+        addresses: tuple[int, int, int],
+        frozen: bool,
+        period: float,
+        delay: tuple[int, float],
     ) -> DelayArrays:
         """With no command under way; a delay of so many periods and the rest of it [s]."""
         whole, rest = delay
         under_way, first = (whole + 1, rest) if rest > 0.0 or whole == 0 else (whole, period)
         late = whole * period + rest
-        return cls(*addresses, int(frozen), period, late, first, np.zeros((under_way, n)), np.zeros(1 + 2 * n))
+        return cls(
+            *addresses,
+            int(frozen),
+            period,
+            late,
+            first,
+            np.zeros((under_way, n)),
+            np.zeros(1 + 2 * n),
+        )
 
 
 load_delay = struct_loader(DelayArrays.of(1, (1, 1, 1), False, 1.0, (1, 0.0)))
@@ -70,11 +85,17 @@ def send(own: DelayArrays, rows: RowArrays, qdd: Array) -> None:
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def compensate(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.DelayCompensated`."""
-    own, n = load_delay(load_law(address).demand), answer.qdd.size
+    own = load_delay(load_law(address).demand)
+    n = answer.qdd.size
     start_from(own.loop, own.step, own.now)
     foresee(own)
     step = load_step(own.step)
-    if call_int_pointer(step.evaluate, (own.step, own.now[0], own.now[1 : 1 + n], own.now[1 + n :])) != 0:
+    if (
+        call_int_pointer(
+            step.evaluate, (own.step, own.now[0], own.now[1 : 1 + n], own.now[1 + n :])
+        )
+        != 0
+    ):
         return NEEDS_PYTHON
     then = step.rows
     ahead = RowArrays(

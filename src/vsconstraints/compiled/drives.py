@@ -1,11 +1,14 @@
-"""An arm with mass, compiled: inertia and bias, joint controller, gears, friction, substeps and periods.
+"""An arm with mass, compiled: inertia and bias, joint controller, gears, friction, substeps and
+periods.
 
-All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are summed as they are: those
-of the bodies behind a joint, projected on its axis, give the bias (recursive Newton–Euler), and the inertia where the
-joint alone moves them (composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code
-cannot call, give the same: ``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
+All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are
+summed as they are: those of the bodies behind a joint, projected on its axis, give the bias
+(recursive Newton–Euler), and the inertia where the joint alone moves them (composite rigid bodies).
+Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code cannot call, give the same:
+``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
 
-A period of ten substeps takes 7 µs within the compiled loop; stepped in MuJoCo, from Python, it takes 120 µs.
+A period of ten substeps takes 7 µs within the compiled loop; stepped in MuJoCo, from Python, it
+takes 120 µs.
 """
 
 from __future__ import annotations
@@ -13,7 +16,18 @@ from __future__ import annotations
 import math
 
 from ..formulas.rotation import turn_about
-from ..formulas.vectors import Vector, along_with, cross, dot, matrix, plus, product, times, turned, vector
+from ..formulas.vectors import (
+    Vector,
+    along_with,
+    cross,
+    dot,
+    matrix,
+    plus,
+    product,
+    times,
+    turned,
+    vector,
+)
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
@@ -23,13 +37,17 @@ from .workspace import zeros
 register_formulas()
 
 BOUND = 1e4  #: Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s].
-#: Most sweeps that balance friction among the joints, and the change at which they end, by the greatest speed.
-SWEEPS, SETTLED = 200, 1e-12
+#: Most sweeps that balance friction among the joints, and the change at which they end, by the
+#: greatest speed.
+SWEEPS = 200
+SETTLED = 1e-12
 
 
 @in_place
 def factor(M: Array, L: Array) -> None:
-    """Write the Cholesky factor of M (n, n), of which the lower half counts, with the inverses of its diagonal."""
+    """Write the Cholesky factor of M (n, n), of which the lower half counts, with the inverses of
+    its diagonal.
+    """
     for j in range(len(M)):
         rest = M[j, j]
         for k in range(j):
@@ -69,7 +87,12 @@ def accelerate(motion: Motion, torque: Array, friction: Array, qdd: Array) -> No
 @in_place
 def symmetric(row: Array, at: int, v: Vector) -> Vector:
     """S v, of a symmetric matrix whose xx, xy, xz, yy, yz and zz stand in a row, from there on."""
-    xx, xy, xz, yy, yz, zz = row[at], row[at + 1], row[at + 2], row[at + 3], row[at + 4], row[at + 5]
+    xx = row[at]
+    xy = row[at + 1]
+    xz = row[at + 2]
+    yy = row[at + 3]
+    yz = row[at + 4]
+    zz = row[at + 5]
     return (
         xx * v[0] + xy * v[1] + xz * v[2],
         xy * v[0] + yy * v[1] + yz * v[2],
@@ -80,13 +103,18 @@ def symmetric(row: Array, at: int, v: Vector) -> Vector:
 @in_place
 def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
     """Write M(q) (its lower half), h(q, q̇) and the factor of M."""
-    n, work = len(q), motion.work
-    R, o = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
-    omega, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    n = len(q)
+    work = motion.work
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    o = (0.0, 0.0, 0.0)
+    omega = (0.0, 0.0, 0.0)
+    alpha = (0.0, 0.0, 0.0)
     # of the body's frame; gravity is an acceleration of the base upwards
     a = times(-1.0, vector(bodies.gravity))
     for i in range(n):
-        axis, placement, along = vector(bodies.axis[i]), matrix(bodies.R[i]), 0.0
+        axis = vector(bodies.axis[i])
+        placement = matrix(bodies.R[i])
+        along = 0.0
         r = turned(R, vector(bodies.t[i]))
         if bodies.prismatic[i]:
             along = q[i]
@@ -100,21 +128,33 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         a = plus(a, plus(cross(alpha, r), cross(omega, cross(omega, r))))
         if bodies.prismatic[i]:
             a = along_with(a, 2.0 * qd[i], cross(omega, z))
-            S, turn = z, (0.0, 0.0, 0.0)
+            S = z
+            turn = (0.0, 0.0, 0.0)
         else:
             alpha = along_with(alpha, qd[i], cross(omega, z))
             omega = along_with(omega, qd[i], z)
-            S, turn = cross(o, z), z
-        m, arm_c = bodies.mass[i], turned(R, vector(bodies.centre[i]))
+            S = cross(o, z)
+            turn = z
+        m = bodies.mass[i]
+        arm_c = turned(R, vector(bodies.centre[i]))
         c = plus(o, arm_c)
         force = times(m, plus(a, plus(cross(alpha, arm_c), cross(omega, cross(omega, arm_c)))))
         # I in the base's axes, by its columns
         local = matrix(bodies.inertia[i])
         half = product(R, local)
         row = work[i]
-        xx, xy, xz = dot(half[0], R[0]), dot(half[0], R[1]), dot(half[0], R[2])
-        yy, yz, zz = dot(half[1], R[1]), dot(half[1], R[2]), dot(half[2], R[2])
-        row[16], row[17], row[18], row[19], row[20], row[21] = xx, xy, xz, yy, yz, zz
+        xx = dot(half[0], R[0])
+        xy = dot(half[0], R[1])
+        xz = dot(half[0], R[2])
+        yy = dot(half[1], R[1])
+        yz = dot(half[1], R[2])
+        zz = dot(half[2], R[2])
+        row[16] = xx
+        row[17] = xy
+        row[18] = xz
+        row[19] = yy
+        row[20] = yz
+        row[21] = zz
         spin = cross(omega, symmetric(row, 16, omega))
         moment = plus(plus(symmetric(row, 16, alpha), spin), cross(c, force))
         row[0], row[1], row[2] = S
@@ -135,7 +175,8 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         if i + 1 < n:
             for k in range(6, 22):
                 row[k] += work[i + 1, k]
-        S, turn = (row[0], row[1], row[2]), (row[3], row[4], row[5])
+        S = (row[0], row[1], row[2])
+        turn = (row[3], row[4], row[5])
         motion.bias[i] = dot(S, (row[6], row[7], row[8])) + dot(turn, (row[9], row[10], row[11]))
         p = (row[13], row[14], row[15])
         # momentum of all behind the joint where it alone moves, with speed 1
@@ -143,14 +184,18 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
         L = plus(symmetric(row, 16, turn), cross(p, S))
         for j in range(i + 1):
             other = work[j]
-            motion.M[i, j] = dot((other[0], other[1], other[2]), P) + dot((other[3], other[4], other[5]), L)
+            motion.M[i, j] = dot((other[0], other[1], other[2]), P) + dot(
+                (other[3], other[4], other[5]), L
+            )
         motion.M[i, i] += bodies.rotor[i]
     factor(motion.M, motion.L)
 
 
 @in_place
 def update_motion(arm: Arm, q: Array, qd: Array) -> None:
-    """Compute inertia and bias at q and q̇ (n,): the true ones, and those that computed torque believes in."""
+    """Compute inertia and bias at q and q̇ (n,): the true ones, and those that computed torque
+    believes in.
+    """
     evaluate(arm.true, q, qd, arm.motion)
     if arm.drive.kind == TORQUE and not arm.drive.exact:
         evaluate(arm.believed, q, qd, arm.expected)
@@ -158,7 +203,9 @@ def update_motion(arm: Arm, q: Array, qd: Array) -> None:
 
 @in_place
 def update_gravity(arm: Arm, q: Array) -> None:
-    """Compute the weight on the joints at q (n,) that controllers without a model of inertia compensate."""
+    """Compute the weight on the joints at q (n,) that controllers without a model of inertia
+    compensate.
+    """
     if arm.drive.kind != TORQUE:
         for j in range(len(q)):
             arm.speed[j] = 0.0
@@ -177,8 +224,12 @@ def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
 
 @in_place
 def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Write the torques that the controller commands at q and q̇ (n,), with the command q̈_c (n,)."""
-    drive, memory, n = arm.drive, arm.memory, len(q)
+    """Write the torques that the controller commands at q and q̇ (n,), with the command q̈_c
+    (n,).
+    """
+    drive = arm.drive
+    memory = arm.memory
+    n = len(q)
     rate = drive.rate
     if drive.kind != TORQUE:
         for j in range(n):
@@ -187,11 +238,14 @@ def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
             arm.commanded[j] = memory.gravity[j] + torque
         return
     for j in range(n):
-        away, faster = memory.q_c[j] - q[j], memory.qd_c[j] - qd[j]
+        away = memory.q_c[j] - q[j]
+        faster = memory.qd_c[j] - qd[j]
         arm.after[j] = command[j] + 2.0 * rate * faster + rate * rate * away
-    M, bias = arm.expected.M, arm.expected.bias
+    M = arm.expected.M
+    bias = arm.expected.bias
     if drive.exact:
-        M, bias = arm.motion.M, arm.motion.bias
+        M = arm.motion.M
+        bias = arm.motion.bias
     for i in range(n):
         arm.commanded[i] = bias[i]
         for j in range(n):
@@ -201,7 +255,9 @@ def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
 @in_place
 def transmit_torque(arm: Arm) -> None:
     """Take the commanded torques through saturation, dead time and lag."""
-    drive, memory, slots = arm.drive, arm.memory, len(arm.memory.under_way)
+    drive = arm.drive
+    memory = arm.memory
+    slots = len(arm.memory.under_way)
     at = memory.at[0]
     for j in range(len(arm.commanded)):
         memory.under_way[at, j] = min(max(arm.commanded[j], -drive.effort[j]), drive.effort[j])
@@ -212,8 +268,12 @@ def transmit_torque(arm: Arm) -> None:
 
 @in_place
 def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Advance the controller's reference and integral through a substep that begins at q and q̇ (n,)."""
-    drive, memory, h = arm.drive, arm.memory, arm.h
+    """Advance the controller's reference and integral through a substep that begins at q and q̇
+    (n,).
+    """
+    drive = arm.drive
+    memory = arm.memory
+    h = arm.h
     for j in range(len(command)):
         error = speed_error(arm, q, qd, j)
         memory.at_limit[j] += abs(arm.commanded[j]) > drive.effort[j]
@@ -244,11 +304,15 @@ def dry_friction(drive: Drive, j: int, speed: float) -> float:
 def apply_friction(arm: Arm, qd: Array) -> None:
     """Write friction (n,) of a substep that begins with q̇ (n,), and q̈ (n,) at its beginning.
 
-    Friction is that at the end of the substep, so that it stops a joint, and never sends it back: with v of the end,
-    M (v − v_free) = −h τ_f(v), where τ_f is anything within ± static friction if v = 0. This is the minimum of a convex
-    function, found joint by joint.
+    Friction is that at the end of the substep, so that it stops a joint, and never sends it back:
+    with v of the end, M (v − v_free) = −h τ_f(v), where τ_f is anything within ± static friction if
+    v = 0. This is the minimum of a convex function, found joint by joint.
     """
-    drive, M, h, v, n = arm.drive, arm.motion.M, arm.h, arm.speed, len(qd)
+    drive = arm.drive
+    M = arm.motion.M
+    h = arm.h
+    v = arm.speed
+    n = len(qd)
     for j in range(n):
         arm.friction[j] = 0.0
     accelerate(arm.motion, arm.memory.torque, arm.friction, arm.acceleration)
@@ -283,9 +347,10 @@ def apply_friction(arm: Arm, qd: Array) -> None:
 def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
     """Integrate a substep, and compute inertia and bias at its end.
 
-    q⁺ = q + h q̇ + ½h² q̈, q̇⁺ = q̇ + ½h (q̈ + q̈⁺), where q̈⁺ takes the speed to be q̇ + h q̈: second order with one
-    evaluation, and exact for constant accelerations. A controller whose torque acts at once is a continuous one: what
-    it commands at the end is in q̈⁺. Otherwise the torque is held.
+    q⁺ = q + h q̇ + ½h² q̈, q̇⁺ = q̇ + ½h (q̈ + q̈⁺), where q̈⁺ takes the speed to be q̇ + h q̈:
+    second order with one evaluation, and exact for constant accelerations. A controller whose
+    torque acts at once is a continuous one: what it commands at the end is in q̈⁺. Otherwise the
+    torque is held.
     """
     h = arm.h
     for j in range(len(q)):
@@ -302,8 +367,12 @@ def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
 
 @in_place
 def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
-    """Integrate a substep by the classical method of fourth order, with torque and friction held."""
-    h, n, a = arm.h, len(q), arm.stages
+    """Integrate a substep by the classical method of fourth order, with torque and friction
+    held.
+    """
+    h = arm.h
+    n = len(q)
+    a = arm.stages
     for j in range(n):
         a[0, j] = arm.acceleration[j]
     for i in range(3):
@@ -321,7 +390,9 @@ def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
 
 @in_place
 def drive(arm: Arm, q: Array, qd: Array, command: Array, first: bool) -> None:
-    """Torques and friction of a substep, the ``first`` of a period or a later one, and q̈ at its beginning."""
+    """Torques and friction of a substep, the ``first`` of a period or a later one, and q̈ at its
+    beginning.
+    """
     if first:
         update_gravity(arm, q)
     # torques that act at once were computed at the end of the substep before
@@ -338,9 +409,14 @@ load_arm = struct_loader(zeros(Arm))
 @checked(Arm)
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
-    """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is zero."""
-    arm, q, qd = load_arm(arm_address), x[0], x[1]
-    memory, effort = arm.memory, arm.drive.effort
+    """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is
+    zero.
+    """
+    arm = load_arm(arm_address)
+    q = x[0]
+    qd = x[1]
+    memory = arm.memory
+    effort = arm.drive.effort
     update_gravity(arm, q)
     for j in range(len(q)):
         memory.q_c[j], memory.qd_c[j] = q[j], qd[j]
@@ -356,11 +432,15 @@ def begin(arm_address: int, x: Array) -> None:
 @checked(Arm)
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
-    """Move the arm through a period: its state x (s, n) has q and q̇ first, and the command last but one.
+    """Move the arm through a period: its state x (s, n) has q and q̇ first, and the command last
+    but one.
 
     Returns 0, or 1 if the motion is unbounded.
     """
-    arm, q, qd, command = load_arm(arm_address), x[0], x[1], x[-2]
+    arm = load_arm(arm_address)
+    q = x[0]
+    qd = x[1]
+    command = x[-2]
     for i in range(arm.substeps):
         drive(arm, q, qd, command, i == 0)
         if arm.drive.fourth_order:

@@ -14,8 +14,12 @@ REFUSED = -1  #: The step cannot be evaluated: the NumPy form says why.
 
 @in_place
 def start_from(loop: int, predicting: int, now: Array) -> None:
-    """Write the present state t, q, q̇ (1 + 2n,) of the step in the loop, and let the one that predicts remember it."""
-    source, target, n = load_step(loop), load_step(predicting), now.size // 2
+    """Write the present state t, q, q̇ (1 + 2n,) of the step in the loop, and let the one that
+    predicts remember it.
+    """
+    source = load_step(loop)
+    target = load_step(predicting)
+    n = now.size // 2
     now[0] = source.time[0]
     for j in range(n):
         now[1 + j], now[1 + n + j] = source.q[j], source.qd[j]
@@ -31,9 +35,14 @@ def start_from(loop: int, predicting: int, now: Array) -> None:
 
 @checked(Step, LawArrays, Answer)
 @compiled("int64(int64, int64, int64, float64, float64[::1], float64[::1])", IN_PLACE)
-def command_by(step_address: int, law: int, answer_address: int, t: float, q: Array, qd: Array) -> int:
-    """Evaluate a step at time t [s], q and q̇ (n,), and write the answer of a law; returns its code, or ``REFUSED``."""
-    step, answer = load_step(step_address), load_answer(answer_address)
+def command_by(
+    step_address: int, law: int, answer_address: int, t: float, q: Array, qd: Array
+) -> int:
+    """Evaluate a step at time t [s], q and q̇ (n,), and write the answer of a law; returns its
+    code, or ``REFUSED``.
+    """
+    step = load_step(step_address)
+    answer = load_answer(answer_address)
     if call_int_pointer(step.evaluate, (step_address, t, q, qd)) != 0:
         return REFUSED
     code: int = apply_law(law, step.rows, step.task, answer)
@@ -44,7 +53,10 @@ def command_by(step_address: int, law: int, answer_address: int, t: float, q: Ar
 
 
 @checked(Step)
-@compiled("int64(int64, float64[::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])", IN_PLACE)
+@compiled(
+    "int64(int64, float64[::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])",
+    IN_PLACE,
+)
 def predict(step_address: int, t: Array, q: Array, qd: Array, now: Array, out: Array) -> int:
     """Copy a step's output ``now`` (s,) at times t (N,) [s], q and q̇ (N, n) to ``out`` (N, s).
 

@@ -1,4 +1,6 @@
-"""The goal governor, compiled: how tracking answers to a reference that stands still, and how far it may be moved."""
+"""The goal governor, compiled: how tracking answers to a reference that stands still, and how far
+it may be moved.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +17,27 @@ from .parts import call_int_pointer, load_step, struct_loader
 from .resolving import valid
 from .workspace import F8, I8, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, TaskArrays, zeros
 
-#: The goal of the reference, −1 before the first sample, and that of now; whether a moved reference is on trial; and
-#: which state is to be evaluated next, −1 if none is.
+#: The goal of the reference, −1 before the first sample, and that of now; whether a moved reference
+#: is on trial; and which state is to be evaluated next, −1 if none is.
 GOAL, PRESENT, MOVES, NEXT, COUNTS = range(5)
-#: The goal's end, the sample before, and the predicted state [s]; and ∞ where a response is known, −∞ where none is.
+#: The goal's end, the sample before, and the predicted state [s]; and ∞ where a response is known,
+#: −∞ where none is.
 UNTIL, LAST, AHEAD, KNOWN, TIMES = range(5)
-SPEED, MARGIN, INFLUENCE, ALPHA, SHARPNESS, SETTINGS = range(6)  #: v, δ and ζ; α and κ of a barrier, α = 0 of none.
+#: v, δ and ζ; α and κ of a barrier, α = 0 of none.
+SPEED, MARGIN, INFLUENCE, ALPHA, SHARPNESS, SETTINGS = range(6)
 #: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
 ALL, BEGIN, GO_ON, LOST, CONCLUDE = range(5)
 SETTLING = 0.1  #: The attraction of the goal falls from where it is ``speed`` times this away [s].
 NEWTON = 2  #: Steps of Newton from where a response ends to where it comes to rest.
-NEGLIGIBLE = 1e-6  #: The share in the softmin, to that of the nearest row, of rows whose gradients are left out.
+#: The share in the softmin, to that of the nearest row, of rows whose gradients are left out.
+NEGLIGIBLE = 1e-6
 
 
 class GovernorArrays(NamedTuple):
     """What a goal governor works with: k features, n joints, m rows, N predicted accelerations."""
 
-    #: Addresses of the step in the loop and of the one that predicts, 0 where Python predicts; and of the law
-    #: underneath, 0 where Python asks it; whether all is predicted at the present time.
+    #: Addresses of the step in the loop and of the one that predicts, 0 where Python predicts; and
+    #: of the law underneath, 0 where Python asks it; whether all is predicted at the present time.
     loop: int
     step: int
     law: int
@@ -44,19 +49,22 @@ class GovernorArrays(NamedTuple):
     now: Annotated[Array, F8, "1 + 2n"]  #: t, q, q̇.
     times: Annotated[Array, F8, TIMES]
     counts: Annotated[IntArray, I8, COUNTS]
-    #: s_ref less the feature's value at the goal, and one on trial; b and error of the task whose goal is there.
+    #: s_ref less the feature's value at the goal, and one on trial; b and error of the task whose
+    #: goal is there.
     reference: Annotated[Array, F8, "k"]
     trial: Annotated[Array, F8, "k"]
     b: Annotated[Array, F8, "k"]
     error: Annotated[Array, F8, "k"]
     state: Annotated[Array, F8, 3, "n"]  #: Predicted q and q̇, and scratch.
     rest: Annotated[Array, F8, "n"]  #: Scratch.
-    #: Of the response: the least −σ of each row on the way and at rest; and at rest σ, L_gφ and Jᵀ. σ counts by scale.
+    #: Of the response: the least −σ of each row on the way and at rest; and at rest σ, L_gφ and Jᵀ.
+    #: σ counts by scale.
     least: Annotated[Array, F8, "m"]
     sigma: Annotated[Array, F8, "m"]
     Lg: Annotated[Array, F8, "m", "n"]
     Jt: Annotated[Array, F8, "n", "k"]
-    #: Of a barrier: ∂s/∂s_ref and ∂ṡ/∂s_ref at the predicted state; and where each row is nearest, Jᵀ (∂σ/∂s_ref)ᵀ.
+    #: Of a barrier: ∂s/∂s_ref and ∂ṡ/∂s_ref at the predicted state; and where each row is nearest,
+    #: Jᵀ (∂σ/∂s_ref)ᵀ.
     rise: Annotated[Array, F8, 2]
     nearest_Jt: Annotated[Array, F8, "m", "n", "k"]
     slope: Annotated[Array, F8, "m", "n"]
@@ -76,14 +84,21 @@ def nearest(own: GovernorArrays) -> float:
 
 @in_place
 def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
-    """Change the reference on trial by the least with which ∇h (s_trial − s_ref) ≥ −α h T, not beyond the speed."""
-    gradient, one, r, least, speed = own.b, own.error, own.reference, nearest(own), own.settings[SPEED]
+    """Change the reference on trial by the least with which ∇h (s_trial − s_ref) ≥ −α h T, not
+    beyond the speed.
+    """
+    gradient = own.b
+    one = own.error
+    r = own.reference
+    least = nearest(own)
+    speed = own.settings[SPEED]
     total = along = squared = length = gradient[:] = 0.0
     for i in range(own.least.size):
         weight = math.exp(-own.settings[SHARPNESS] * (own.least[i] - least))
         total += weight
         if weight > NEGLIGIBLE:
-            Jt, slope = own.nearest_Jt[i], own.slope[i]
+            Jt = own.nearest_Jt[i]
+            slope = own.slope[i]
             call_int_pointer(law.track, (law.scratch, Jt, slope, law.options[0], own.rest[:0], one))
             for j in range(r.size):
                 gradient[j] -= weight * one[j]
@@ -103,9 +118,15 @@ def hold_back(own: GovernorArrays, law: LawArrays, period: float) -> None:
 
 @in_place
 def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
-    """Write the reference to be tried: where v Δ ρ, or what a barrier leaves of v a, leads in a period [s]."""
-    r, outwards, influence, squared = own.reference, own.error, own.settings[INFLUENCE], 0.0
-    margin, speed = own.settings[MARGIN], own.settings[SPEED]
+    """Write the reference to be tried: where v Δ ρ, or what a barrier leaves of v a, leads in a
+    period [s].
+    """
+    r = own.reference
+    outwards = own.error
+    influence = own.settings[INFLUENCE]
+    squared = 0.0
+    margin = own.settings[MARGIN]
+    speed = own.settings[SPEED]
     step = period * speed * min(max((nearest(own) - margin) / (influence - margin), 0.0), 1.0)
     barrier = own.settings[ALPHA] > 0.0
     step = period * speed if barrier and nearest(own) > -math.inf else step
@@ -123,7 +144,9 @@ def move(own: GovernorArrays, law: LawArrays, period: float) -> None:
         if not (-own.sigma[i] < influence and own.K[i] > 0.0):
             continue
         # ∇sσ: of the joints' motions that move the feature so, the least counts
-        call_int_pointer(law.track, (law.scratch, own.Jt, own.Lg[i], law.options[0], own.rest[:0], outwards))
+        call_int_pointer(
+            law.track, (law.scratch, own.Jt, own.Lg[i], law.options[0], own.rest[:0], outwards)
+        )
         squared = 0.0
         for j in range(r.size):
             squared += outwards[j] * outwards[j]
@@ -141,13 +164,20 @@ def start(own: GovernorArrays) -> None:
         start_from(own.loop, own.step, own.now)
     copy_vector(own.state[0], own.now[1:])
     copy_vector(own.state[1], own.now[1 + own.rest.size :])
-    own.times[AHEAD], own.times[KNOWN], own.counts[NEXT] = own.now[0], math.inf, 0
-    own.least[:], own.rise[:] = math.inf, 0.0
+    own.times[AHEAD] = own.now[0]
+    own.times[KNOWN] = math.inf
+    own.counts[NEXT] = 0
+    own.least[:] = math.inf
+    own.rise[:] = 0.0
 
 
 @in_place
-def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tuple[float, float, float]:
-    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return K_p, K_v and h."""
+def aim(
+    own: GovernorArrays, task: TaskArrays, reference: Array, h: float
+) -> tuple[float, float, float]:
+    """Write error and b of the task whose goal is at the reference, for q̈ held for h [s]; return
+    K_p, K_v and h.
+    """
     far = near = 0.0
     for i in range(own.b.size):
         own.error[i] = task.error[i] - reference[i]
@@ -165,7 +195,9 @@ def aim(own: GovernorArrays, task: TaskArrays, reference: Array, h: float) -> tu
 
 @in_place
 def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -> None:
-    """Write how σ of a row that has not been nearer depends on s_ref, which moves s by its rise; L_gφ = K ∂σ/∂q."""
+    """Write how σ of a row that has not been nearer depends on s_ref, which moves s by its rise;
+    L_gφ = K ∂σ/∂q.
+    """
     share = own.rise[0] / own.K[i] if own.K[i] > 0.0 else own.rise[1]
     for j in range(own.slope.shape[1]):
         own.slope[i, j] = share * rows.Lg[i, j] / rows.scale[i]
@@ -175,10 +207,16 @@ def note_slope(own: GovernorArrays, i: int, rows: RowArrays, task: TaskArrays) -
 
 @in_place
 def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArrays) -> None:
-    """Take rows and task at a predicted state, and write the next one, if any: q̈ by eq. (42), held for a period."""
-    k, N = own.counts[NEXT], own.periods.size
-    q, qd, qdd = own.state[0], own.state[1], own.state[2]
-    n, at_rest = q.size, k == N + NEWTON
+    """Take rows and task at a predicted state, and write the next one, if any: q̈ by eq. (42), held
+    for a period.
+    """
+    k = own.counts[NEXT]
+    N = own.periods.size
+    q = own.state[0]
+    qd = own.state[1]
+    qdd = own.state[2]
+    n = q.size
+    at_rest = k == N + NEWTON
     if 0 < k <= N or at_rest:
         for i in range(own.least.size):
             own.sigma[i] = rows.sigma[i] / rows.scale[i]
@@ -193,7 +231,8 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
                 own.Lg[i, j] = rows.Lg[i, j]
         own.counts[NEXT] = -1
         return
-    h, rest = own.periods[min(k, N - 1)], own.rest[: task.rest.size if k < N else 0]
+    h = own.periods[min(k, N - 1)]
+    rest = own.rest[: task.rest.size if k < N else 0]
     Kp, Kv, h = aim(own, task, own.trial, h)
     for i in range(own.b.size if k >= N else 0):
         own.b[i] = -own.error[i]
@@ -205,18 +244,26 @@ def advance(own: GovernorArrays, law: LawArrays, rows: RowArrays, task: TaskArra
         qd[j] = qd[j] + h * qdd[j] if k < N else 0.0
     if k < N:
         own.times[AHEAD] = min(own.times[AHEAD] + h, own.times[UNTIL])
-        rise, rate = own.rise[0], own.rise[1]
+        rise = own.rise[0]
+        rate = own.rise[1]
         bend = Kp * (1.0 - rise) - Kv * rate
-        own.rise[0], own.rise[1] = rise + h * (rate + 0.5 * h * bend), rate + h * bend
+        own.rise[0] = rise + h * (rate + 0.5 * h * bend)
+        own.rise[1] = rate + h * bend
     else:
-        own.rise[0], own.rise[1] = 1.0, 0.0
+        own.rise[0] = 1.0
+        own.rise[1] = 0.0
     own.counts[NEXT] = k + 1
 
 
 @in_place
-def go_on(own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, task: TaskArrays) -> None:
-    """Go on with rows and task at a predicted state, if they are found there; give a move up that is not acceptable."""
-    counts, acceptable = own.counts, found
+def go_on(
+    own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, task: TaskArrays
+) -> None:
+    """Go on with rows and task at a predicted state, if they are found there; give a move up that
+    is not acceptable.
+    """
+    counts = own.counts
+    acceptable = found
     if found:
         advance(own, law, rows, task)
         acceptable = not counts[MOVES] or nearest(own) >= 0.5 * own.settings[MARGIN]
@@ -225,7 +272,8 @@ def go_on(own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, tas
         copy_vector(own.trial, own.reference)
         start(own)
     elif not found:
-        own.times[KNOWN], counts[NEXT] = -math.inf, -1
+        own.times[KNOWN] = -math.inf
+        counts[NEXT] = -1
     elif counts[NEXT] < 0:
         copy_vector(own.reference, own.trial)
 
@@ -233,29 +281,47 @@ def go_on(own: GovernorArrays, law: LawArrays, found: bool, rows: RowArrays, tas
 @in_place
 def fits(own: GovernorArrays, rows: RowArrays, task: TaskArrays) -> bool:
     """Whether rows and task are of these sizes."""
-    (m, n), k = own.Lg.shape, own.b.size
+    m, n = own.Lg.shape
+    k = own.b.size
     right = rows.Lg.shape[0] == m and rows.Lg.shape[1] == n and rows.scale.size == m
     right &= task.J.shape[0] == k and task.J.shape[1] == n and task.b.size == k
-    return right and task.error.size == k and task.error_rate.size == k and (task.rest.size == 0 or task.rest.size == n)
+    return (
+        right
+        and task.error.size == k
+        and task.error_rate.size == k
+        and (task.rest.size == 0 or task.rest.size == n)
+    )
 
 
 @compiled(RESOLVER, IN_PLACE, from_python=False)
 def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.GoalGovernor`; the code is that of the law underneath, if that is compiled.
+    """See :class:`vsconstraints.controllers.GoalGovernor`; the code is that of the law underneath,
+    if that is compiled.
 
-    Nothing is remembered with ``NEEDS_PYTHON`` of its own. A second call at the same time decides nothing else.
+    Nothing is remembered with ``NEEDS_PYTHON`` of its own. A second call at the same time decides
+    nothing else.
     """
     law = load_law(address)
-    own, stage = load_governor(law.demand), law.options[1]
-    counts, times = own.counts, own.times
+    own = load_governor(law.demand)
+    stage = law.options[1]
+    counts = own.counts
+    times = own.times
     if not fits(own, rows, task) or (own.law != 0 and not valid(law, rows, task, answer)):
         return NEEDS_PYTHON
     law.scratch.taken[0] = 0
     if stage in (ALL, BEGIN):
         if own.loop != 0:
             step = load_step(own.loop)
-            counts[PRESENT], own.now[0], following = step.last[0].goal, step.time[0], step.last[0].goal + 1
-            until = step.goals[following].from_time - JUST_BEFORE if following < len(step.goals) else math.inf
+            counts[PRESENT], own.now[0], following = (
+                step.last[0].goal,
+                step.time[0],
+                step.last[0].goal + 1,
+            )
+            until = (
+                step.goals[following].from_time - JUST_BEFORE
+                if following < len(step.goals)
+                else math.inf
+            )
             times[UNTIL] = own.now[0] if own.frozen else until
         if counts[GOAL] < 0:
             counts[GOAL], times[LAST] = counts[PRESENT], own.now[0]
@@ -280,6 +346,8 @@ def govern(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> i
         if own.law != 0:
             moved = TaskArrays(task.J, own.b, own.error, task.error_rate, task.rest)
             # what tracking alone commands is not what the moved task asks for
-            own_answer = Answer(answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0])
+            own_answer = Answer(
+                answer.qdd, answer.acted, answer.slack, answer.iterations, answer.alone[:0]
+            )
             return call_int_pointer(load_law(own.law).resolver, (own.law, rows, moved, own_answer))
     return SOLVED

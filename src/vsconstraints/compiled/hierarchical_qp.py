@@ -1,4 +1,6 @@
-"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, handed to the descent."""
+"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, handed to the
+descent.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,25 @@ from .linear import finite
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, filled, flags, matrix
 from .walls import Demands, Resolved, count_resisting
-from .workspace import FAILED, NEAREST, NEEDS_PYTHON, SCALED, SOLVED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import (
+    FAILED,
+    NEAREST,
+    NEEDS_PYTHON,
+    SCALED,
+    SOLVED,
+    STRICT,
+    Answer,
+    LawArrays,
+    RowArrays,
+    TaskArrays,
+)
 
 
 @in_place
 def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float:
-    """Scale the command that tracks by κ of ``scaling``, which is returned; what rows allow is put in ``tracked``."""
+    """Scale the command that tracks by κ of ``scaling``, which is returned; what rows allow is put
+    in ``tracked``.
+    """
     kappa = 1.0
     for j in range(qdd.size):
         kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
@@ -37,15 +52,22 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
 def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``.
 
-    Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
-    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for scaling. Returns
-    the code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
+    Their options are the rank tolerance, half the width of their own box or infinity, the damping,
+    and ``STRICT`` for the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task
+    space, or ``SCALED`` for scaling. Returns the code of
+    :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
-    m, n, qdd, scratch = rows.phi.size, answer.qdd.size, answer.qdd, emptied(law)
+    tolerance = law.options[0]
+    bound = law.options[1]
+    damping = law.options[2]
+    aim = law.options[3]
+    m = rows.phi.size
+    n = answer.qdd.size
+    qdd = answer.qdd
+    scratch = emptied(law)
     box = matrix(scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
@@ -54,11 +76,16 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         return NEEDS_PYTHON
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     weights = law.weights if law.weights.size == m else filled(scratch, m, 1.0)
-    demands, resolved = Demands(rows.Lg, law.asked, rows.scale, weights), Resolved(qdd, answer.slack, answer.acted)
-    nearest, code, answer.iterations[0] = aim_at(qdd, scratch), SOLVED, 0
+    demands = Demands(rows.Lg, law.asked, rows.scale, weights)
+    resolved = Resolved(qdd, answer.slack, answer.acted)
+    nearest = aim_at(qdd, scratch)
+    code = SOLVED
+    answer.iterations[0] = 0
     if count_resisting(demands, box, nearest.X, flags(scratch, m), resolved) >= 0:
         by_joints = aim in (NEAREST, SCALED)
-        wanted = nearest if by_joints else aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
+        wanted = (
+            nearest if by_joints else aim_at_task(task.J, task.b, task.rest, tolerance, scratch)
+        )
         priorities = Priorities(box, damping, tolerance, aim == STRICT)
         code, answer.iterations[0] = hierarchy(demands, wanted, priorities, resolved, scratch)
     if code == FAILED:

@@ -1,4 +1,5 @@
-"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities.
+"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict
+priorities.
 
 A pair with :mod:`vsconstraints.controllers.cascade`: ``test_the_two_descents_agree`` compares them.
 """
@@ -16,21 +17,34 @@ from .least_distance import nearest
 from .least_residual import AIM, ROWS_OF_POINT, cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
-from .linear import ONE, S_ROWS, START, apply_transposed, constant, copy, copy_vector, dot, length, squares
+from .linear import (
+    ONE,
+    S_ROWS,
+    START,
+    apply_transposed,
+    constant,
+    copy,
+    copy_vector,
+    dot,
+    length,
+    squares,
+)
 from .scratch import blank, flags, matrix
 from .walls import Demands, Resolved, Walls, count_resisting, gather_walls, hold, report, restate
 from .workspace import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
 #: Stages: all rows; the points that violate least; level 2 by itself.
-HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
+HARD = constant(0)
+RELAXING = constant(1)
+STRICT_TASK = constant(2)
 
 
 class Priorities(NamedTuple):
     """Options of the levels.
 
-    ``box`` (2, n) has the least and greatest q̈, level 0; ``damping`` weighs level 3 within the QP, relative to ‖J‖²;
-    singular values of J below the ``tolerance`` times the largest one count as zero; ``strict`` tells to find level 2
-    by itself where the damping has cost it something.
+    ``box`` (2, n) has the least and greatest q̈, level 0; ``damping`` weighs level 3 within the QP,
+    relative to ‖J‖²; singular values of J below the ``tolerance`` times the largest one count as
+    zero; ``strict`` tells to find level 2 by itself where the damping has cost it something.
     """
 
     box: Array
@@ -42,9 +56,9 @@ class Priorities(NamedTuple):
 class Aim(NamedTuple):
     """What the levels below the rows want: least ‖G (x − center)‖, then least distance to q̈₀.
 
-    ``G`` (k, n + 1) is the task without its null space, X[levels.CENTER] of the work space ``X`` the best without rows;
-    the first ``rank`` of the reflections ``F`` and ``T`` span the rows of G, and ``gain`` is a lower bound of its gain
-    there.
+    ``G`` (k, n + 1) is the task without its null space, X[levels.CENTER] of the work space ``X``
+    the best without rows; the first ``rank`` of the reflections ``F`` and ``T`` span the rows of G,
+    and ``gain`` is a lower bound of its gain there.
     """
 
     G: Array
@@ -57,15 +71,20 @@ class Aim(NamedTuple):
 
 @inner
 def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scratch) -> Aim:
-    """J q̈ = b, with J (k, n), b (k,) and q̈₀ ``rest`` (n,), or (0,) for zero: the center is J†b nearest to q̈₀."""
+    """J q̈ = b, with J (k, n), b (k,) and q̈₀ ``rest`` (n,), or (0,) for zero: the center is J†b
+    nearest to q̈₀.
+    """
     n = J.shape[1]
-    G, X = matrix(scratch, J.shape[0], n + 1), blank(scratch, levels.ROWS_OF_X, n)
+    G = matrix(scratch, J.shape[0], n + 1)
+    X = blank(scratch, levels.ROWS_OF_X, n)
     for i in range(J.shape[0]):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
         for j in range(rest.size):
             G[i, n] -= J[i, j] * rest[j]
-    F, T, rank, least = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch)
+    F, T, rank, least = pseudoinverse(
+        G, START, CERTAIN * tolerance, tolerance, G, X, levels.CENTER, scratch
+    )
     for j in range(rest.size):
         X[levels.CENTER, j] += rest[j]
     return Aim(G, X, F, T, rank, abs(least))
@@ -75,22 +94,35 @@ def aim_at_task(J: Array, b: Array, rest: Array, tolerance: float, scratch: Scra
 def aim_at(center: Array, scratch: Scratch) -> Aim:
     """An acceleration (n,), in the metric of the joints."""
     n = center.size
-    G, X = blank(scratch, n, n + 1), blank(scratch, levels.ROWS_OF_X, n)
+    G = blank(scratch, n, n + 1)
+    X = blank(scratch, levels.ROWS_OF_X, n)
     for j in range(n):
-        G[j, j], X[levels.CENTER, j] = 1.0, center[j]
+        X[levels.CENTER, j] = center[j]
+        G[j, j] = 1.0
     return Aim(G, X, G, G, n, 1.0)
 
 
 @inner
 def solve_stage(
-    walls: Walls, G: Array, Z: Array, p: int, priorities: Priorities, X: Array, point: Array, scratch: Scratch
+    walls: Walls,
+    G: Array,
+    Z: Array,
+    p: int,
+    priorities: Priorities,
+    X: Array,
+    point: Array,
+    scratch: Scratch,
 ) -> tuple[int, int]:
-    """Find the point of origin + Z y of levels 2 and 3 within the rows, and mark those that hold it.
+    """Find the point of origin + Z y of levels 2 and 3 within the rows, and mark those that hold
+    it.
 
-    ``SOLVED``; another code where the point fails the check; −1 if a side is no number. And the rows that were added.
+    ``SOLVED``; another code where the point fails the check; −1 if a side is no number. And the
+    rows that were added.
     """
     w = walls.sides.size
-    H, R, T = matrix(scratch, p, w), matrix(scratch, p + 1, p), matrix(scratch, S_ROWS, p)
+    H = matrix(scratch, p, w)
+    R = matrix(scratch, p + 1, p)
+    T = matrix(scratch, S_ROWS, p)
     if not restate(walls, Z, X, H):
         return -1, 0
     levels.metric(G, priorities.damping, Z, X, R, T, scratch)
@@ -98,7 +130,9 @@ def solve_stage(
     if code == SOLVED:
         levels.place(Z, p, priorities.box, X, point)
         good = levels.meets(walls.normals, walls.sides, walls.violation, point)
-        if good and levels.optimal(G, priorities.damping, Z, walls.normals, walls.limits, walls.rows, X, point):
+        if good and levels.optimal(
+            G, priorities.damping, Z, walls.normals, walls.limits, walls.rows, X, point
+        ):
             hold(walls)
             return SOLVED, steps
     return FAILED, steps
@@ -115,21 +149,28 @@ def moves(normals: Array, i: int, aim: Aim, row: Array) -> bool:
 
 
 @inner
-def solve_in_span(walls: Walls, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch) -> tuple[bool, int]:
-    """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about its hand alone.
+def solve_in_span(
+    walls: Walls, aim: Aim, priorities: Priorities, point: Array, scratch: Scratch
+) -> tuple[bool, int]:
+    """Find levels 2 and 3 of a redundant arm where the rows that hold it are, as the task, about
+    its hand alone.
 
-    Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈, and what level 3
-    wants of these, if the null space of the task moves no row that holds it. False, with the walls as they were, if it
-    does, or moves one that J†b exceeds, or the task is nearly singular. And the rows that were added.
+    Within the span of the task level 2 has one minimiser, without damping. It is that among all q̈,
+    and what level 3 wants of these, if the null space of the task moves no row that holds it.
+    False, with the walls as they were, if it does, or moves one that J†b exceeds, or the task is
+    nearly singular. And the rows that were added.
     """
     box, damping, tolerance, _ = priorities
     G, X, F, T, rank, gain = aim
-    n, w = X.shape[1], walls.held.size
+    n = X.shape[1]
+    w = walls.held.size
     if not gain > 2.0 * max(tolerance, math.sqrt(damping)) * math.sqrt(squares(G, n)):
         return False, 0
     row = matrix(scratch, ONE, n)
     for i in range(w):
-        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(walls.normals, i, aim, row):
+        if dot(walls.normals, i, X, levels.CENTER, START, n) > walls.sides[i] and moves(
+            walls.normals, i, aim, row
+        ):
             return False, 0
     Q = levels.columns(F, T, rank, START, rank, scratch)
     undamped = Priorities(box, 0.0, tolerance, True)
@@ -138,7 +179,8 @@ def solve_in_span(walls: Walls, aim: Aim, priorities: Priorities, point: Array, 
     for i in range(w):
         found = found and not (walls.held[i] and moves(walls.normals, i, aim, row))
     for i in range(0 if found else w):
-        walls.held[i], walls.limits[i] = False, walls.sides[i]
+        walls.limits[i] = walls.sides[i]
+        walls.held[i] = False
     return found, steps
 
 
@@ -146,27 +188,35 @@ def solve_in_span(walls: Walls, aim: Aim, priorities: Priorities, point: Array, 
 def descend_levels(
     walls: Walls, aim: Aim, priorities: Priorities, qdd: Array, scratch: Scratch
 ) -> tuple[int, bool, int]:
-    """Go down the levels from rows that resist: the code, whether levels 2 and 3 may be better met, the iterations.
+    """Go down the levels from rows that resist: the code, whether levels 2 and 3 may be better met,
+    the iterations.
 
-    x = origin + Z y, in all directions first, or in those of the task of a redundant arm; if that is in vain, in those
-    which the least violations leave; and in those which level 2 leaves, where the damping has cost it something or no
-    answer has passed the check.
+    x = origin + Z y, in all directions first, or in those of the task of a redundant arm; if that
+    is in vain, in those which the least violations leave; and in those which level 2 leaves, where
+    the damping has cost it something or no answer has passed the check.
     """
-    (G, X, _, _, rank, _), (box, damping, tolerance, strict) = aim, priorities
-    n, steps, stage, point = qdd.size, 0, HARD, matrix(scratch, ROWS_OF_POINT, qdd.size)
+    G, X, _, _, rank, _ = aim
+    box, damping, tolerance, strict = priorities
+    n = qdd.size
+    steps = 0
+    stage = HARD
+    point = matrix(scratch, ROWS_OF_POINT, qdd.size)
     copy(point, AIM, X, levels.CENTER, n)
     if strict and rank < n:
         found, steps = solve_in_span(walls, aim, priorities, point, scratch)
         if found:
             copy_vector(qdd, point[0])
             return SOLVED, False, steps
-    Z, p = matrix(scratch, START, n), n
+    Z = matrix(scratch, START, n)
+    p = n
     equal: Array = Z
     E = equal
     while True:
         if stage == RELAXING:
             f = walls.violation.size
-            code = least_violation(walls.normals[:f], walls.sides[:f], walls.weights, box, qdd, scratch)
+            code = least_violation(
+                walls.normals[:f], walls.sides[:f], walls.weights, box, qdd, scratch
+            )
             if code != SOLVED:
                 return code, False, steps
         if stage != HARD:
@@ -175,7 +225,14 @@ def descend_levels(
         if stage == RELAXING:
             levels.start_from(X, point, box, qdd)
             equal = levels.settle(
-                walls.normals, walls.sides, walls.weights, box, X, walls.limits, walls.violation, scratch
+                walls.normals,
+                walls.sides,
+                walls.weights,
+                box,
+                X,
+                walls.limits,
+                walls.violation,
+                scratch,
             )
             E = matrix(scratch, equal.shape[0], n)
             for i in range(equal.shape[0]):
@@ -183,7 +240,9 @@ def descend_levels(
         elif stage == STRICT_TASK:
             levels.with_room(walls.normals, walls.limits, point)
             cutoff = cut(G, n, damping, tolerance, scratch)
-            proved = least_residual(G, E, walls.normals, walls.limits, point, walls.held, cutoff, scratch)
+            proved = least_residual(
+                G, E, walls.normals, walls.limits, point, walls.held, cutoff, scratch
+            )
             levels.start_from(X, point, box, qdd)
             if not proved:
                 return SOLVED, True, steps
@@ -210,13 +269,16 @@ def descend_levels(
 def hierarchy(
     demands: Demands, aim: Aim, priorities: Priorities, resolved: Resolved, scratch: Scratch
 ) -> tuple[int, int]:
-    """Of q̈ in the box those that violate the demands least, of these those nearest to what the task aims at.
+    """Of q̈ in the box those that violate the demands least, of these those nearest to what the
+    task aims at.
 
-    The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how strict level 2 is.
-    Shapes, signs and finite numbers are for the caller to check before; and after, that ``resolved`` is finite.
+    The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how
+    strict level 2 is. Shapes, signs and finite numbers are for the caller to check before; and
+    after, that ``resolved`` is finite.
 
-    Returns ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
-    ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set method, at least 1 if it was needed.
+    Returns ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3
+    may be better met; ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set
+    method, at least 1 if it was needed.
     """
     fixed = flags(scratch, demands.c.size)
     free = count_resisting(demands, priorities.box, aim.X, fixed, resolved)

@@ -1,7 +1,9 @@
-"""Kinematics of a serial chain in the base frame: where every joint is, and how it moves when q̈ = 0.
+"""Kinematics of a serial chain in the base frame: where every joint is, and how it moves when q̈ =
+0.
 
-Body 0 is the base; body i is what joint i moves. Pinocchio, which compiled code cannot call, computes the same in
-:mod:`vsconstraints.robots.kinematics`: ``test_every_robot_and_constraint_in_every_world`` compares the two.
+Body 0 is the base; body i is what joint i moves. Pinocchio, which compiled code cannot call,
+computes the same in :mod:`vsconstraints.robots.kinematics`:
+``test_every_robot_and_constraint_in_every_world`` compares the two.
 """
 
 from __future__ import annotations
@@ -10,7 +12,17 @@ import numpy as np
 
 from ..formulas.motion import carried
 from ..formulas.rotation import turn_about
-from ..formulas.vectors import Matrix, Vector, along_with, cross, matrix, minus, product, turned, vector
+from ..formulas.vectors import (
+    Matrix,
+    Vector,
+    along_with,
+    cross,
+    matrix,
+    minus,
+    product,
+    turned,
+    vector,
+)
 from ..rows import Array
 from .compiler import in_place
 from .workspace import Step
@@ -34,14 +46,19 @@ def put_matrix(A: Matrix, out: Array) -> None:
 def place(step: Step, q: Array) -> None:
     """Write orientation, origin and axis of every body at q (n,), after its joint has moved."""
     for i in range(len(q)):
-        joint, before, body = step.joints[i], step.bodies[i], step.bodies[i + 1]
-        axis, R, placement = vector(joint.axis), matrix(before.R), matrix(joint.R)
+        joint = step.joints[i]
+        before = step.bodies[i]
+        body = step.bodies[i + 1]
+        axis = vector(joint.axis)
+        R = matrix(before.R)
+        placement = matrix(joint.R)
         along = 0.0
         if joint.prismatic:
             along = q[i]
         else:
             placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
-        turn, r = product(R, placement), turned(R, vector(joint.t))
+        turn = product(R, placement)
+        r = turned(R, vector(joint.t))
         # a turn about the axis leaves the axis
         axis = turned(turn, axis)
         put_matrix(turn, body.R)
@@ -56,9 +73,13 @@ def move(step: Step, q: Array, qd: Array) -> None:
     """Write pose and motion of every body at q and q̇ (n,), with q̈ = 0."""
     place(step, q)
     for i in range(len(q)):
-        prismatic, before, body = step.joints[i].prismatic, step.bodies[i], step.bodies[i + 1]
-        along, about = qd[i] if prismatic else 0.0, 0.0 if prismatic else qd[i]
-        axis, omega = vector(body.axis), vector(before.angular_velocity)
+        prismatic = step.joints[i].prismatic
+        before = step.bodies[i]
+        body = step.bodies[i + 1]
+        along = qd[i] if prismatic else 0.0
+        about = 0.0 if prismatic else qd[i]
+        axis = vector(body.axis)
+        omega = vector(before.angular_velocity)
         velocity, acceleration = carried(
             minus(vector(body.origin), vector(before.origin)),
             vector(before.velocity),
@@ -69,7 +90,10 @@ def move(step: Step, q: Array, qd: Array) -> None:
         # ω × z q̇: how the axis turns
         turning = cross(omega, axis)
         put(along_with(omega, about, axis), body.angular_velocity)
-        put(along_with(vector(before.angular_acceleration), about, turning), body.angular_acceleration)
+        put(
+            along_with(vector(before.angular_acceleration), about, turning),
+            body.angular_acceleration,
+        )
         put(along_with(velocity, along, axis), body.velocity)
         put(along_with(acceleration, 2.0 * along, turning), body.acceleration)
 
@@ -78,7 +102,8 @@ def move(step: Step, q: Array, qd: Array) -> None:
 def point_jacobian(step: Step, body: int, point: Vector, J: Array) -> None:
     """Write ∂(position)/∂q (3, n) of a point fixed to a body to ``J``."""
     for m in range(J.shape[1]):
-        joint, column = step.bodies[m + 1], (0.0, 0.0, 0.0)
+        joint = step.bodies[m + 1]
+        column = (0.0, 0.0, 0.0)
         if m < body:
             column = vector(joint.axis)
             if not step.joints[m].prismatic:

@@ -1,4 +1,6 @@
-"""Compiled laws, demand and resolver: the part that is made of a demand's formula, and the way in from Python."""
+"""Compiled laws, demand and resolver: the part that is made of a demand's formula, and the way in
+from Python.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +15,49 @@ from ..formulas.row import Row, asked_for, one_period_ahead
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
 from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
-from .workspace import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import (
+    NEEDS_PYTHON,
+    RELAXED_ROWS,
+    SOLVED,
+    Answer,
+    LawArrays,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+)
 
-_one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
-_law = LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
+_one = np.zeros(1)
+_two = np.zeros((1, 1))
+_count = np.zeros(1, dtype=np.int64)
+_law = LawArrays(
+    1,
+    1,
+    1,
+    1,
+    1,
+    1.0,
+    _one,
+    _one,
+    _one,
+    _two,
+    *(_one,) * 3,
+    _two,
+    _one,
+    _one,
+    Scratch(_one, _count),
+)
 _answer = Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one)
 
-ROWS, TASK = type_of(RowArrays(_one, _two, *(_one,) * 8)), type_of(TaskArrays(_two, *(_one,) * 4))
+ROWS = type_of(RowArrays(_one, _two, *(_one,) * 8))
+TASK = type_of(TaskArrays(_two, *(_one,) * 4))
 SCRATCH = type_of(_law.scratch)
 
 #: Signature of a resolver, and so of a law: see :class:`.LawArrays`.
 RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
-DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)  #: Signature of a demand: see :func:`demand_part`.
-load_law, load_answer = struct_loader(_law), struct_loader(_answer)  #: The law at an address, and the answer at one.
+#: Signature of a demand: see :func:`demand_part`.
+DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
+load_law = struct_loader(_law)  #: The law at an address, and the answer at one.
+load_answer = struct_loader(_answer)
 
 
 @in_place
@@ -39,13 +71,17 @@ def demand_part(
 ) -> Any:
     """What :func:`demand` compiles.
 
-    It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it),
-    what is asked for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what is to be remembered and (m,) what is
-    asked for. It returns 0, or 1 if a demand is not a number. The margin stands behind the ``count`` parameters.
+    It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law
+    does not need it), what is asked for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what
+    is to be remembered and (m,) what is asked for. It returns 0, or 1 if a demand is not a number.
+    The margin stands behind the ``count`` parameters.
     """
 
-    def demands(address: int, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
-        law, wrong = load_law(address), 0
+    def demands(
+        address: int, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array
+    ) -> int:
+        law = load_law(address)
+        wrong = 0
         for i in range(c.size):
             total = 0.0
             for j in range(rows.Lg.shape[1]):
@@ -86,14 +122,27 @@ def demand_part(
 
 
 @cache
-def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool, ahead: bool) -> Any:
+def demand(
+    formula: Callable[..., Any],
+    count: int,
+    memory: int,
+    relative: bool,
+    everywhere: bool,
+    ahead: bool,
+) -> Any:
     """The demands of all rows by a formula of a :class:`.Row` and ``count`` parameters, compiled.
 
-    None if numba refuses it: a RuntimeWarning then says why. With ``memory``, it returns a tuple of c and that many
-    floats; ``relative``, ``everywhere`` and ``ahead`` are those of :class:`vsconstraints.controllers.demands.Demand`.
+    None if numba refuses it: a RuntimeWarning then says why. With ``memory``, it returns a tuple of
+    c and that many floats; ``relative``, ``everywhere`` and ``ahead`` are those of
+    :class:`vsconstraints.controllers.demands.Demand`.
     """
     try:
-        return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere), int(ahead)), DEMAND)
+        return make_part(
+            demand_part,
+            (formula,),
+            (count, memory, int(relative), int(everywhere), int(ahead)),
+            DEMAND,
+        )
     except Exception as error:  # numba raises anything for code that it does not know
         warn_refused((formula,), error)
         return None
@@ -117,7 +166,9 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 @in_place
 def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
+    """Ask the resolver of the law at an address, and bring what it answers into the box of the
+    rows; its code.
+    """
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
     if rows.qdd_max.size and (code == SOLVED or code >= RELAXED_ROWS):
@@ -145,34 +196,44 @@ def fits(x: Array, size: int) -> bool:
     return not wrong
 
 
-#: Types of a vector, of one that may be read-only as those of a set of constraints are, of a matrix, and of outputs.
-V, CONSTANT, M = "float64[::1]", "Array(float64, 1, 'C', readonly=True)", "float64[:, ::1]"
+#: Types of a vector, of one that may be read-only as those of a set of constraints are, of a
+#: matrix, and of outputs.
+V = "float64[::1]"
+CONSTANT = "Array(float64, 1, 'C', readonly=True)"
+M = "float64[:, ::1]"
 OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
 
 
 @checked(LawArrays)
-@compiled(f"int64(int64, Tuple(({V}, {M}, {V}, {CONSTANT}, {CONSTANT})), {M}, {V}, {OUTPUTS})", IN_PLACE)
+@compiled(
+    f"int64(int64, Tuple(({V}, {M}, {V}, {CONSTANT}, {CONSTANT})), {M}, {V}, {OUTPUTS})", IN_PLACE
+)
 def follow(
     law: int, of_rows: tuple[Array, ...], J: Array, b: Array,
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
-    """Apply the law at an address to a task and φ, L_gφ, L_fφ, switching gain and scale of rows; returns its code.
+    """Apply the law at an address to a task and φ, L_gφ, L_fφ, switching gain and scale of rows;
+    returns its code.
 
     Rows come as a plain tuple: numba takes four times as long to find the types of a named one.
     """
-    (phi, Lg, Lf, gain, scale), m = of_rows, load_law(law).asked.size
+    phi, Lg, Lf, gain, scale = of_rows
+    m = load_law(law).asked.size
     none = phi[:0]
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
     rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
     task = TaskArrays(J, b, none, none, none)
-    code: int = call_int_pointer(load_law(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none)))
+    code: int = call_int_pointer(
+        load_law(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none))
+    )
     return code
 
 
 @checked(LawArrays)
 @compiled(
-    f"int64(int64, Tuple(({V}, {M}, {V}, {', '.join([CONSTANT] * 7)})), Tuple(({M}, {V}, {', '.join([CONSTANT] * 3)})),"
+    f"int64(int64, Tuple(({V}, {M}, {V}, {', '.join([CONSTANT] * 7)})), Tuple(({M}, {V}, "
+    f"{', '.join([CONSTANT] * 3)})),"
     f" {OUTPUTS})",
     IN_PLACE,
 )
@@ -181,10 +242,17 @@ def follow_whole(
     qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
 ) -> int:  # fmt: skip
     """As :func:`follow`, with every field of :class:`.RowArrays` and of :class:`.TaskArrays`."""
-    rows, task, m = RowArrays(*of_rows), TaskArrays(*of_task), load_law(law).asked.size
+    rows = RowArrays(*of_rows)
+    task = TaskArrays(*of_task)
+    m = load_law(law).asked.size
     if rows.phi.size != m or acted.size != m:
         return NEEDS_PYTHON
-    if not (fits(rows.sigma, m) and fits(rows.sigma_dot, m) and fits(rows.K, m) and fits(task.rest, qdd.size)):
+    if not (
+        fits(rows.sigma, m)
+        and fits(rows.sigma_dot, m)
+        and fits(rows.K, m)
+        and fits(task.rest, qdd.size)
+    ):
         return NEEDS_PYTHON
     if not (fits(task.error, task.b.size) and fits(task.error_rate, task.b.size)):
         return NEEDS_PYTHON

@@ -15,14 +15,24 @@ from .scratch import integers, matrix
 from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12  #: A row exceeded by less than this fraction of its terms is met.
-DEPENDENT = 1e-11  #: A row of unit norm whose part outside the span of the active ones is below this depends on them.
+#: A row of unit norm whose part outside the span of the active ones is below this depends on them.
+DEPENDENT = 1e-11
 OPTIMAL = 1e-9  #: Largest error in the optimality conditions, relative to the size of the answer.
-NONE, STUCK = constant(-1), constant(-2)  #: No row; no point meets all of them.
-#: Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made it of unit norm; and
-#: how many of these there are.
-SIDE, EXCESS, MULTIPLIER, SCALE, KINDS = constant(0), constant(1), constant(2), constant(3), constant(4)
+NONE = constant(-1)  #: No row; no point meets all of them.
+STUCK = constant(-2)
+#: Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made
+#: it of unit norm; and how many of these there are.
+SIDE = constant(0)
+EXCESS = constant(1)
+MULTIPLIER = constant(2)
+SCALE = constant(3)
+KINDS = constant(4)
 #: Rows of the work space.
-POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), constant(3), constant(4)
+POINT = constant(0)
+NEW = constant(1)
+DIRECTION = constant(2)
+FORCE = constant(3)
+RATIO = constant(4)
 
 
 @in_place
@@ -55,7 +65,8 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
 def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     """The row that the point exceeds most, by more than rounding; writes all excesses."""
     p, m = G.shape
-    chosen, worst = NONE, 0.0
+    chosen = NONE
+    worst = 0.0
     for i in range(m):
         rows[EXCESS, i] = -rows[SIDE, i]
     for j in range(p):
@@ -63,7 +74,8 @@ def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     for i in range(m):
         excess = rows[EXCESS, i]
         if excess > worst and excess > EXCEEDED * (size + abs(rows[SIDE, i])):
-            chosen, worst = i, excess
+            chosen = i
+            worst = excess
     return chosen
 
 
@@ -80,20 +92,25 @@ def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int,
 
 @in_place
 def longest_step(X: Array, q: int) -> tuple[int, float]:
-    """Which active row's multiplier is the first to become zero on the way, if any does, and at what step."""
-    leaving, step = NONE, math.inf
+    """Which active row's multiplier is the first to become zero on the way, if any does, and at
+    what step.
+    """
+    leaving = NONE
+    step = math.inf
     for j in range(q):
         if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
-            leaving, step = j, X[FORCE, j] / X[RATIO, j]
+            leaving = j
+            step = X[FORCE, j] / X[RATIO, j]
     return leaving, step
 
 
 @in_place
 def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p: int) -> int:
-    """Move the point (p,) until a row that it exceeds is met, or the multiplier of an active one would turn negative.
+    """Move the point (p,) until a row that it exceeds is met, or the multiplier of an active one
+    would turn negative.
 
-    X[turned] is the row's normal in the basis of the QR of the q active ones. Returns which of these is to leave;
-    ``NONE``; or ``STUCK`` if no point meets the row together with them.
+    X[turned] is the row's normal in the basis of the QR of the q active ones. Returns which of
+    these is to leave; ``NONE``; or ``STUCK`` if no point meets the row together with them.
     """
     la.copy(X, RATIO, X, turned, q)
     la.solve_upper(F, T, q, X, RATIO)
@@ -102,7 +119,8 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
     if math.sqrt(outside) > DEPENDENT:
         full = excess / outside
         if full <= step:
-            leaving, step = NONE, full
+            leaving = NONE
+            step = full
         la.copy(X, DIRECTION, X, turned, p)
         for j in range(q):
             X[DIRECTION, j] = 0.0
@@ -116,10 +134,14 @@ def advance(F: Array, T: Array, X: Array, turned: int, excess: float, q: int, p:
 
 
 @in_place
-def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int) -> int:
-    """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how many are left.
+def reach(
+    G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int
+) -> int:
+    """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how
+    many are left.
 
-    −1 if no point meets the row together with the active ones. X[NEW] becomes its normal in the basis of the QR.
+    −1 if no point meets the row together with the active ones. X[NEW] becomes its normal in the
+    basis of the QR.
     """
     p = G.shape[0]
     while True:
@@ -137,7 +159,9 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
 
 @in_place
 def minimise(F: Array, T: Array, X: Array, q: int) -> None:
-    """Compute point and multipliers anew, so that errors do not add up: X[POINT] has sides of q active rows, then 0."""
+    """Compute point and multipliers anew, so that errors do not add up: X[POINT] has sides of q
+    active rows, then 0.
+    """
     la.solve_lower(F, T, q, X, POINT)
     la.copy(X, FORCE, X, POINT, q)
     la.solve_upper(F, T, q, X, FORCE)
@@ -164,7 +188,9 @@ def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: in
 
 @in_place
 def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: float) -> bool:
-    """Whether rows are met, multipliers only where a row is reached, and the point a sum of those rows."""
+    """Whether rows are met, multipliers only where a row is reached, and the point a sum of those
+    rows.
+    """
     p, m = G.shape
     met = size < math.inf
     for i in range(m):
@@ -180,28 +206,38 @@ def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: floa
 
 
 @inner
-def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch) -> tuple[int, int]:
+def nearest(
+    G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch
+) -> tuple[int, int]:
     """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h: the code, and how many rows were added.
 
-    In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin. The most violated
-    row is added to the active ones; those whose multiplier would turn negative on the way leave. The active rows are
-    kept as a QR factorization, and the point and the multipliers are computed from it anew after every addition. Each
-    addition makes the point longer, so that no set of active rows returns; one that does not, by rounding, ends the
-    search. (Goldfarb, Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
-    Mathematical Programming, 1983.)
+    In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin.
+    The most violated row is added to the active ones; those whose multiplier would turn negative on
+    the way leave. The active rows are kept as a QR factorization, and the point and the multipliers
+    are computed from it anew after every addition. Each addition makes the point longer, so that no
+    set of active rows returns; one that does not, by rounding, ends the search. (Goldfarb, Idnani,
+    "A numerically stable dual method for solving strictly convex quadratic programs", Mathematical
+    Programming, 1983.)
 
-    ``G`` (p, m) has a column for each row of the problem, so that all are worked on at once, and is used up. ``rows``
-    (4, m) has h in SIDE, where ∞ is no row at all, and gets the multipliers of rows of unit norm and the inverses of
-    the norms. ``R`` (p + 1, p) is upper triangular by columns, with r as the last one; ``S`` (3, p) has the inverses of
-    its diagonal in the first row. The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
+    ``G`` (p, m) has a column for each row of the problem, so that all are worked on at once, and is
+    used up. ``rows`` (4, m) has h in SIDE, where ∞ is no row at all, and gets the multipliers of
+    rows of unit norm and the inverses of the norms. ``R`` (p + 1, p) is upper triangular by
+    columns, with r as the last one; ``S`` (3, p) has the inverses of its diagonal in the first row.
+    The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
     """
     p, m = G.shape
-    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), integers(scratch, p)
+    F = matrix(scratch, p, p)
+    T = matrix(scratch, S_ROWS, p)
+    active = integers(scratch, p)
     if not normalise(G, rows, R, S):
         return FAILED, 0
     for j in range(p):
         X[POINT, j] = 0.0
-    q, steps, size, before, met = START, 0, 0.0, -1.0, False
+    q = START
+    steps = 0
+    size = 0.0
+    before = -1.0
+    met = False
     for steps in range(10 * (m + p)):
         chosen = most_violated(G, rows, X, size)
         met = chosen < 0 or not size > before
@@ -215,7 +251,8 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
         active[q] = chosen
         q += 1
         recompute(rows, F, T, X, active, q)
-        before, size = size, la.length(X, POINT, p)
+        before = size
+        size = la.length(X, POINT, p)
     met = proved(G, rows, X, active, q, size) and met
     la.add(X, POINT, -1.0, R, p, START, p)
     la.solve_upper(R, S, p, X, POINT)

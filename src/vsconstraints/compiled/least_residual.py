@@ -14,10 +14,14 @@ from .linear import ONE, S_ROWS, START, WORK, constant
 from .scratch import blank, integers, matrix
 from .workspace import Scratch
 
-REACHED = 1e-12  #: A step that changes the residual by less than this fraction of its terms is none.
-PUSHING = 1e-9  #: A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient.
+#: A step that changes the residual by less than this fraction of its terms is none.
+REACHED = 1e-12
+#: A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient.
+PUSHING = 1e-9
 #: The rows of X: the point, and the task's minimiser without rows; their number.
-ROW, AIM, ROWS_OF_POINT = constant(0), constant(1), constant(2)
+ROW = constant(0)
+AIM = constant(1)
+ROWS_OF_POINT = constant(2)
 
 
 @inner
@@ -37,10 +41,17 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
 
 
 @inner
-def task_step(G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array, scratch: Scratch) -> float:
-    """Write the step of least norm within the null space of q rows and the force of the task; how far G goes by it."""
-    k, n, taken = G.shape[0], X.shape[1], scratch.taken[0]
-    W, moved = matrix(scratch, k, n + 1), 0.0
+def task_step(
+    G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array, scratch: Scratch
+) -> float:
+    """Write the step of least norm within the null space of q rows and the force of the task; how
+    far G goes by it.
+    """
+    k = G.shape[0]
+    n = X.shape[1]
+    taken = scratch.taken[0]
+    W = matrix(scratch, k, n + 1)
+    moved = 0.0
     for j in range(n):
         Y[ONE, j] = Y[WORK, j] = 0.0
     for i in range(k):
@@ -58,40 +69,60 @@ def task_step(G: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, 
 
 
 @inner
-def first_in_the_way(walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int) -> tuple[float, int]:
+def first_in_the_way(
+    walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int
+) -> tuple[float, int]:
     """How far the step leads, 1 at most, and which row, not yet active, is in the way, or −1."""
-    n, step, blocking = X.shape[1], 1.0, -1
+    n = X.shape[1]
+    step = 1.0
+    blocking = -1
     stride = la.length(Y, ONE, n)
     for i in range(walls.shape[0]):
-        change, taken = la.dot(walls, i, Y, ONE, START, n), False
+        change = la.dot(walls, i, Y, ONE, START, n)
+        taken = False
         for at in range(count):
             taken = taken or order[at] == i
         if not taken and change > REACHED * stride * la.length(walls, i, n):
             reached = max(0.0, sides[i] - la.dot(walls, i, X, ROW, START, n)) / change
             if reached < step:
-                step, blocking = reached, i
+                step = reached
+                blocking = i
     return step, blocking
 
 
 @inner
 def least_residual(
-    G: Array, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float, scratch: Scratch
+    G: Array,
+    E: Array,
+    walls: Array,
+    sides: Array,
+    X: Array,
+    active: BoolArray,
+    tolerance: float,
+    scratch: Scratch,
 ) -> bool:
-    """Minimise ‖G (x − c)‖ subject to walls x ≤ sides, with E x staying as it is, from x, which becomes the answer.
+    """Minimise ‖G (x − c)‖ subject to walls x ≤ sides, with E x staying as it is, from x, which
+    becomes the answer.
 
-    A primal active-set method. It starts at a point that meets every row, and never leaves these points. On the rows
-    that are active it takes the step of eq. (15): the task's step of least norm within their null space. The first row
-    in the way becomes active, and where no step is left the one that pulls most the wrong way is let go.
+    A primal active-set method. It starts at a point that meets every row, and never leaves these
+    points. On the rows that are active it takes the step of eq. (15): the task's step of least norm
+    within their null space. The first row in the way becomes active, and where no step is left the
+    one that pulls most the wrong way is let go.
 
-    ``G`` (k, n) or wider is the task, ``X`` (2, n) has x and the task's minimiser without rows c; ``E`` (e, n) or
-    wider, ``walls`` (w, n), ``sides`` (w,). ``active`` (w,) are the rows that are active at first; then those that hold
-    the task back. Singular values of G within the null space of the active rows below the tolerance times ‖G‖
-    count as zero: the task does not ask for directions that the rows nearly take from it. Returns whether no point has
-    a smaller residual.
+    ``G`` (k, n) or wider is the task, ``X`` (2, n) has x and the task's minimiser without rows c;
+    ``E`` (e, n) or wider, ``walls`` (w, n), ``sides`` (w,). ``active`` (w,) are the rows that are
+    active at first; then those that hold the task back. Singular values of G within the null space
+    of the active rows below the tolerance times ‖G‖ count as zero: the task does not ask for
+    directions that the rows nearly take from it. Returns whether no point has a smaller residual.
     """
-    n, w = X.shape[1], walls.shape[0]
-    F, T, Y, order = matrix(scratch, n, n), matrix(scratch, S_ROWS, n), blank(scratch, S_ROWS, n), integers(scratch, n)
-    count, size = 0, math.sqrt(la.squares(G, n))
+    n = X.shape[1]
+    w = walls.shape[0]
+    F = matrix(scratch, n, n)
+    T = matrix(scratch, S_ROWS, n)
+    Y = blank(scratch, S_ROWS, n)
+    order = integers(scratch, n)
+    count = 0
+    size = math.sqrt(la.squares(G, n))
     for i in range(w):
         if active[i] and count < n:
             order[count] = i
@@ -101,7 +132,8 @@ def least_residual(
         q = START
         for i in range(E.shape[0]):
             q += take(F, T, q, E, i)
-        first, left = q, 0
+        first = q
+        left = 0
         for at in range(count):
             if take(F, T, q, walls, order[at]) == 1:
                 order[left] = order[at]
@@ -113,10 +145,12 @@ def least_residual(
             noise = PUSHING * la.length(Y, WORK, n) + size * reach
             la.apply_transposed(F, T, q, Y, WORK)
             la.solve_upper(F, T, q, Y, WORK)
-            worst, weakest = -1, -noise
+            worst = -1
+            weakest = -noise
             for at in range(count):
                 if Y[WORK, first + at] < weakest:
-                    worst, weakest = at, Y[WORK, first + at]
+                    worst = at
+                    weakest = Y[WORK, first + at]
             if worst < 0:
                 for at in range(count):
                     active[order[at]] = Y[WORK, first + at] > noise

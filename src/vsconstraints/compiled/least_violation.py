@@ -13,18 +13,22 @@ from .scratch import filled, flags, matrix, vector
 from .workspace import FAILED, SOLVED, Scratch
 
 ROUNDING = 1e-13  #: Below this fraction of its terms a row counts as met while iterating.
-#: A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none.
+#: A step that would change no violation by more than this fraction of their norm, or by more than
+#: rounding, is none.
 CONVERGED = 1e-12
 RANK = 1e-14  #: Singular values below this fraction of the largest count as zero in a step.
 #: Rows of a box: (2, n) least and greatest x, infinite where there is no bound.
-LEAST, GREATEST = constant(0), constant(1)
+LEAST = constant(0)
+GREATEST = constant(1)
 
 
 class Violations(NamedTuple):
-    """Weighted rows B x ≤ d of norms ‖Bᵢ‖: by what they are exceeded, what of it is rounding, and which take part.
+    """Weighted rows B x ≤ d of norms ‖Bᵢ‖: by what they are exceeded, what of it is rounding, and
+    which take part.
 
-    ``change`` is what a step makes of the residual; ``reached`` rows are just met and would be exceeded by it,
-    ``pulled`` ones take part in it; ``held`` (n,) says at which end the box holds a coordinate: −1, 1, or 0 if at none.
+    ``change`` is what a step makes of the residual; ``reached`` rows are just met and would be
+    exceeded by it, ``pulled`` ones take part in it; ``held`` (n,) says at which end the box holds a
+    coordinate: −1, 1, or 0 if at none.
     """
 
     B: Array
@@ -43,13 +47,19 @@ class Violations(NamedTuple):
 def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
     """W A x ≤ W c, with no row reached and no coordinate held."""
     m, n = A.shape
-    B, d, norms = matrix(scratch, m, n), vector(scratch, m), vector(scratch, m)
+    B = matrix(scratch, m, n)
+    d = vector(scratch, m)
+    norms = vector(scratch, m)
     for i in range(m):
         for j in range(n):
             B[i, j] = weights[i] * A[i, j]
         d[i], norms[i] = weights[i] * c[i], length(B, i, n)
-    residual, rounding, change = vector(scratch, m), vector(scratch, m), vector(scratch, m)
-    violated, reached, pulled = flags(scratch, m), flags(scratch, m), flags(scratch, m)
+    residual = vector(scratch, m)
+    rounding = vector(scratch, m)
+    change = vector(scratch, m)
+    violated = flags(scratch, m)
+    reached = flags(scratch, m)
+    pulled = flags(scratch, m)
     held = filled(scratch, n, 0.0)
     return Violations(B, d, norms, residual, rounding, change, violated, reached, pulled, held)
 
@@ -57,13 +67,16 @@ def weigh(A: Array, c: Array, weights: Array, scratch: Scratch) -> Violations:
 @inner
 def measure(rows: Violations, X: Array) -> tuple[bool, float]:
     """Write what is violated at X[0]; whether nothing is, and the sum of the squares."""
-    n, met, value = X.shape[1], True, 0.0
+    n = X.shape[1]
+    met = True
+    value = 0.0
     size = length(X, START, n)
     for i in range(rows.d.size):
         residual = rows.residual[i] = dot(rows.B, i, X, START, START, n) - rows.d[i]
         rounding = rows.rounding[i] = ROUNDING * (rows.norms[i] * size + abs(rows.d[i]))
         met = met and residual <= rounding
-        # rows exceeded by rounding alone count here: a row of large scale holds small ones by just that much
+        # rows exceeded by rounding alone count here: a row of large scale holds small ones by just
+        # that much
         rows.violated[i] = residual > 0.0
         rows.reached[i] = rows.reached[i] and residual >= -rounding
         rows.pulled[i] = rows.violated[i] or rows.reached[i]
@@ -74,8 +87,12 @@ def measure(rows: Violations, X: Array) -> tuple[bool, float]:
 
 @inner
 def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> None:
-    """Write the step that takes the pulled rows to their bounds in the least-squares sense, held coordinates apart."""
-    B, held, (m, n) = rows.B, rows.held, rows.B.shape
+    """Write the step that takes the pulled rows to their bounds in the least-squares sense, held
+    coordinates apart.
+    """
+    B = rows.B
+    held = rows.held
+    m, n = rows.B.shape
     count = columns = at = free = 0
     taken = scratch.taken[0]
     for i in range(m):
@@ -101,21 +118,34 @@ def newton_step(rows: Violations, step: Array, Y: Array, scratch: Scratch) -> No
 
 @inner
 def look_along(rows: Violations, step: Array, still: float) -> tuple[bool, bool]:
-    """Write how the step changes rows; whether it changes none that is violated, and whether one blocks it at once."""
-    stationary, blocked = True, False
+    """Write how the step changes rows; whether it changes none that is violated, and whether one
+    blocks it at once.
+    """
+    stationary = True
+    blocked = False
     for i in range(rows.d.size):
         change = rows.change[i] = dot(rows.B, i, step, START, START, step.shape[1])
-        stationary = stationary and (not rows.violated[i] or abs(change) <= still + rows.rounding[i])
+        stationary = stationary and (
+            not rows.violated[i] or abs(change) <= still + rows.rounding[i]
+        )
         # a row of large scale that is just met ends a step before it begins, unless it takes part
-        if not rows.pulled[i] and rows.residual[i] >= -rows.rounding[i] and change > rows.rounding[i]:
+        if (
+            not rows.pulled[i]
+            and rows.residual[i] >= -rows.rounding[i]
+            and change > rows.rounding[i]
+        ):
             rows.reached[i] = blocked = True
     return stationary, blocked
 
 
 @inner
 def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
-    """Which held coordinate the violations pull inward the most, and whether by more than rounding."""
-    worst, strongest, threshold = 0, -math.inf, 0.0
+    """Which held coordinate the violations pull inward the most, and whether by more than
+    rounding.
+    """
+    worst = 0
+    strongest = -math.inf
+    threshold = 0.0
     for j in range(rows.held.size):
         pull = noise = 0.0
         for i in range(rows.d.size):
@@ -124,7 +154,9 @@ def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
                 noise += abs(rows.B[i, j]) * (still + rows.rounding[i])
         pull *= rows.held[j] if box[LEAST, j] < box[GREATEST, j] else 0.0
         if pull > strongest:
-            worst, strongest, threshold = j, pull, noise
+            worst = j
+            strongest = pull
+            threshold = noise
     return worst, not strongest <= threshold
 
 
@@ -132,10 +164,13 @@ def most_pulled(rows: Violations, box: Array, still: float) -> tuple[int, bool]:
 def line_search(residual: Array, change: Array, limit: float) -> float:
     """Length t in [0, limit] that minimises ½‖max(0, residual + t·change)‖².
 
-    The derivative is nondecreasing and piecewise linear, with kinks where a row is just met: the kinks on either side
-    of its zero are found by evaluating it at every one of them.
+    The derivative is nondecreasing and piecewise linear, with kinks where a row is just met: the
+    kinks on either side of its zero are found by evaluating it at every one of them.
     """
-    lower, upper, slope, curvature = 0.0, limit, 0.0, 0.0
+    lower = 0.0
+    upper = limit
+    slope = 0.0
+    curvature = 0.0
     for k in range(residual.size):
         if change[k] == 0.0:
             continue
@@ -159,7 +194,9 @@ def line_search(residual: Array, change: Array, limit: float) -> float:
 
 @inner
 def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array) -> bool:
-    """Go along the step as far as it helps within the box, and hold coordinates that reach it; whether any does."""
+    """Go along the step as far as it helps within the box, and hold coordinates that reach it;
+    whether any does.
+    """
     limit = math.inf
     for j in range(x.size):
         moves = step[0, j]
@@ -176,23 +213,31 @@ def advance(rows: Violations, box: Array, step: Array, x: Array, longest: Array)
 
 
 @inner
-def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array, scratch: Scratch) -> int:
-    """Minimise ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights), beginning at x, which becomes the minimiser.
+def least_violation(
+    A: Array, c: Array, weights: Array, box: Array, x: Array, scratch: Scratch
+) -> int:
+    """Minimise ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights), beginning at x, which becomes the
+    minimiser.
 
-    The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an exact line
-    search, ends after finitely many steps with an exact minimiser. Coordinates that the box holds are kept in a
-    working set and released when the gradient pulls them inward. The minimiser need not be unique, but its violations
-    are.
+    The function is convex and piecewise quadratic: Newton's method on the rows that are violated,
+    with an exact line search, ends after finitely many steps with an exact minimiser. Coordinates
+    that the box holds are kept in a working set and released when the gradient pulls them inward.
+    The minimiser need not be unique, but its violations are.
 
-    Beside large rows small ones are lost in rounding. The result exceeds the least value of ‖max(0, W(Ax − c))‖ by at
-    most a fraction of 1e-9 of it and a part of the largest wᵢ(‖Aᵢ‖‖x‖ + |cᵢ|): 1e-7 where the norms of weighted rows
-    are up to 1e10 apart, some of them nearly repeating others, and 1e-3 of that where they are up to 1e6 apart.
+    Beside large rows small ones are lost in rounding. The result exceeds the least value of ‖max(0,
+    W(Ax − c))‖ by at most a fraction of 1e-9 of it and a part of the largest wᵢ(‖Aᵢ‖‖x‖ + |cᵢ|):
+    1e-7 where the norms of weighted rows are up to 1e10 apart, some of them nearly repeating
+    others, and 1e-3 of that where they are up to 1e6 apart.
 
-    Returns ``SOLVED``, or ``FAILED`` at the limit of iterations, which only rounding could bring about.
+    Returns ``SOLVED``, or ``FAILED`` at the limit of iterations, which only rounding could bring
+    about.
     """
     m, n = A.shape
-    rows, longest = weigh(A, c, weights, scratch), vector(scratch, n)
-    X, step, Y = matrix(scratch, ONE, n), matrix(scratch, ONE, n), matrix(scratch, ONE, n)
+    rows = weigh(A, c, weights, scratch)
+    longest = vector(scratch, n)
+    X = matrix(scratch, ONE, n)
+    step = matrix(scratch, ONE, n)
+    Y = matrix(scratch, ONE, n)
     for j in range(n):
         x[j] = min(max(x[j], box[LEAST, j]), box[GREATEST, j])
     last = released_at = math.inf
@@ -209,13 +254,16 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array, sc
         if blocked:
             continue
         if stationary or value >= last:
-            # stationary on this face of the box; in a corner several releases may be needed before there is descent
+            # stationary on this face of the box; in a corner several releases may be needed before
+            # there is descent
             worst, inward = most_pulled(rows, box, still)
             fruitless = fruitless + 1 if value >= released_at else 0
             # more than n are a cycle of rounding
             if not inward or fruitless > n:
                 return SOLVED
-            rows.held[worst], released_at, last = 0.0, value, math.inf
+            rows.held[worst] = 0.0
+            released_at = value
+            last = math.inf
         else:
             last = math.inf if advance(rows, box, step, x, longest) else value
     return FAILED

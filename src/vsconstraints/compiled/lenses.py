@@ -1,4 +1,6 @@
-"""Pixels through a lens and back, compiled: see :class:`vsconstraints.vision.distortion.Distortion`."""
+"""Pixels through a lens and back, compiled: see
+:class:`vsconstraints.vision.distortion.Distortion`.
+"""
 
 from __future__ import annotations
 
@@ -11,36 +13,46 @@ from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, e
 from ..rows import Array
 from .parts import address, make_part, to_fixed_tuple
 
-FIXED = 5  #: Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's reach.
+#: Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's
+#: reach.
+FIXED = 5
 
 
 def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:
-    """Make the function that takes pixels (M, 2) through a lens with so many coefficients, or back if asked so.
+    """Make the function that takes pixels (M, 2) through a lens with so many coefficients, or back
+    if asked so.
 
-    It writes them to ``out`` (M, 2), and returns how many cannot be undistorted. What is NaN stays so.
+    It writes them to ``out`` (M, 2), and returns how many cannot be undistorted. What is NaN stays
+    so.
     """
 
     def through(eye: Array, pixels: Array, out: Array, back: bool) -> int:
-        reach, coefficients, refused = eye[4], to_fixed_tuple(eye[FIXED:], count), 0
+        reach = eye[4]
+        coefficients = to_fixed_tuple(eye[FIXED:], count)
+        refused = 0
         for i in range(len(pixels)):
             image = (pixels[i, 0] - eye[2]) / eye[0], (pixels[i, 1] - eye[3]) / eye[1]
             x, y = image
             if not back:
                 found = extended(lens, x, y, reach, coefficients)
-                x, y = found[0], found[1]
+                x = found[0]
+                y = found[1]
             elif not math.isnan(x + y):
                 share = min(1.0, INSIDE * reach / max(math.sqrt(x * x + y * y), INSIDE * reach))
-                x, y = share * x, share * y
+                x = share * x
+                y = share * y
                 dx, dy, off = newton(lens, (x, y), image, reach, coefficients)
                 for _ in range(ITERATIONS):
                     if not off > TOLERANCE:
                         break
                     then = newton(lens, (x + dx, y + dy), image, reach, coefficients)
                     if then[2] < off:
-                        x, y = x + dx, y + dy
+                        x = x + dx
+                        y = y + dy
                         dx, dy, off = then
                     else:
-                        dx, dy = 0.5 * dx, 0.5 * dy
+                        dx = 0.5 * dx
+                        dy = 0.5 * dy
                 refused += not (off <= ACCURACY and math.sqrt(x * x + y * y) <= reach)
             out[i, 0], out[i, 1] = eye[0] * x + eye[2], eye[1] * y + eye[3]
         return refused

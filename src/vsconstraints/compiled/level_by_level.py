@@ -1,4 +1,6 @@
-"""Levels 1 and 2 of the hierarchy by themselves, for a hierarchy whose QPs a solver with a name answers."""
+"""Levels 1 and 2 of the hierarchy by themselves, for a hierarchy whose QPs a solver with a name
+answers.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from .least_violation import least_violation
 from .linear import copy_vector
 from .scratch import matrix, no_scratch
 
-VECTOR, MATRIX = "float64[::1]", "float64[:, ::1]"
+VECTOR = "float64[::1]"
+MATRIX = "float64[:, ::1]"
 
 
 @compiled(f"int64({MATRIX}, {VECTOR}, {VECTOR}, {MATRIX}, {VECTOR})")
@@ -19,9 +22,18 @@ def violate_least(A: Array, c: Array, weights: Array, box: Array, x: Array) -> i
     return code
 
 
-@compiled(f"boolean({MATRIX}, {VECTOR}, {MATRIX}, {MATRIX}, {VECTOR}, {VECTOR}, boolean[::1], float64)")
+@compiled(
+    f"boolean({MATRIX}, {VECTOR}, {MATRIX}, {MATRIX}, {VECTOR}, {VECTOR}, boolean[::1], float64)"
+)
 def track_best(
-    G: Array, center: Array, E: Array, walls: Array, sides: Array, x: Array, active: BoolArray, tolerance: float
+    G: Array,
+    center: Array,
+    E: Array,
+    walls: Array,
+    sides: Array,
+    x: Array,
+    active: BoolArray,
+    tolerance: float,
 ) -> bool:
     """See :func:`.least_residual`: from x (n,), with the task's minimiser ``center`` (n,)."""
     scratch = no_scratch()

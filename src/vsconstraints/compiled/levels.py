@@ -1,4 +1,6 @@
-"""Parts of the resolver ``hierarchy``, compiled: metric of lower levels, what level 1 leaves them, and the check."""
+"""Parts of the resolver ``hierarchy``, compiled: metric of lower levels, what level 1 leaves them,
+and the check.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,28 @@ from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length
 from .scratch import blank, matrix
 from .workspace import Scratch
 
-#: Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping.
+#: Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the
+#: metric of √damping.
 CHECKED = 1e-5
 ROUNDED = 1e-13  #: What rounding leaves of the gradient, as a fraction of its terms.
-#: Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it; their number.
-CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
+#: Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it;
+#: their number.
+CENTER = constant(5)
+ORIGIN = constant(6)
+OFFSET = constant(7)
+ROWS_OF_X = constant(8)
 
 
 @in_place
 def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> None:
-    """√damping [Z | offset] to the columns of R and, below it, G [Z | offset] / ‖G‖ to those of B (p + 1, k)."""
-    k, n, p, size, reduced = G.shape[0], X.shape[1], R.shape[1], squares(G, X.shape[1]), Z.shape[0] > 0
+    """√damping [Z | offset] to the columns of R and, below it, G [Z | offset] / ‖G‖ to those of B
+    (p + 1, k).
+    """
+    k = G.shape[0]
+    n = X.shape[1]
+    p = R.shape[1]
+    size = squares(G, X.shape[1])
+    reduced = Z.shape[0] > 0
     for j in range(p + 1):
         for i in range(p):
             R[j, i] = 0.0
@@ -41,15 +54,20 @@ def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> N
 
 
 @inner
-def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch) -> None:
-    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
+def metric(
+    G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch
+) -> None:
+    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to
+    a constant.
 
-    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
-    but the j-th alone, so that the work grows with the square of the number of columns. ``G`` (k, n) or wider is the
-    task, without what counts as its null space; ``Z`` (p, n) an orthonormal basis, or none: the identity. Outputs are
-    ``R`` (p + 1, p), by columns with r as the last one, and in ``S`` (3, p) the inverses of the diagonal.
+    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j
+    leaves all of the former but the j-th alone, so that the work grows with the square of the
+    number of columns. ``G`` (k, n) or wider is the task, without what counts as its null space;
+    ``Z`` (p, n) an orthonormal basis, or none: the identity. Outputs are ``R`` (p + 1, p), by
+    columns with r as the last one, and in ``S`` (3, p) the inverses of the diagonal.
     """
-    k, p = G.shape[0], R.shape[1]
+    k = G.shape[0]
+    p = R.shape[1]
     B = blank(scratch, p + 1, k)
     stack(G, damping, Z, X, R, B)
     for j in range(p):
@@ -65,20 +83,32 @@ def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scr
 
 @inner
 def settle(
-    walls: Array, sides: Array, weights: Array, box: Array, X: Array, relaxed: Array, violation: Array, scratch: Scratch
+    walls: Array,
+    sides: Array,
+    weights: Array,
+    box: Array,
+    X: Array,
+    relaxed: Array,
+    violation: Array,
+    scratch: Scratch,
 ) -> Array:
-    """What every point that violates least has in common with X[ORIGIN], which does: rows A of equalities, as [A | 0].
+    """What every point that violates least has in common with X[ORIGIN], which does: rows A of
+    equalities, as [A | 0].
 
-    Rows ``walls`` (w, n) from m on, those of the box, have no ``weights`` (m,). Writes ``relaxed`` (w,), sides that the
-    point meets, with a little room, since the rows may leave a set without interior; and ``violation`` (m,), what it
-    exceeds the ``sides`` by, where that is more than rounding.
+    Rows ``walls`` (w, n) from m on, those of the box, have no ``weights`` (m,). Writes ``relaxed``
+    (w,), sides that the point meets, with a little room, since the rows may leave a set without
+    interior; and ``violation`` (m,), what it exceeds the ``sides`` by, where that is more than
+    rounding.
     """
     w, n = walls.shape
     m = weights.size
-    A, pull = blank(scratch, m + n, n + 1), blank(scratch, S_ROWS, n)
-    size, at = length(X, ORIGIN, n), 0
+    A = blank(scratch, m + n, n + 1)
+    pull = blank(scratch, S_ROWS, n)
+    size = length(X, ORIGIN, n)
+    at = 0
     for i in range(w):
-        value, norm = dot(walls, i, X, ORIGIN, START, n), length(walls, i, n)
+        value = dot(walls, i, X, ORIGIN, START, n)
+        norm = length(walls, i, n)
         room = norm * size + abs(sides[i])
         relaxed[i] = max(sides[i], value) + RELAXED * room
         if i < m and value - sides[i] > SIGNIFICANT * room:
@@ -89,7 +119,8 @@ def settle(
                 pull[1, j] += abs(force)
                 A[at, j] = walls[i, j] / norm
             at += 1
-    # where the violations pull a coordinate against the box, every point that violates least has it at that bound
+    # where the violations pull a coordinate against the box, every point that violates least has it
+    # at that bound
     for j in range(n):
         pinned = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
         if pinned and abs(pull[0, j]) > SIGNIFICANT * pull[1, j]:
@@ -100,8 +131,11 @@ def settle(
 
 @in_place
 def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, float]:
-    """Write that of levels 2 and 3 at a point to X[NEW]; the size of the cost there, and of the terms of the point."""
-    n, size = point.shape[1], squares(G, point.shape[1])
+    """Write that of levels 2 and 3 at a point to X[NEW]; the size of the cost there, and of the
+    terms of the point.
+    """
+    n = point.shape[1]
+    size = squares(G, point.shape[1])
     cost = far = terms = 0.0
     for j in range(n):
         X[NEW, j] = 0.0
@@ -120,52 +154,78 @@ def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, f
 
 @in_place
 def optimal(
-    G: Array, damping: float, Z: Array, walls: Array, sides: Array, rows: Array, X: Array, point: Array
+    G: Array,
+    damping: float,
+    Z: Array,
+    walls: Array,
+    sides: Array,
+    rows: Array,
+    X: Array,
+    point: Array,
 ) -> bool:
-    """Whether ``point`` (1, n) minimises levels 2 and 3, by its optimality conditions, on the rows as they were stated.
+    """Whether ``point`` (1, n) minimises levels 2 and 3, by its optimality conditions, on the rows
+    as they were stated.
 
-    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more than
-    ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds. G, damping and Z are those of
-    :func:`metric`, ``rows`` what :func:`nearest` made of the walls.
+    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more
+    than ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds. G,
+    damping and Z are those of :func:`metric`, ``rows`` what :func:`nearest` made of the walls.
     """
-    n, p = point.shape[1], Z.shape[0]
+    n = point.shape[1]
+    p = Z.shape[0]
     cost, terms = gradient(G, damping, X, point)
     loose = rest = 0.0
     for i in range(walls.shape[0]):
         if rows[MULTIPLIER, i] > 0.0 and rows[SCALE, i] > 0.0:
             force = rows[MULTIPLIER, i] * rows[SCALE, i]
             add(X, NEW, force, walls, i, START, n)
-            room, norm = sides[i] - dot(walls, i, point, START, START, n), length(walls, i, n)
+            room = sides[i] - dot(walls, i, point, START, START, n)
+            norm = length(walls, i, n)
             terms += force * norm
             loose += force * max(0.0, abs(room) - ROUNDED * (norm * terms + abs(sides[i])))
     for d in range(p):
         rest += dot(X, NEW, Z, d, START, n) ** 2
     if p == 0:
         rest = dot(X, NEW, X, NEW, START, n)
-    return math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms and loose <= CHECKED * cost * cost
+    return (
+        math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms
+        and loose <= CHECKED * cost * cost
+    )
 
 
 @in_place
 def damped(G: Array, X: Array, point: Array) -> bool:
-    """Whether the damping may have cost the point a residual that level 2 by itself does not have."""
-    n, residual, far, size = point.shape[1], 0.0, 0.0, 0.0
+    """Whether the damping may have cost the point a residual that level 2 by itself does not
+    have.
+    """
+    n = point.shape[1]
+    residual = 0.0
+    far = 0.0
+    size = 0.0
     for i in range(G.shape[0]):
         along = away(G, i, point, START, X, CENTER)
         residual += along * along
     for j in range(n):
         far += (point[0, j] - X[CENTER, j]) ** 2
         size += point[0, j] ** 2
-    return math.sqrt(residual) > math.sqrt(squares(G, n)) * (STRICT * math.sqrt(far) + MET * math.sqrt(size))
+    return math.sqrt(residual) > math.sqrt(squares(G, n)) * (
+        STRICT * math.sqrt(far) + MET * math.sqrt(size)
+    )
 
 
 @in_place
 def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
-    """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on a long way."""
+    """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on
+    a long way.
+    """
     n = point.shape[1]
     size = length(point, START, n)
     for i in range(violation.size):
-        norm, excess = length(walls, i, n), dot(walls, i, point, START, START, n) - sides[i]
-        if violation[i] == 0.0 and not excess <= MISSED * (norm * size + abs(sides[i])) + NEGLIGIBLE * norm:
+        norm = length(walls, i, n)
+        excess = dot(walls, i, point, START, START, n) - sides[i]
+        if (
+            violation[i] == 0.0
+            and not excess <= MISSED * (norm * size + abs(sides[i])) + NEGLIGIBLE * norm
+        ):
             return False
     return True
 
@@ -184,7 +244,9 @@ def with_room(walls: Array, sides: Array, point: Array) -> None:
 @inner
 def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) -> Array:
     """Rows of E, the walls that are held, and the task, of unit norm, as [A | 0]."""
-    n, at, size = walls.shape[1], E.shape[0], math.sqrt(squares(G, walls.shape[1]))
+    n = walls.shape[1]
+    at = E.shape[0]
+    size = math.sqrt(squares(G, walls.shape[1]))
     A = blank(scratch, at + walls.shape[0] + G.shape[0], n + 1)
     for i in range(at):
         copy(A, i, E, i, n)
@@ -200,7 +262,9 @@ def join(E: Array, walls: Array, held: BoolArray, G: Array, scratch: Scratch) ->
 
 @in_place
 def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
-    """Make the point, brought into the box, the origin of what follows, and the answer if nothing does."""
+    """Make the point, brought into the box, the origin of what follows, and the answer if nothing
+    does.
+    """
     for j in range(qdd.size):
         X[ORIGIN, j] = qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
         X[OFFSET, j] = qdd[j] - X[CENTER, j]
@@ -208,7 +272,9 @@ def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
 
 @inner
 def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scratch) -> Array:
-    """Columns of Q of :func:`.pseudoinverse`, as rows: the first ``rank`` span the rows, the others the null space."""
+    """Columns of Q of :func:`.pseudoinverse`, as rows: the first ``rank`` span the rows, the others
+    the null space.
+    """
     Q = blank(scratch, last - first, F.shape[1])
     for d in range(last - first):
         Q[d, first + d] = 1.0
@@ -218,16 +284,20 @@ def columns(F: Array, T: Array, rank: int, first: int, last: int, scratch: Scrat
 
 @inner
 def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) -> tuple[Array, int]:
-    """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where there are none.
+    """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where
+    there are none.
 
     Then the origin may be the center, which is taken if that is asked for.
     """
     n = X.shape[1]
     if equal.shape[0] == 0:
         for j in range(n if from_center else START):
-            X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
+            X[ORIGIN, j] = X[CENTER, j]
+            X[OFFSET, j] = 0.0
         return matrix(scratch, START, n), n
-    F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
+    F, T, rank, _ = pseudoinverse(
+        equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch
+    )
     return columns(F, T, rank, rank, n, scratch), n - rank
 
 

@@ -1,7 +1,8 @@
 """Small linear algebra, compiled: rows of matrices, and Householder reflections.
 
-A function is compiled anew for every type of its arguments, and all that it calls is optimised once more together with
-it. So vectors are rows of matrices, all of one type, and levels of calls are few.
+A function is compiled anew for every type of its arguments, and all that it calls is optimised once
+more together with it. So vectors are rows of matrices, all of one type, and levels of calls are
+few.
 """
 
 from __future__ import annotations
@@ -16,12 +17,18 @@ from .compiler import in_place
 
 
 def constant(value: int) -> int:
-    """Make a constant to be handed to compiled functions: they are compiled anew for every plain one."""
+    """Make a constant to be handed to compiled functions: they are compiled anew for every plain
+    one.
+    """
     return cast("int", np.int64(value))
 
 
-#: The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it has.
-START, ONE, WORK, S_ROWS = constant(0), constant(1), constant(2), constant(3)
+#: The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it
+#: has.
+START = constant(0)
+ONE = constant(1)
+WORK = constant(2)
+S_ROWS = constant(3)
 LARGE = 1e280  #: Squares beyond this are not for compiled laws.
 
 
@@ -36,13 +43,17 @@ def finite(x: Array) -> bool:
 
 @in_place
 def out_of_range(squared: float) -> bool:
-    """Whether a square is not finite, or near where squares leave the range of floating point, unless it is zero."""
+    """Whether a square is not finite, or near where squares leave the range of floating point,
+    unless it is zero.
+    """
     return not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
 
 
 @in_place
 def in_range(X: Array) -> bool:
-    """Whether every row of X is finite, and far from where squares leave the range of floating point, or zero."""
+    """Whether every row of X is finite, and far from where squares leave the range of floating
+    point, or zero.
+    """
     wrong = 0
     for i in range(X.shape[0]):
         wrong |= out_of_range(dot(X, i, X, i, START, X.shape[1]))
@@ -113,7 +124,9 @@ def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
 
 @in_place
 def make_reflection(F: Array, S: Array, j: int) -> None:
-    """Turn F[j], which the reflections before have been applied to, into the j-th column of R and its reflection."""
+    """Turn F[j], which the reflections before have been applied to, into the j-th column of R and
+    its reflection.
+    """
     size = math.sqrt(dot(F, j, F, j, j, F.shape[1]))
     outward = math.copysign(size, F[j, j])
     F[j, j] += outward
@@ -139,7 +152,9 @@ def apply(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 
 @in_place
 def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Solve x ← R⁻¹ x for the first c columns of R of :func:`factor`, x being the beginning of a row of X."""
+    """Solve x ← R⁻¹ x for the first c columns of R of :func:`factor`, x being the beginning of a
+    row of X.
+    """
     for j in range(c - 1, -1, -1):
         X[row, j] *= S[0, j]
         for i in range(j):
@@ -160,12 +175,13 @@ def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 def factor(F: Array, S: Array) -> float:
     """Householder QR in place of the (r, c) matrix whose columns are the rows of F (c, r), c ≤ r.
 
-    Entry i < j of F[j] becomes R[i, j], and the rest of F[j] the vector v of the reflection I − beta v vᵀ. S (3, r)
-    gets the inverses of the diagonal of R, and beta; its last row is used up. Returns 1/‖R⁻¹‖_F, a lower bound of the
-    least singular value.
+    Entry i < j of F[j] becomes R[i, j], and the rest of F[j] the vector v of the reflection I −
+    beta v vᵀ. S (3, r) gets the inverses of the diagonal of R, and beta; its last row is used up.
+    Returns 1/‖R⁻¹‖_F, a lower bound of the least singular value.
     """
     c, r = F.shape
-    # columns to the right do not wait for each other, nor do entries of a row of R⁻¹: the processor overlaps them
+    # columns to the right do not wait for each other, nor do entries of a row of R⁻¹: the processor
+    # overlaps them
     for j in range(c):
         make_reflection(F, S, j)
         beta = S[1, j]

@@ -1,7 +1,7 @@
 """The row of manipulability: see :class:`vsconstraints.constraints.Manipulability`.
 
-Twists are in the base frame's axes, about the tip's origin: singular values, and brackets up to that rotation, are
-the same there as in the tip's axes.
+Twists are in the base frame's axes, about the tip's origin: singular values, and brackets up to
+that rotation, are the same there as in the tip's axes.
 """
 
 from __future__ import annotations
@@ -20,15 +20,19 @@ from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
 from .workspace import Step
 
-SINGULAR = 1e-9  #: Singular value below which the curvature is taken as that at this value, so that it stays finite.
-GONE = 1e-14  #: Singular value, relative to the largest, below which the vector that belongs to it is only rounding.
+#: Singular value below which the curvature is taken as that at this value, so that it stays finite.
+SINGULAR = 1e-9
+#: Singular value, relative to the largest, below which the vector that belongs to it is only
+#: rounding.
+GONE = 1e-14
 
 
 @inner
 def add_bracket(a: Array, b: Array, out: Array) -> None:
     """Add [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b) of twists (v, ω) to ``out`` (6,)."""
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
+        j = (i + 1) % 3
+        k = (i + 2) % 3
         out[i] += a[3 + j] * b[k] - a[3 + k] * b[j] + a[j] * b[3 + k] - a[k] * b[3 + j]
         out[3 + i] += a[3 + j] * b[3 + k] - a[3 + k] * b[3 + j]
 
@@ -36,7 +40,9 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
 @inner
 def tip_twists(step: Step, T: Array) -> None:
     """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
-    n, J, body = len(step.joints), step.J_point, step.bodies[len(step.joints)]
+    n = len(step.joints)
+    J = step.J_point
+    body = step.bodies[len(step.joints)]
     tip = plus(turned(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
     point_jacobian(step, n, tip, J)
     for j in range(n):
@@ -48,12 +54,15 @@ def tip_twists(step: Step, T: Array) -> None:
 
 @inner
 def write_rates(T: Array, qd: Array) -> None:
-    """Write J̇ and J̈ when q̈ = 0 behind the columns of J, in the base's axes or the tip's (3, n, 6)."""
+    """Write J̇ and J̈ when q̈ = 0 behind the columns of J, in the base's axes or the tip's (3, n,
+    6).
+    """
     after = np.zeros((2, 6))
     for j in range(T.shape[1] - 1, -1, -1):
         for i in range(6):
             T[1, j, i] = T[2, j, i] = 0.0
-        # a joint moves the columns of those before it, as seen from the tip: J̇_j = [J_j, sum of J_k q̇_k after it]
+        # a joint moves the columns of those before it, as seen from the tip: J̇_j = [J_j, sum of
+        # J_k q̇_k after it]
         add_bracket(T[0, j], after[0], T[1, j])
         add_bracket(T[0, j], after[1], T[2, j])
         add_bracket(T[1, j], after[0], T[2, j])
@@ -64,10 +73,11 @@ def write_rates(T: Array, qd: Array) -> None:
 
 @inner
 def singular(M: Array, s: Array, U: Array) -> Array:
-    """Singular values s (c,) of M (l, c), l ≥ c, decreasing, with unit vectors u (c, l), and [M v | v] (c, l + c).
+    """Singular values s (c,) of M (l, c), l ≥ c, decreasing, with unit vectors u (c, l), and [M v |
+    v] (c, l + c).
 
-    The last u is orthogonal to the others in any case. Without it, w would have no side to leave a singular
-    configuration on.
+    The last u is orthogonal to the others in any case. Without it, w would have no side to leave a
+    singular configuration on.
     """
     l, c = M.shape  # noqa: E741
     last = c - 1
@@ -88,14 +98,16 @@ def singular(M: Array, s: Array, U: Array) -> Array:
     for m in range(last):
         for i in range(l):
             U[m, i] = X[m, i] / s[m] if s[m] > 0.0 else 0.0
-    best, least = 0, math.inf
+    best = 0
+    least = math.inf
     for i in range(l):
         U[last, i] = X[last, i]
         taken = 0.0
         for m in range(last):
             taken += U[m, i] * U[m, i]
         if taken < least:
-            best, least = i, taken
+            best = i
+            least = taken
     if s[last] <= GONE * s[0]:
         for i in range(l):
             U[last, i] = 1.0 if i == best else 0.0
@@ -110,13 +122,21 @@ def singular(M: Array, s: Array, U: Array) -> Array:
 
 @inner
 def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, float]:
-    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of J, and write ∂w/∂q (n,); T (3, n, 6) is :func:`tip_twists`'."""
+    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of J, and write ∂w/∂q (n,); T (3, n, 6) is
+    :func:`tip_twists`'.
+    """
     n = T.shape[1]
     wide = count <= n
-    c, l = min(count, n), max(count, n)  # noqa: E741
-    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives, in the basis of v
-    M, U, D, D2 = np.empty((l, c)), np.empty((c, l)), np.zeros((c, l)), np.zeros((c, l))
-    s, change = np.zeros(c), np.zeros(6)
+    c = min(count, n)
+    l = max(count, n)  # noqa: E741
+    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives, in the
+    # basis of v
+    M = np.empty((l, c))
+    U = np.empty((c, l))
+    D = np.zeros((c, l))
+    D2 = np.zeros((c, l))
+    s = np.zeros(c)
+    change = np.zeros(6)
     for i in range(count):
         for j in range(n):
             if wide:
@@ -145,7 +165,8 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
                 for i in range(count):
                     x, y = (i, j) if wide else (j, i)
                     slope[k] += others * W[m, l + x] * U[m, y] * change[first + i]
-    # the first two derivatives of log det of G = P Pᵀ along q̇, in the basis of v, where G is diagonal
+    # the first two derivatives of log det of G = P Pᵀ along q̇, in the basis of v, where G is
+    # diagonal
     rate = second = squared = 0.0
     for m in range(c):
         gain = max(s[m], SINGULAR) ** 2
@@ -161,8 +182,11 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
 
 
 def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
-    """w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of the tip's J (6, n), from the first one on, in Python."""
-    T, slope = np.zeros((3, J.shape[1], 6)), np.empty(J.shape[1])
+    """w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of the tip's J (6, n), from the first one
+    on, in Python.
+    """
+    T = np.zeros((3, J.shape[1], 6))
+    slope = np.empty(J.shape[1])
     T[0] = J.T
     write_rates(T, qd)
     w, bent = measure(T, first, count, slope)
@@ -170,16 +194,21 @@ def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Arr
 
 
 def manipulability_rows() -> WriteRows:
-    """Make the function that writes the row of manipulability, by its number among the parts of the step at an address.
+    """Make the function that writes the row of manipulability, by its number among the parts of the
+    step at an address.
 
-    Its parameters are the least w, the scale, and the first and the number of the rows of the Jacobian that count.
+    Its parameters are the least w, the scale, and the first and the number of the rows of the
+    Jacobian that count.
     """
 
     def rows(address: int, i: int) -> None:
         step = load_step(address)
-        n, part = len(step.qd), step.parts[i]
+        n = len(step.qd)
+        part = step.parts[i]
         minimum, scale, start, count = to_fixed_tuple(step.parameters[i], 4)
-        T, slope, rate = np.empty((3, n, 6)), np.empty(n), 0.0
+        T = np.empty((3, n, 6))
+        slope = np.empty(n)
+        rate = 0.0
         tip_twists(step, T)
         w, bent = measure(T, int(start), int(count), slope)
         factor = -1.0 / scale

@@ -1,8 +1,9 @@
-"""Everything that touches private parts of numba: ``tests/test_numba_internals.py`` runs what is assumed of them.
+"""Everything that touches private parts of numba: ``tests/test_numba_internals.py`` runs what is
+assumed of them.
 
-``pyproject.toml`` bounds numba's version from above by the last one with which these tests have passed. Calls by
-address and structures at an address are why: first-class functions of numba would take fifty arrays one by one, through
-a wrapper in C, and cannot be stored in records.
+``pyproject.toml`` bounds numba's version from above by the last one with which these tests have
+passed. Calls by address and structures at an address are why: first-class functions of numba would
+take fifty arrays one by one, through a wrapper in C, and cannot be stored in records.
 """
 
 from __future__ import annotations
@@ -26,12 +27,17 @@ if numba.config.DISABLE_JIT:
 #: Whether ``NUMBA_BOUNDSCHECK`` asks for an IndexError where code would leave an array.
 CHECKS_BOUNDS = bool(numba.config.BOUNDSCHECK)
 
-VOID, INT, FLOAT = numba.types.void, numba.types.int64, numba.types.float64
-VECTOR, MATRIX = FLOAT[::1], FLOAT[:, ::1]
+VOID = numba.types.void
+INT = numba.types.int64
+FLOAT = numba.types.float64
+VECTOR = FLOAT[::1]
+MATRIX = FLOAT[:, ::1]
 
 
 class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
-    """Code that is not optimised by itself: the compiled functions that contain it optimise it again anyway."""
+    """Code that is not optimised by itself: the compiled functions that contain it optimise it
+    again anyway.
+    """
 
     _final_module: Any
 
@@ -39,13 +45,19 @@ class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         """Do nothing."""
 
     def _finalize_final_module(self) -> None:
-        """Make machine code of nothing but what numba insists on, a place for the environment of each function.
+        """Make machine code of nothing but what numba insists on, a place for the environment of
+        each function.
 
         Nobody reads there: environments serve exceptions with arguments, and Python objects.
         """
-        whole, common = self._final_module, codegen.ll.Linkage.common
-        places = [variable.name for variable in whole.global_variables if variable.linkage == common]
-        self._final_module = codegen.ll.parse_assembly("\n".join(f"@{name} = common global i64 0" for name in places))
+        whole = self._final_module
+        common = codegen.ll.Linkage.common
+        places = [
+            variable.name for variable in whole.global_variables if variable.linkage == common
+        ]
+        self._final_module = codegen.ll.parse_assembly(
+            "\n".join(f"@{name} = common global i64 0" for name in places)
+        )
         super()._finalize_final_module()
         self._final_module = whole
 
@@ -121,7 +133,9 @@ def part_of_others(function: Callable[..., Any], options: dict[str, Any]) -> Non
 
 
 def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[..., Any]:
-    """Make a decorator that compiles for a signature, and keeps the result in numba's cache folder."""
+    """Make a decorator that compiles for a signature, and keeps the result in numba's cache
+    folder.
+    """
     compiler: Callable[..., Any] = numba.njit(
         signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
     )
@@ -129,13 +143,19 @@ def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[
 
 
 def address(function: Any) -> int:
-    """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
+    """Where a compiled function of one signature begins; it stays there as long as the function is
+    kept.
+    """
     result = function.overloads[function.signatures[0]]
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
-def intrinsic(function: Callable[..., Any], prefer_literal: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """Let compiled code use what is decorated wherever Python calls ``function``: see ``numba.extending.intrinsic``."""
+def intrinsic(
+    function: Callable[..., Any], prefer_literal: bool = False
+) -> Callable[[Callable[..., Any]], Any]:
+    """Let compiled code use what is decorated wherever Python calls ``function``: see
+    ``numba.extending.intrinsic``.
+    """
 
     def decorate(definition: Callable[..., Any]) -> None:
         templates = numba.core.typing.templates
@@ -181,11 +201,15 @@ def _read(context: Any, builder: Any, kind: Stored, value: Any, name: str) -> An
     if isinstance(kind.structure.types[i], numba.types.BaseNamedTuple):
         return builder.ptrtoint(field, value.type)
     # where references are counted, what is returned counts as one more
-    return numba.core.imputils.impl_ret_borrowed(context, builder, kind.structure.types[i], builder.load(field))
+    return numba.core.imputils.impl_ret_borrowed(
+        context, builder, kind.structure.types[i], builder.load(field)
+    )
 
 
 def load_as(function: Callable[..., Any], example: Any) -> None:
-    """Let compiled code call ``function(address)`` for the structure at an address, of the types of an example."""
+    """Let compiled code call ``function(address)`` for the structure at an address, of the types of
+    an example.
+    """
     structure = numba.typeof(example)
 
     @intrinsic(function)
@@ -194,22 +218,29 @@ def load_as(function: Callable[..., Any], example: Any) -> None:
 
 
 def call_as(function: Callable[..., Any], result: Any) -> None:
-    """Let compiled code call ``function(address, arguments)`` for what begins at an address; structures pass whole."""
+    """Let compiled code call ``function(address, arguments)`` for what begins at an address;
+    structures pass whole.
+    """
 
     @intrinsic(function)
     def call(typing_context: Any, address: Any, arguments: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            types, unpacked = [], []
+            types = []
+            unpacked = []
             for i, argument in enumerate(signature.args[1].types):
                 value = builder.extract_value(values[1], i)
                 if isinstance(argument, Stored):
                     argument = argument.structure
-                    value = builder.load(builder.inttoptr(value, context.get_value_type(argument).as_pointer()))
+                    value = builder.load(
+                        builder.inttoptr(value, context.get_value_type(argument).as_pointer())
+                    )
                 types.append(argument)
                 unpacked.append(value)
             kind = context.call_conv.get_function_type(result, types)
             pointer = builder.inttoptr(values[0], kind.as_pointer())
-            status, answer = context.call_conv.call_function(builder, pointer, result, types, unpacked)
+            status, answer = context.call_conv.call_function(
+                builder, pointer, result, types, unpacked
+            )
             # nothing else raises in compiled code
             if CHECKS_BOUNDS:
                 with builder.if_then(status.is_error):
@@ -220,30 +251,43 @@ def call_as(function: Callable[..., Any], result: Any) -> None:
 
 
 def matrix_at_as(function: Callable[..., Any]) -> None:
-    """Let compiled code call ``function(numbers, at, rows, columns)`` for a matrix without counted references."""
+    """Let compiled code call ``function(numbers, at, rows, columns)`` for a matrix without counted
+    references.
+    """
 
     @intrinsic(function)
     def matrix_at(typing_context: Any, numbers: Any, at: Any, rows: Any, columns: Any) -> Any:
-        kind, arrays = numba.types.Array(numbers.dtype, 2, "C"), numba.np.arrayobj
+        kind = numba.types.Array(numbers.dtype, 2, "C")
+        arrays = numba.np.arrayobj
 
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            begin = builder.gep(arrays.make_array(numbers)(context, builder, values[0]).data, [values[1]])
-            each = context.get_constant(numba.types.intp, context.get_abi_sizeof(context.get_data_type(numbers.dtype)))
+            begin = builder.gep(
+                arrays.make_array(numbers)(context, builder, values[0]).data, [values[1]]
+            )
+            each = context.get_constant(
+                numba.types.intp, context.get_abi_sizeof(context.get_data_type(numbers.dtype))
+            )
             part = arrays.make_array(kind)(context, builder)
             strides = builder.mul(values[3], each), each
-            arrays.populate_array(part, begin, shape=values[2:], strides=strides, itemsize=each, meminfo=None)
+            arrays.populate_array(
+                part, begin, shape=values[2:], strides=strides, itemsize=each, meminfo=None
+            )
             return part._getvalue()
 
         return kind(numbers, *[numba.types.intp] * 3), generate
 
 
 def fixed_tuple_as(function: Callable[..., Any]) -> None:
-    """Let compiled code call ``function(array, count)`` for a tuple, whose size is known when it is compiled."""
+    """Let compiled code call ``function(array, count)`` for a tuple, whose size is known when it is
+    compiled.
+    """
     intrinsic(function)(import_module("numba.np.unsafe.ndarray").to_fixed_tuple._defn)
 
 
 def monotonic_as(function: Callable[..., Any], clock: int) -> None:
-    """Let compiled code call ``function(clock)`` for the time of a clock [s], by way of two integers of scratch."""
+    """Let compiled code call ``function(clock)`` for the time of a clock [s], by way of two
+    integers of scratch.
+    """
     clock_gettime = numba.types.ExternalFunction(
         "clock_gettime", numba.types.int32(numba.types.int32, numba.types.intp)
     )

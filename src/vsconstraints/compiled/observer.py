@@ -1,4 +1,6 @@
-"""A law on rows whose drift is observed, compiled: corrects the rows, and asks the law at another address."""
+"""A law on rows whose drift is observed, compiled: corrects the rows, and asks the law at another
+address.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ class ObserverArrays(NamedTuple):
     period: float  #: T_s [s].
     time_constant: float
     dead_time: float
-    seen: Array  #: (3, m) σ and σ̇ of the sample before, NaN if there was none, and the drift d̂ [1/s].
+    #: (3, m) σ and σ̇ of the sample before, NaN if there was none, and the drift d̂ [1/s].
+    seen: Array
     after: Array  #: (3, m) what is remembered of this sample once the law has answered.
     #: (m,) of the corrected rows.
     phi: Array
@@ -32,9 +35,12 @@ class ObserverArrays(NamedTuple):
     sigma_dot: Array
 
     @classmethod
-    def of(cls, m: int, law: int, period: float, time_constant: float, dead_time: float) -> ObserverArrays:
+    def of(
+        cls, m: int, law: int, period: float, time_constant: float, dead_time: float
+    ) -> ObserverArrays:
         """One that has seen nothing."""
-        seen, rows = np.full((3, m), math.nan), [np.zeros(m) for _ in range(4)]
+        seen = np.full((3, m), math.nan)
+        rows = [np.zeros(m) for _ in range(4)]
         seen[2] = 0.0
         return cls(law, period, time_constant, dead_time, seen, seen.copy(), *rows)
 
@@ -44,7 +50,9 @@ load_observer = struct_loader(ObserverArrays.of(1, 1, 1.0, 1.0, 1.0))
 
 @in_place
 def correct(own: ObserverArrays, rows: RowArrays) -> None:
-    """Observe the drift of this sample, and write the rows with it: σ̇ + d̂, and σ after the dead time."""
+    """Observe the drift of this sample, and write the rows with it: σ̇ + d̂, and σ after the dead
+    time.
+    """
     for i in range(own.phi.size):
         drift = 0.0
         if rows.K[i] > 0.0:

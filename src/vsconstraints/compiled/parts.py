@@ -1,8 +1,10 @@
-"""What compiled code reaches by its address: workspaces, and functions compiled for one formula each.
+"""What compiled code reaches by its address: workspaces, and functions compiled for one formula
+each.
 
-Rows of a constraint and laws vary from scene to scene. Each is compiled into a function of its own, and called by its
-address, so that the step and the loop are compiled once for all constraints and laws, those of users among them. From
-Python nobody calls by address: functions take a :class:`.Workspace`, and look what it is.
+Rows of a constraint and laws vary from scene to scene. Each is compiled into a function of its own,
+and called by its address, so that the step and the loop are compiled once for all constraints and
+laws, those of users among them. From Python nobody calls by address: functions take a
+:class:`.Workspace`, and look what it is.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from .workspace import Size, demand_workspace, structure_at
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_functions: dict[int, Callable[..., Any]] = {}  #: Functions whose address was taken, as Python calls them.
+#: Functions whose address was taken, as Python calls them.
+_functions: dict[int, Callable[..., Any]] = {}
 
 
 @lru_cache(maxsize=256)
@@ -50,7 +53,9 @@ def call_int_pointer(address: int, arguments: tuple[Any, ...]) -> int:
 
 
 def to_fixed_tuple(array: Array, count: int) -> tuple[float, ...]:
-    """The first so many entries of an array as a tuple; their number has to be known when a function is compiled."""
+    """The first so many entries of an array as a tuple; their number has to be known when a
+    function is compiled.
+    """
     return tuple(array[:count])
 
 
@@ -65,7 +70,9 @@ def monotonic(scratch: IntArray) -> float:
 
 
 def struct_loader(example: Any) -> Callable[[int], Any]:
-    """A function that gives back the structure at an address; its fields are of the types of the example's."""
+    """A function that gives back the structure at an address; its fields are of the types of the
+    example's.
+    """
 
     def load_struct(address: int) -> Any:
         return structure_at(address)
@@ -84,16 +91,20 @@ if compiler.internals is not None:
 
 
 def checked(*kinds: type) -> Callable[[Any], Any]:
-    """Make a decorator of a compiled function that takes the addresses of structures of these classes first.
+    """Make a decorator of a compiled function that takes the addresses of structures of these
+    classes first.
 
-    Python calls the result with workspaces instead: anything else raises InvalidInput. Its ``bind(*workspaces)`` checks
-    them once, and gives a function of the other arguments for loops, whose types are only checked if ``typed``.
-    ``unchecked`` is the function that takes addresses.
+    Python calls the result with workspaces instead: anything else raises InvalidInput. Its
+    ``bind(*workspaces)`` checks them once, and gives a function of the other arguments for loops,
+    whose types are only checked if ``typed``. ``unchecked`` is the function that takes addresses.
     """
 
     def decorate(function: Any) -> Any:
         def addresses(workspaces: tuple[Any, ...]) -> list[int]:
-            return [demand_workspace(*each, function.__name__) for each in zip(workspaces, kinds, strict=True)]
+            return [
+                demand_workspace(*each, function.__name__)
+                for each in zip(workspaces, kinds, strict=True)
+            ]
 
         @wraps(getattr(function, "py_func", function))
         def demanding(*arguments: Any) -> Any:
@@ -126,30 +137,38 @@ def make_part(
     options: dict[str, Any] = IN_PLACE,
     from_python: bool = False,
 ) -> Any:
-    """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and kept on disk.
+    """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and
+    kept on disk.
 
-    ``formulas`` are elementwise functions, or None where there is none; the last three are those of :func:`.compiled`.
+    ``formulas`` are elementwise functions, or None where there is none; the last three are those of
+    :func:`.compiled`.
     """
     function = template(*formulas, *constants)
     if compiler.internals is None:
         return in_python(function, signature)
     own = tuple(formula for formula in formulas if formula is not None)
     # functions from the disk are found by their names, of which every process counts its own
-    made_of = hashlib.sha256(repr(constants).encode() + compiler.internals.state_of(formulas)).hexdigest()[:16]
+    made_of = hashlib.sha256(
+        repr(constants).encode() + compiler.internals.state_of(formulas)
+    ).hexdigest()[:16]
     function.__name__ = function.__qualname__ = f"{template.__name__}_{made_of}"
     return compiled(signature, options, own, from_python)(function)
 
 
 def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
-    """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it runs in NumPy."""
+    """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it
+    runs in NumPy.
+    """
     names = " and ".join(
-        f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line {formula.__code__.co_firstlineno})"
+        f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line "
+        f"{formula.__code__.co_firstlineno})"
         for formula in formulas
         if formula is not None
     )
     reason = next((line for line in str(error).splitlines()[1:] if line.strip()), str(error))
     warnings.warn(
-        f"the compiler refuses a formula, so that rows of {names} are made in NumPy: {reason.strip()}",
+        f"the compiler refuses a formula, so that rows of {names} are made in NumPy: "
+        f"{reason.strip()}",
         RuntimeWarning,
         stacklevel=3,
     )

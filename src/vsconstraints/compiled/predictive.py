@@ -1,4 +1,6 @@
-"""The predictive safety filter, compiled: the last plan carried on, rows and task along it, and the best plan there."""
+"""The predictive safety filter, compiled: the last plan carried on, rows and task along it, and the
+best plan there.
+"""
 
 from __future__ import annotations
 
@@ -18,24 +20,37 @@ from .linear import copy_vector
 from .parts import call_int_pointer, load_step, struct_loader
 from .plan_program import WAY, Cost, Factor, Limits, Space, follow_block, move, plan_best
 from .resolving import finished, follow_alone, measurable
-from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
+from .workspace import (
+    FAILED,
+    NEEDS_PYTHON,
+    RELAXED_ROWS,
+    SOLVED,
+    Answer,
+    LawArrays,
+    RowArrays,
+    TaskArrays,
+)
 
-PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)  #: Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀.
-#: What is reported: at how many instants rows and task were predicted, of how many, how many rows hold the plan, and
-#: the code of its program.
+#: Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀.
+PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
+#: What is reported: at how many instants rows and task were predicted, of how many, how many rows
+#: hold the plan, and the code of its program.
 PREDICTED, ASKED, ACTIVE, CODE, OUTCOMES = range(5)
 #: The stages of a law, of which Python asks for one at a time where it predicts: option 1.
 ALL, PROPOSE, BRAKE, CONCLUDE = range(4)
 
 
 class PlanArrays(NamedTuple):
-    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k features."""
+    """What a predictive law works with: H blocks, up to N instants, n joints, m rows, k
+    features.
+    """
 
     #: Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
     loop: int
     step: int
     frozen: int  #: Whether all is predicted at the present time.
-    fading: float  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade; 0 at once.
+    #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade; 0 at once.
+    fading: float
     #: T_s, T and κ [s], λ relative to the mean of ‖J‖², and the margin as a share of rows' scales.
     period: float
     length: float
@@ -48,11 +63,13 @@ class PlanArrays(NamedTuple):
     K: Array
     weights: Array
     now: Array  #: (1 + 2n,) t, q, q̇.
-    #: (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the step's outputs (s,).
+    #: (PARTS,) where parts of what is predicted begin, or −1; (N, s) what is predicted, and the
+    #: step's outputs (s,).
     at: IntArray
     seen: Array
     out: Array
-    #: (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the brake.
+    #: (N,) instants from now, in which block, and since when it lasts [s]; the last is that of the
+    #: brake.
     times: Array
     block: IntArray
     since: Array
@@ -99,7 +116,11 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
         "pull": zeros((H, n)),
         "free": zeros((H, n)),
         "factor": Factor(
-            zeros((H, n, 2 * n)), zeros((H, n)), zeros((H, n, n)), zeros((H, n)), zeros((2 * n + 1, 2 * n))
+            zeros((H, n, 2 * n)),
+            zeros((H, n)),
+            zeros((H, n, n)),
+            zeros((H, n)),
+            zeros((2 * n + 1, 2 * n)),
         ),
         "value": zeros((N, m)),
         "gradient": zeros((N, m, n)),
@@ -113,7 +134,8 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
 
 
 def _example() -> PlanArrays:
-    one, counts = np.zeros(1), np.zeros(1, dtype=np.int64)
+    one = np.zeros(1)
+    counts = np.zeros(1, dtype=np.int64)
     return PlanArrays(
         1, 1, 1, *(1.0,) * 6, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
         by_speed=counts, **plan_space(1, 2, 1, 1),
@@ -129,7 +151,8 @@ def set_box(plans: PlanArrays, rows: RowArrays) -> None:
     for k in range(plans.low.shape[0]):
         for j in range(plans.low.shape[1]):
             most = plans.most[j]
-            plans.low[k, j], plans.high[k, j] = -most, most
+            plans.low[k, j] = -most
+            plans.high[k, j] = most
             if k == 0 and rows.qdd_max.size:
                 plans.low[k, j] = min(max(-most, rows.qdd_min[j]), rows.qdd_max[j])
                 plans.high[k, j] = min(max(most, rows.qdd_min[j]), rows.qdd_max[j])
@@ -166,8 +189,11 @@ def carry_on(plans: PlanArrays) -> None:
 
 @in_place
 def stopping_time(plans: PlanArrays) -> float:
-    """Time [s] in which all joints can stop together after the plan; 0 if a joint that moves has no bound."""
-    longest, free = 0.0, False
+    """Time [s] in which all joints can stop together after the plan; 0 if a joint that moves has no
+    bound.
+    """
+    longest = 0.0
+    free = False
     for j in range(plans.then.size):
         end = end_speed(plans, j)
         free |= plans.most[j] == math.inf and end != 0.0
@@ -188,8 +214,10 @@ def end_speed(plans: PlanArrays, j: int) -> float:
 def walk(plans: PlanArrays) -> int:
     """Write the states at all instants along the plan; returns their number."""
     H, n = plans.plan.shape
-    N, stop = plans.times.size - 1, stopping_time(plans)
-    plans.braking[0], plans.times[N] = stop, plans.times[N - 1] + stop
+    N = plans.times.size - 1
+    stop = stopping_time(plans)
+    plans.times[N] = plans.times[N - 1] + stop
+    plans.braking[0] = stop
     for k in range(H):
         follow_block(plans.length, plans.plan, plans.space.x, k, n)
     count = N + 1 if stop > 0.0 else N
@@ -199,8 +227,12 @@ def walk(plans: PlanArrays) -> int:
         for j in range(n):
             # what is moved at now's speed: half as far while that is braked
             tau = plans.times[t] if t < N else plans.times[N - 1] + 0.5 * stop
-            plans.states[0, t, j] = plans.now[1 + j] + tau * plans.now[1 + n + j] + plans.space.moved[0, t, j]
-            plans.states[1, t, j] = plans.now[1 + n + j] + plans.space.moved[1, t, j] if t < N else 0.0
+            plans.states[0, t, j] = (
+                plans.now[1 + j] + tau * plans.now[1 + n + j] + plans.space.moved[0, t, j]
+            )
+            plans.states[1, t, j] = (
+                plans.now[1 + n + j] + plans.space.moved[1, t, j] if t < N else 0.0
+            )
     plans.outcome[ASKED] = count
     return count
 
@@ -216,11 +248,17 @@ def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
 
 @in_place
 def predict(plans: PlanArrays) -> int:
-    """Evaluate the step along the plan; returns how many states there are before the first that has none."""
-    count, evaluate = walk(plans), load_step(plans.step).evaluate
+    """Evaluate the step along the plan; returns how many states there are before the first that has
+    none.
+    """
+    count = walk(plans)
+    evaluate = load_step(plans.step).evaluate
     for t in range(count):
         time = plans.now[0] + (0.0 if plans.frozen else plans.times[t])
-        if call_int_pointer(evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t])) != 0:
+        if (
+            call_int_pointer(evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t]))
+            != 0
+        ):
             return t
         copy_vector(plans.seen[t], plans.out)
     return count
@@ -228,7 +266,9 @@ def predict(plans: PlanArrays) -> int:
 
 @in_place
 def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) -> None:
-    """Write value and gradient of rows: what is predicted otherwise of now than rows say stays so."""
+    """Write value and gradient of rows: what is predicted otherwise of now than rows say stays
+    so.
+    """
     m, n = plans.gradient.shape[1:]
     for i in range(m):
         on_phi = plans.by_speed[i] != 0
@@ -237,9 +277,12 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
         if rows.sigma.size and not on_phi:
             now = rows.sigma[i]
         now += plans.margin * rows.scale[i]
-        by, drift = 1.0 if on_phi else 1.0 / plans.K[i], 0.0
+        by = 1.0 if on_phi else 1.0 / plans.K[i]
+        drift = 0.0
         if plans.fading > 0.0 and not on_phi and rows.sigma_dot.size:
-            drift = plans.fading * (rows.sigma_dot[i] - by * (plans.seen[0, plans.at[PHI] + i] - first))
+            drift = plans.fading * (
+                rows.sigma_dot[i] - by * (plans.seen[0, plans.at[PHI] + i] - first)
+            )
         for t in range(count):
             value = plans.seen[t, plans.at[PHI if on_phi else SIGMA] + i] + (now - first)
             if drift != 0.0:
@@ -252,15 +295,21 @@ def linearise(plans: PlanArrays, count: int, rows: RowArrays, task: TaskArrays) 
 
 @in_place
 def limit(plans: PlanArrays, count: int, scale: Array) -> None:
-    """Write by how much rows fall from instant to instant, how far they may be exceeded while braking, and shares."""
-    m, N = plans.gradient.shape[1], plans.times.size - 1
+    """Write by how much rows fall from instant to instant, how far they may be exceeded while
+    braking, and shares.
+    """
+    m = plans.gradient.shape[1]
+    N = plans.times.size - 1
     for t in range(count - 1):
         brakes = t + 1 == N
-        plans.falls[t] = 0.0 if brakes else math.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
+        plans.falls[t] = (
+            0.0 if brakes else math.exp(-(plans.times[t + 1] - plans.times[t]) / plans.approach)
+        )
         for i in range(m):
             plans.left[t, i] = 0.0
             if brakes:
-                # what is outside now may come back as slowly; the first state does not depend on the plan
+                # what is outside now may come back as slowly; the first state does not depend on
+                # the plan
                 outside = max(plans.value[0, i], 0.0) * math.exp(-plans.times[N] / plans.approach)
                 plans.left[t, i] = math.inf if plans.by_speed[i] else outside
             steepest = 0.0
@@ -274,8 +323,11 @@ def limit(plans: PlanArrays, count: int, scale: Array) -> None:
 def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
     """Write the cost of the blocks that begin where the task is predicted; returns λ."""
     H, n = plans.plan.shape
-    k, seen, at = task.b.size, plans.seen, plans.at
-    total, blocks = 0.0, 0
+    k = task.b.size
+    seen = plans.seen
+    at = plans.at
+    total = 0.0
+    blocks = 0
     for block in range(H):
         t = begin_of(plans, block)
         plans.gains[block] = 0.0
@@ -290,7 +342,8 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
         for r in range(k):
             squared += seen[t, at[ERROR] + r] ** 2
         Kp, Kv = gains(squared, plans.tracking[0], plans.tracking[1], plans.tracking[2])
-        plans.gains[block, 0], plans.gains[block, 1] = Kp, Kv
+        plans.gains[block, 0] = Kp
+        plans.gains[block, 1] = Kv
         for r in range(k):
             b = seen[t, at[B] + r] + (task.b[r] - seen[0, at[B] + r])
             for i in range(n):
@@ -298,15 +351,19 @@ def weigh(plans: PlanArrays, count: int, task: TaskArrays) -> float:
                 total += Ji * Ji
                 plans.pull[block, i] += Ji * b
                 for j in range(n):
-                    plans.square[block, i, j] += Ji * (task.J[r, j] if t == 0 else seen[t, at[JACOBIAN] + r * n + j])
+                    plans.square[block, i, j] += Ji * (
+                        task.J[r, j] if t == 0 else seen[t, at[JACOBIAN] + r * n + j]
+                    )
         for i in range(n):
             for j in range(n):
                 # b is that along the plan so far
                 own = Kp * plans.space.moved[0, t, j] + Kv * plans.space.moved[1, t, j]
                 plans.pull[block, i] += plans.square[block, i, j] * own
         if task.rest.size:
-            damping, stiffness = plans.tracking[3], plans.tracking[4]
-            plans.rest[block, 0], plans.rest[block, 1] = stiffness, damping
+            damping = plans.tracking[3]
+            stiffness = plans.tracking[4]
+            plans.rest[block, 0] = stiffness
+            plans.rest[block, 1] = damping
             for j in range(n):
                 free = task.rest[j]
                 if at[REST] >= 0:
@@ -328,7 +385,9 @@ def begin_of(plans: PlanArrays, block: int) -> int:
 @in_place
 def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
     """Mark the rows that hold the plan, and report how many there are."""
-    work, rows, most = plans.space.work, plans.left.size, 0.0
+    work = plans.space.work
+    rows = plans.left.size
+    most = 0.0
     answer.acted[:] = False
     for q in range(active):
         if plans.space.active[q] < rows + 2 * plans.plan.size:
@@ -352,9 +411,13 @@ def settle(plans: PlanArrays) -> None:
 
 
 @in_place
-def decide(law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+def decide(
+    law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays, answer: Answer
+) -> int:
     """The best plan where rows and task are predicted, and its first acceleration."""
-    m, qdd, count = rows.phi.size, answer.qdd, plans.outcome[PREDICTED]
+    m = rows.phi.size
+    qdd = answer.qdd
+    count = plans.outcome[PREDICTED]
     answer.acted[:] = False
     answer.slack[:] = 0.0
     plans.outcome[CODE] = FAILED
@@ -365,7 +428,9 @@ def decide(law: LawArrays, plans: PlanArrays, rows: RowArrays, task: TaskArrays,
     linearise(plans, count, rows, task)
     limit(plans, count, rows.scale)
     damping = weigh(plans, count, task)
-    cost = Cost(plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free)
+    cost = Cost(
+        plans.length, damping, plans.gains, plans.rest, plans.square, plans.pull, plans.free
+    )
     limits = limits_of(plans, count, rows.scale)
     code, active = plan_best(cost, plans.factor, limits, plans.space, plans.weights)
     plans.outcome[CODE] = code
@@ -401,7 +466,8 @@ def look_ahead(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    plans, stage = load_plans(law.demand), law.options[1]
+    plans = load_plans(law.demand)
+    stage = law.options[1]
     if plans.loop != 0:
         start_from(plans.loop, plans.step, plans.now)
     if stage != CONCLUDE:

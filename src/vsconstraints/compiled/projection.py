@@ -16,8 +16,12 @@ from .scratch import blank, emptied
 from .task_priority import pushed
 from .workspace import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 
-#: Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of J.
-Z, UNIT, NULL, ROWS_OF_X = START, ONE, constant(2), constant(3)
+#: Rows of the work space: the pushes, Jᵀe / ‖Jᵀe‖, and what of the pushes is in the null space of
+#: J.
+Z = START
+UNIT = ONE
+NULL = constant(2)
+ROWS_OF_X = constant(3)
 
 
 @in_place
@@ -43,18 +47,23 @@ def direction(J: Array, e: Array, X: Array, along: Array) -> float:
 def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Projection`.
 
-    Its options are the rank tolerance and the errors below and above which λ is 0 and 1. ``SOLVED``, or
-    ``NEEDS_PYTHON`` where input is refused, the error is not given, or numbers leave the range.
+    Its options are the rank tolerance and the errors below and above which λ is 0 and 1.
+    ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, the error is not given, or numbers leave
+    the range.
     """
     law = load_law(address)
-    e, J, qdd = task.error, task.J, answer.qdd
+    e = task.error
+    J = task.J
+    qdd = answer.qdd
     if not valid(law, rows, task, answer) or e.size != task.b.size or not fits(e, e.size):
         return NEEDS_PYTHON
-    (k, n), scratch = J.shape, emptied(law)
+    k, n = J.shape
+    scratch = emptied(law)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, PUSH):
         return NEEDS_PYTHON
-    X, along = blank(scratch, ROWS_OF_X, n), blank(scratch, 1, k)[0]
+    X = blank(scratch, ROWS_OF_X, n)
+    along = blank(scratch, 1, k)[0]
     if pushed(law, rows, answer.acted, X[Z]):
         error = direction(J, e, X, along)
         call_int_pointer(law.track, (scratch, J, along, law.options[0], J[:0, 0], X[NULL]))

@@ -1,4 +1,6 @@
-"""What compiled resolvers share: what they may be given, tracking alone, the demands, and what is remembered."""
+"""What compiled resolvers share: what they may be given, tracking alone, the demands, and what is
+remembered.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,17 @@ from .workspace import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
 
 @in_place
 def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
-    """Whether :func:`vsconstraints.rows.checks.check` has nothing to say, squares are in range, and outputs fit.
+    """Whether :func:`vsconstraints.rows.checks.check` has nothing to say, squares are in range, and
+    outputs fit.
 
     Writes the squares of the rows' lengths.
     """
-    phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
-    m, n = law.asked.size, answer.qdd.size
+    phi = rows.phi
+    Lf = rows.Lf
+    gain = rows.switching_gain
+    scale = rows.scale
+    m = law.asked.size
+    n = answer.qdd.size
     if phi.size != m or rows.Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
         return False
     if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
@@ -31,19 +38,27 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         wrong |= out_of_range(law.squared[i])
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= phi[i] / FARTHEST > scale[i]
-        wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
+        wrong |= not (
+            (gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf)
+        )
     return not wrong and in_range(task.J) and finite(task.b)
 
 
 @in_place
 def measurable(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
     """Likewise, with outputs for slack and iterations."""
-    return answer.slack.size == rows.phi.size and answer.iterations.size > 0 and valid(law, rows, task, answer)
+    return (
+        answer.slack.size == rows.phi.size
+        and answer.iterations.size > 0
+        and valid(law, rows, task, answer)
+    )
 
 
 @inner
 def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
-    """L_gφ q̈ (m,) of the command that tracks if the law's demand depends on it, or (0,); its ‖q̈‖ is kept."""
+    """L_gφ q̈ (m,) of the command that tracks if the law's demand depends on it, or (0,); its ‖q̈‖
+    is kept.
+    """
     tracked = law.tracked[: rows.phi.size if law.tracks else 0]
     squared = 0.0
     for j in range(qdd.size):
@@ -55,8 +70,12 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
 
 @inner
 def demanded(address: int, law: LawArrays, rows: RowArrays, qdd: Array, purpose: int) -> bool:
-    """Write what rows ask for to ``law.asked``, with tracking alone in q̈ where used; False if one is no number."""
-    code: int = call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), purpose, law.after, law.asked))
+    """Write what rows ask for to ``law.asked``, with tracking alone in q̈ where used; False if one
+    is no number.
+    """
+    code: int = call_int_pointer(
+        law.demand, (address, rows, rates(law, rows, qdd), purpose, law.after, law.asked)
+    )
     return code == 0
 
 
@@ -69,13 +88,17 @@ def tell_alone(answer: Answer) -> None:
 @in_place
 def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
     """q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance."""
-    call_int_pointer(law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd))
+    call_int_pointer(
+        law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd)
+    )
     tell_alone(answer)
 
 
 @in_place
 def finished(law: LawArrays, rows: RowArrays, qdd: Array, code: int) -> int:
-    """The code of an answer, of which what the demand gave back and L_gφ q̈ are kept; or ``NEEDS_PYTHON``."""
+    """The code of an answer, of which what the demand gave back and L_gφ q̈ are kept; or
+    ``NEEDS_PYTHON``.
+    """
     if not checkable(law, rows, qdd):
         return NEEDS_PYTHON
     write_rates(rows.Lg, qdd, law.last_rates)
@@ -88,7 +111,8 @@ def finished(law: LawArrays, rows: RowArrays, qdd: Array, code: int) -> int:
 @in_place
 def checkable(law: LawArrays, rows: RowArrays, qdd: Array) -> bool:
     """Whether the accelerations are finite, and :func:`.beyond_rounding` has nothing to say."""
-    size, wrong = 0.0, 0
+    size = 0.0
+    wrong = 0
     for j in range(qdd.size):
         size += qdd[j] * qdd[j]
     size *= ROUNDING * ROUNDING

@@ -1,6 +1,7 @@
 """What a sample of a closed loop leaves: it is scored and kept, and the robot goes on.
 
-Written once, in operations that compile: the compiled loop calls these functions compiled, any other one as they are.
+Written once, in operations that compile: the compiled loop calls these functions compiled, any
+other one as they are.
 """
 
 from __future__ import annotations
@@ -14,15 +15,19 @@ from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .workspace import BOOL, F8, I8, Answer, RowArrays, TaskArrays
 
-#: What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion.
+#: What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's
+#: motion.
 STEP, LAW, ALONE, MOVE = range(4)
-NOTICED = 1e-3  #: From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make.
+#: From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make.
+NOTICED = 1e-3
 
 
 class Goals(NamedTuple):
-    """What is wanted: when each goal begins, its pixels and its pose, NaN where it has none, and its tolerance.
+    """What is wanted: when each goal begins, its pixels and its pose, NaN where it has none, and
+    its tolerance.
 
-    That is distance [m], angle [rad], pixels and joints' speed; the first two count if ``by_pose``, and else the third.
+    That is distance [m], angle [rad], pixels and joints' speed; the first two count if ``by_pose``,
+    and else the third.
     """
 
     begins: Annotated[Array, F8, "goals"]
@@ -34,9 +39,11 @@ class Goals(NamedTuple):
 
 
 class PlantArrays(NamedTuple):
-    """See :class:`vsconstraints.simulation.plant.Plant`: transition, state and scratch for it, and d_c (N or 1, n).
+    """See :class:`vsconstraints.simulation.plant.Plant`: transition, state and scratch for it, and
+    d_c (N or 1, n).
 
-    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` is the command before.
+    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` is the
+    command before.
     """
 
     transition: Annotated[Array, F8, "s", "s"]
@@ -48,10 +55,12 @@ class PlantArrays(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
+    """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled
+    round and round.
 
-    ``states`` are those of the plant at the beginning of each period. The camera's errors and poses, and the features'
-    error, are kept for as long as it takes to detect rest, even where nothing else is.
+    ``states`` are those of the plant at the beginning of each period. The camera's errors and
+    poses, and the features' error, are kept for as long as it takes to detect rest, even where
+    nothing else is.
     """
 
     states: Annotated[Array, F8, "N", "s", "n"]
@@ -75,7 +84,8 @@ class Running(NamedTuple):
 
     phi_max: Annotated[Array, F8, "m"]
     sigma_max: Annotated[Array, F8, "m"]
-    # samples with σ > 0, and in which the row acts; the first and the last of these, −1 if there is none
+    # samples with σ > 0, and in which the row acts; the first and the last of these, −1 if there is
+    # none
     outside: Annotated[IntArray, I8, "m"]
     acted: Annotated[IntArray, I8, "m"]
     first_active: Annotated[IntArray, I8, "m"]
@@ -84,15 +94,18 @@ class Running(NamedTuple):
     positive: Annotated[IntArray, I8, "m"]
     longest_positive: Annotated[IntArray, I8, "m"]
     acceleration_max: Annotated[Array, F8, "n"]  # |q̈_c|
-    # samples of the scenario's duration, which all laws share: in these alone Σ‖Δq̈_c‖, Σ‖Δq̈_c‖² and changes of the set
-    # of acting rows are counted
+    # samples of the scenario's duration, which all laws share: in these alone Σ‖Δq̈_c‖, Σ‖Δq̈_c‖²
+    # and changes of the set of acting rows are counted
     common: Annotated[IntArray, I8, 1]
     variation: Annotated[Array, F8, 1]
     squared_variation: Annotated[Array, F8, 1]
     switches: Annotated[IntArray, I8, 1]
-    unreached: Annotated[IntArray, I8, "goals"]  # last sample of each goal in which it is not reached; −1 if none
-    saturated: Annotated[IntArray, I8, 1]  # samples in which the command is at a limit of the actuators
-    share_to_hold: Annotated[Array, F8, "m"]  # L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before
+    # last sample of each goal in which it is not reached; −1 if none
+    unreached: Annotated[IntArray, I8, "goals"]
+    # samples in which the command is at a limit of the actuators
+    saturated: Annotated[IntArray, I8, 1]
+    # L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before
+    share_to_hold: Annotated[Array, F8, "m"]
     # of the last sample
     active: Annotated[BoolArray, BOOL, "m"]
     qdd: Annotated[Array, F8, "n"]
@@ -101,11 +114,12 @@ class Running(NamedTuple):
 class Loop(NamedTuple):
     """A closed loop.
 
-    ``parts`` are addresses: of the function that evaluates a step, of the believed step, of the true one, of the law,
-    of tracking. Where one is 0, Python does it. Then of the function that writes measurements to the believed step, or
-    0 where it knows all, and of its workspace; likewise of the function that moves a plant without a transition.
-    ``clock`` is (0,) where nobody asks how long steps take. ``rows``, ``task`` and ``answer`` are the law's; its q̈ is
-    the plant's command. ``alone`` is q̈ of tracking, ``true`` to ``camera_t`` what is true.
+    ``parts`` are addresses: of the function that evaluates a step, of the believed step, of the
+    true one, of the law, of tracking. Where one is 0, Python does it. Then of the function that
+    writes measurements to the believed step, or 0 where it knows all, and of its workspace;
+    likewise of the function that moves a plant without a transition. ``clock`` is (0,) where nobody
+    asks how long steps take. ``rows``, ``task`` and ``answer`` are the law's; its q̈ is the plant's
+    command. ``alone`` is q̈ of tracking, ``true`` to ``camera_t`` what is true.
     """
 
     parts: Annotated[IntArray, I8, 9]
@@ -133,7 +147,9 @@ def put(numbers: Array, out: Array) -> None:
 
 
 def hold(transition: Array, x: Array, after: Array) -> None:
-    """Set x ← transition x: the state (s, n) at a period's end, from that at its beginning. ``after`` is scratch."""
+    """Set x ← transition x: the state (s, n) at a period's end, from that at its beginning.
+    ``after`` is scratch.
+    """
     s, n = x.shape
     for i in range(s):
         for j in range(n):
@@ -145,11 +161,13 @@ def hold(transition: Array, x: Array, after: Array) -> None:
 
 
 def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
-    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a limit of its.
+    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a
+    limit of its.
 
     So they would bring what tracking commands ``alone`` (n,).
     """
-    given, saturated = plant.limits, False
+    given = plant.limits
+    saturated = False
     for j in range(len(given.acceleration)):
         limits = JointLimits(given.acceleration[j], given.change[j], 0.0, 0.0, 0.0, 0, given.period)
         least, greatest = actuator_box(plant.last[j], limits)
@@ -161,15 +179,20 @@ def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
 
 
 def judge_contact(loop: Loop) -> None:
-    """Where a row first comes to φ = 0, or tracking alone brings it there within the period: what holding it takes.
+    """Where a row first comes to φ = 0, or tracking alone brings it there within the period: what
+    holding it takes.
 
-    q̈ with |q̈ⱼ| ≤ aⱼ changes φ̇ = L_fφ + L_gφ q̈ by up to Σⱼ|L_gφⱼ|aⱼ: L_fφ above that is more than any law can hold.
+    q̈ with |q̈ⱼ| ≤ aⱼ changes φ̇ = L_fφ + L_gφ q̈ by up to Σⱼ|L_gφⱼ|aⱼ: L_fφ above that is more
+    than any law can hold.
     """
-    rows, limits, shares = loop.true, loop.plant.limits, loop.scores.share_to_hold
+    rows = loop.true
+    limits = loop.plant.limits
+    shares = loop.scores.share_to_hold
     for i in range(len(shares) if len(limits.acceleration) else 0):
         if not math.isnan(shares[i]):
             continue
-        rate, most = rows.Lf[i], 0.0
+        rate = rows.Lf[i]
+        most = 0.0
         for j in range(len(loop.alone)):
             rate += rows.Lg[i, j] * loop.alone[j]
         if max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0:
@@ -181,10 +204,12 @@ def judge_contact(loop: Loop) -> None:
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
     """Say of rows whether they act: whether they hold the arm back.
 
-    Their φ is slowed: q̈ (n,) makes it rise by less than tracking ``alone`` (n,) would, from the same state. What slows
-    one row slows others as well. Of the slowed rows, those with φ ≥ 0 act; where there is none, the one nearest to it.
+    Their φ is slowed: q̈ (n,) makes it rise by less than tracking ``alone`` (n,) would, from the
+    same state. What slows one row slows others as well. Of the slowed rows, those with φ ≥ 0 act;
+    where there is none, the one nearest to it.
     """
-    nearest, joints = -math.inf, 0
+    nearest = -math.inf
+    joints = 0
     for j in range(len(qdd)):
         # most often the two are the same
         joints = joints if qdd[j] == alone[j] else len(qdd)
@@ -213,7 +238,8 @@ def feature_error(pixels: Array, wanted: Array) -> float:
     """Greatest distance of a marker (M, 2) from where it is wanted [px]."""
     greatest = 0.0
     for i in range(len(pixels)):
-        du, dv = pixels[i, 0] - wanted[i, 0], pixels[i, 1] - wanted[i, 1]
+        du = pixels[i, 0] - wanted[i, 0]
+        dv = pixels[i, 1] - wanted[i, 1]
         greatest = max(greatest, du * du + dv * dv)
     return math.sqrt(greatest)
 
@@ -228,7 +254,8 @@ def fastest(qd: Array) -> float:
 
 def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
     """Score sample k: its rows, q̈_c (n,), and which rows act (m,)."""
-    squared, changed = 0.0, False
+    squared = 0.0
+    changed = False
     for j in range(len(qdd)):
         squared += (qdd[j] - scores.qdd[j]) ** 2
         scores.acceleration_max[j] = max(scores.acceleration_max[j], abs(qdd[j]))
@@ -254,12 +281,19 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
 
 def finish(loop: Loop, k: int) -> None:
     """Score and keep sample k, and take the robot to the end of its period."""
-    kept, true, goals, x, push = loop.kept, loop.true, loop.goals, loop.plant.x, loop.plant.push
-    at, camera = k % len(kept.states), k % len(kept.camera_t)
+    kept = loop.kept
+    true = loop.true
+    goals = loop.goals
+    x = loop.plant.x
+    push = loop.plant.push
+    at = k % len(kept.states)
+    camera = k % len(kept.camera_t)
     goal = goal_at(goals.begins, k * loop.Ts[0])
     distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
     away = feature_error(loop.pixels, goals.pixels[goal])
-    kept.camera_error[camera, 0], kept.camera_error[camera, 1], kept.feature_error[camera] = distance, turn, away
+    kept.camera_error[camera, 0] = distance
+    kept.camera_error[camera, 1] = turn
+    kept.feature_error[camera] = away
     if not reached(distance, turn, away, fastest(x[1]), goals.tolerance[goal], goals.by_pose[0]):
         loop.scores.unreached[goal] = k
     kept.saturated[at] = saturate(loop.plant, loop.answer.qdd, loop.alone)

@@ -15,14 +15,29 @@ from .linear import ONE, START, away, constant, copy, copy_vector, length, squar
 from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, flags, matrix
-from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import (
+    INCOMPATIBLE,
+    NEEDS_PYTHON,
+    SOLVED,
+    Answer,
+    LawArrays,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+)
 
 #: Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1.
-BEST, NONE, TRACKING, WHOLE, ROWS_OF_X = START, ONE, constant(2), constant(3), constant(4)
+BEST = START
+NONE = ONE
+TRACKING = constant(2)
+WHOLE = constant(3)
+ROWS_OF_X = constant(4)
 
 
 class Critical(NamedTuple):
-    """The bound that allows the least share s of the task, that share, and from which one on all others allow it."""
+    """The bound that allows the least share s of the task, that share, and from which one on all
+    others allow it.
+    """
 
     bound: int
     most: float
@@ -31,7 +46,9 @@ class Critical(NamedTuple):
 
 @in_place
 def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
-    """What a bound leaves, side − w q̈, 0 within rounding of its terms; W (w, n + 1) is [W | sides]."""
+    """What a bound leaves, side − w q̈, 0 within rounding of its terms; W (w, n + 1) is [W |
+    sides].
+    """
     n = X.shape[1]
     rest = W[i, n]
     for j in range(n):
@@ -41,17 +58,24 @@ def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
 
 @in_place
 def critical(W: Array, held: BoolArray, X: Array) -> Critical:
-    """Which bound is, between the accelerations at s = 1 and at s = 0; ``most`` is infinite if none is exceeded."""
-    of_whole, of_none = length(X, WHOLE, X.shape[1]), length(X, NONE, X.shape[1])
-    chosen, most, least = -1, math.inf, 0.0
+    """Which bound is, between the accelerations at s = 1 and at s = 0; ``most`` is infinite if none
+    is exceeded.
+    """
+    of_whole = length(X, WHOLE, X.shape[1])
+    of_none = length(X, NONE, X.shape[1])
+    chosen = -1
+    most = math.inf
+    least = 0.0
     for i in range(W.shape[0]):
         if held[i]:
             continue
-        at_one, at_zero = left(W, i, X, WHOLE, of_whole), left(W, i, X, NONE, of_none)
+        at_one = left(W, i, X, WHOLE, of_whole)
+        at_zero = left(W, i, X, NONE, of_none)
         if at_one < 0.0:
             lasting = at_zero / (at_zero - at_one) if at_zero > at_one else -math.inf
             if chosen < 0 or lasting < most:
-                chosen, most = i, lasting
+                chosen = i
+                most = lasting
         elif at_zero < 0.0:
             least = max(least, at_zero / (at_zero - at_one))
     return Critical(chosen, most, least)
@@ -60,7 +84,9 @@ def critical(W: Array, held: BoolArray, X: Array) -> Critical:
 @inner
 def missed(J: Array, X: Array) -> bool:
     """Whether J has more than rounding of the way from the command that tracks to the whole one."""
-    n, residual, far = X.shape[1], 0.0, 0.0
+    n = X.shape[1]
+    residual = 0.0
+    far = 0.0
     for j in range(n):
         far += (X[WHOLE, j] - X[TRACKING, j]) ** 2
     for i in range(J.shape[0]):
@@ -71,11 +97,15 @@ def missed(J: Array, X: Array) -> bool:
 
 @inner
 def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) -> Array:
-    """[W | sides] of the rows that ask for something, which are marked, with rows of unit norm, and of the box.
+    """[W | sides] of the rows that ask for something, which are marked, with rows of unit norm, and
+    of the box.
 
     A row that no acceleration influences is none, or zero.
     """
-    c, bound, (m, n), at = law.asked, law.options[1], rows.Lg.shape, START
+    c = law.asked
+    bound = law.options[1]
+    m, n = rows.Lg.shape
+    at = START
     W = blank(scratch, m + 2 * n, n + 1)
     for i in range(m):
         size = math.sqrt(law.squared[i])
@@ -99,24 +129,35 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
 def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Saturation`.
 
-    Its options are those of the hierarchy, and 1 if it scales. ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused,
-    or numbers leave the range; the code of the hierarchy, where it has to answer.
+    Its options are those of the hierarchy, and 1 if it scales. ``SOLVED``, or ``NEEDS_PYTHON``
+    where input is refused, or numbers leave the range; the code of the hierarchy, where it has to
+    answer.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance, J, b, rest, acted = law.options[0], task.J, task.b, task.rest, answer.acted
-    n, scratch = answer.qdd.size, emptied(law)
+    tolerance = law.options[0]
+    J = task.J
+    b = task.b
+    rest = task.rest
+    acted = answer.acted
+    n = answer.qdd.size
+    scratch = emptied(law)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, answer.qdd, BOUND):
         return NEEDS_PYTHON
     W = bounds(law, rows, acted, scratch)
-    held, kept = flags(scratch, W.shape[0]), flags(scratch, W.shape[0])
-    saturated, A = matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
-    X, nothing = blank(scratch, ROWS_OF_X, n), blank(scratch, 1, b.size)[0]
+    held = flags(scratch, W.shape[0])
+    kept = flags(scratch, W.shape[0])
+    saturated = matrix(scratch, n + 1, n + 1)
+    A = matrix(scratch, n + 1, n + 1)
+    X = blank(scratch, ROWS_OF_X, n)
+    nothing = blank(scratch, 1, b.size)[0]
     copy_vector(X[TRACKING], answer.qdd)
     copy_vector(X[WHOLE], answer.qdd)
-    count, largest, taken = 0, -1.0, scratch.taken[0]
+    count = 0
+    largest = -1.0
+    taken = scratch.taken[0]
     if rest.size > 0:
         call_int_pointer(law.track, (scratch, J, nothing, tolerance, rest, X[NONE]))
     while True:

@@ -1,4 +1,6 @@
-"""The resolver ``saturation-exact``, compiled: the hierarchy in the coordinates of the task's scale and null space."""
+"""The resolver ``saturation-exact``, compiled: the hierarchy in the coordinates of the task's scale
+and null space.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +18,35 @@ from .parts import call_int_pointer
 from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, filled, flags, matrix, vector
 from .walls import Demands, Resolved, count_resisting
-from .workspace import INCOMPATIBLE, NEEDS_PYTHON, SHORT, SOLVED, Answer, RowArrays, Scratch, TaskArrays
+from .workspace import (
+    INCOMPATIBLE,
+    NEEDS_PYTHON,
+    SHORT,
+    SOLVED,
+    Answer,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+)
 
-#: The damping over that of the hierarchy: the task has a gain of 1 and nothing else, so that less is not too little.
+#: The damping over that of the hierarchy: the task has a gain of 1 and nothing else, so that less
+#: is not too little.
 LESS = 1e-4
 
 
 @inner
 def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch) -> Array:
-    """Rows (1 + p, n) of unit norm, orthogonal: that of J†b, which is written to X[START], and the null space of J."""
+    """Rows (1 + p, n) of unit norm, orthogonal: that of J†b, which is written to X[START], and the
+    null space of J.
+    """
     k, n = J.shape
     W = matrix(scratch, k, n + 1)
     for i in range(k):
         copy(W, i, J, i, n)
         W[i, n] = b[i]
     F, S, rank, _ = pseudoinverse(W, START, CERTAIN * tolerance, tolerance, W, X, START, scratch)
-    T, size = blank(scratch, ONE + n - rank, n), length(X, START, n)
+    T = blank(scratch, ONE + n - rank, n)
+    size = length(X, START, n)
     add(T, START, 1.0 / size if size > 0.0 else 0.0, X, START, START, n)
     for d in range(n - rank):
         T[1 + d, rank + d] = 1.0
@@ -41,20 +56,28 @@ def directions(J: Array, b: Array, tolerance: float, X: Array, scratch: Scratch)
 
 @compiled(RESOLVER, from_python=False)
 def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.SaturationExact`, whose options are those of the hierarchy.
+    """See :class:`vsconstraints.controllers.resolvers.SaturationExact`, whose options are those of
+    the hierarchy.
 
-    ``SOLVED`` or ``SHORT``, ``NEEDS_PYTHON`` where input is refused or numbers leave the range, or the code of the
-    hierarchy, where it has to answer.
+    ``SOLVED`` or ``SHORT``, ``NEEDS_PYTHON`` where input is refused or numbers leave the range, or
+    the code of the hierarchy, where it has to answer.
     """
     law = load_law(address)
     if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance, bound, damping = law.options[0], law.options[1], law.options[2]
-    (m, n), qdd, rest, scratch = rows.Lg.shape, answer.qdd, task.rest, emptied(law)
+    tolerance = law.options[0]
+    bound = law.options[1]
+    damping = law.options[2]
+    m, n = rows.Lg.shape
+    qdd = answer.qdd
+    rest = task.rest
+    scratch = emptied(law)
     follow_alone(law, task, answer)
     if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
-    X, box, fixed = aim_at(qdd, scratch).X, matrix(scratch, 2, n), flags(scratch, m + 2 * n)
+    X = aim_at(qdd, scratch).X
+    box = matrix(scratch, 2, n)
+    fixed = flags(scratch, m + 2 * n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     own = Demands(rows.Lg, law.asked, rows.scale, law.asked)
@@ -62,9 +85,12 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
         answer.iterations[0] = 0
         return finished(law, rows, qdd, SOLVED)
     T = directions(task.J, task.b, tolerance, X, scratch)
-    p, whole = T.shape[0], length(X, START, n)
+    p = T.shape[0]
+    whole = length(X, START, n)
     # rows and the box of q̈ as rows of y, of q̈ = Σ yᵢ Tᵢ, where s = y₀ / ‖J†b‖
-    A, c, scale = matrix(scratch, m + 2 * n, p), vector(scratch, m + 2 * n), filled(scratch, m + 2 * n, 1.0)
+    A = matrix(scratch, m + 2 * n, p)
+    c = vector(scratch, m + 2 * n)
+    scale = filled(scratch, m + 2 * n, 1.0)
     for d in range(p):
         for i in range(m):
             A[i, d], c[i] = dot(rows.Lg, i, T, d, START, n), law.asked[i]
@@ -72,19 +98,22 @@ def saturation_exact(address: int, rows: RowArrays, task: TaskArrays, answer: An
         for j in range(n):
             A[m + j, d], c[m + j] = T[d, j], box[GREATEST, j]
             A[m + n + j, d], c[m + n + j] = -T[d, j], -box[LEAST, j]
-    bounds, J, free = matrix(scratch, 2, p), blank(scratch, ONE, p), blank(scratch, ONE, p)[0]
+    bounds = matrix(scratch, 2, p)
+    J = blank(scratch, ONE, p)
+    free = blank(scratch, ONE, p)[0]
     for d in range(p):
-        bounds[LEAST, d], bounds[GREATEST, d] = 0.0 if d == 0 else -math.inf, whole if d == 0 else math.inf
+        bounds[LEAST, d] = 0.0 if d == 0 else -math.inf
+        bounds[GREATEST, d] = whole if d == 0 else math.inf
         for j in range(rest.size):
             free[d] += T[d, j] * rest[j]
     J[0, 0], b = 1.0, vector(scratch, 1)
     b[0] = whole
     found = Resolved(vector(scratch, p), vector(scratch, c.size), fixed)
-    priorities, demands = (
-        Priorities(bounds, LESS * damping, tolerance, True),
-        Demands(A, c, scale, filled(scratch, c.size, 1.0)),
+    priorities = Priorities(bounds, LESS * damping, tolerance, True)
+    demands = Demands(A, c, scale, filled(scratch, c.size, 1.0))
+    code, _ = hierarchy(
+        demands, aim_at_task(J, b, free, tolerance, scratch), priorities, found, scratch
     )
-    code, _ = hierarchy(demands, aim_at_task(J, b, free, tolerance, scratch), priorities, found, scratch)
     if code not in (SOLVED, SHORT):
         if law.otherwise == 0:
             return INCOMPATIBLE

@@ -1,4 +1,6 @@
-"""Scratch of compiled functions: matrices that are parts of one array, since making them takes as long as their use."""
+"""Scratch of compiled functions: matrices that are parts of one array, since making them takes as
+long as their use.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Where a camera is, from what it sees, and what a controller believes to see.
 
-See :func:`vsconstraints.vision.measurement.estimated_pose` and :mod:`vsconstraints.simulation.sensing`.
+See :func:`vsconstraints.vision.measurement.estimated_pose` and
+:mod:`vsconstraints.simulation.sensing`.
 """
 
 from __future__ import annotations
@@ -36,26 +37,34 @@ register_formulas()
 
 ITERATIONS = 10  #: Of the pose estimation at most; three or four are usual.
 CONVERGED = 1e-10  #: Step of the pose estimation [m, rad] at which it ends.
-#: Directions of the camera's motion to which the image is less sensitive than this, relative to the most sensitive one,
-#: are left as they are where the search starts.
+#: Directions of the camera's motion to which the image is less sensitive than this, relative to the
+#: most sensitive one, are left as they are where the search starts.
 RANK_TOLERANCE = 1e-4
-#: Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
-#: ends where a step is small, however accurate it is.
+#: Full rank is certain where the bound of the least singular value exceeds the tolerance by this
+#: factor: the search ends where a step is small, however accurate it is.
 CERTAIN = 1.01
 
 
 @inner
-def pose_step(markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, scratch: Scratch) -> float:
+def pose_step(
+    markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, scratch: Scratch
+) -> float:
     """Write the step (1, 6) of Gauss–Newton from a pose; returns its length."""
     W = parts.matrix(scratch, 2 * len(markers), 7)
     for i in range(len(markers)):
         P = turned_back(R, minus(vector(markers[i]), t))
         Z = max(P[2], MINIMUM_DEPTH)
-        x, y = P[0] / Z, P[1] / Z
+        x = P[0] / Z
+        y = P[1] / Z
         for c in range(2):
-            W[2 * i + c, 0], W[2 * i + c, 1], W[2 * i + c, 2], W[2 * i + c, 3], W[2 * i + c, 4], W[2 * i + c, 5] = (
-                image_row(c, x, y, Z)
-            )
+            (
+                W[2 * i + c, 0],
+                W[2 * i + c, 1],
+                W[2 * i + c, 2],
+                W[2 * i + c, 3],
+                W[2 * i + c, 4],
+                W[2 * i + c, 5],
+            ) = image_row(c, x, y, Z)
         W[2 * i, 6], W[2 * i + 1, 6] = seen[i, 0] - x, seen[i, 1] - y
     pseudoinverse(W, START, CERTAIN * RANK_TOLERANCE, RANK_TOLERANCE, W, step, START, scratch)
     squared = 0.0
@@ -65,8 +74,12 @@ def pose_step(markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, sc
 
 
 @inner
-def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch) -> tuple[bool, Matrix, Vector]:
-    """The pose that explains normalised markers (m, 2) best, from R and t on; False if numbers are not finite."""
+def explain(
+    markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch
+) -> tuple[bool, Matrix, Vector]:
+    """The pose that explains normalised markers (m, 2) best, from R and t on; False if numbers are
+    not finite.
+    """
     step = parts.matrix(scratch, 1, 6)
     taken = scratch.taken[0]
     for _ in range(ITERATIONS):
@@ -81,9 +94,16 @@ def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch)
     return True, R, t
 
 
-@compiled("boolean(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], int64[::1])", OPTIONS)
-def estimate(markers: Array, seen: Array, R: Array, t: Array, numbers: Array, taken: IntArray) -> bool:
-    """Move a pose R (3, 3), t (3,) to where it explains normalised markers (m, 2) best; False if it leaves all numbers.
+@compiled(
+    "boolean(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], "
+    "int64[::1])",
+    OPTIONS,
+)
+def estimate(
+    markers: Array, seen: Array, R: Array, t: Array, numbers: Array, taken: IntArray
+) -> bool:
+    """Move a pose R (3, 3), t (3,) to where it explains normalised markers (m, 2) best; False if it
+    leaves all numbers.
 
     ``numbers`` and ``taken`` are those of a :class:`.Scratch`.
     """
@@ -98,13 +118,21 @@ load_sensing = struct_loader(zeros(Sensing))
 
 @checked(Sensing, Step, Step)
 @compiled("int64(int64, int64, int64, float64, int64)", OPTIONS)
-def observe(sensing_address: int, true_address: int, believed_address: int, t: float, k: int) -> int:
-    """Tell the step that the control believes in what is measured in sample k, at t [s], of the step that is true.
+def observe(
+    sensing_address: int, true_address: int, believed_address: int, t: float, k: int
+) -> int:
+    """Tell the step that the control believes in what is measured in sample k, at t [s], of the
+    step that is true.
 
     Returns 0, or 1 if no pose with all markers in front of the camera explains the image.
     """
-    sensing, true, believed = load_sensing(sensing_address), load_step(true_address), load_step(believed_address)
-    lens, pixels, camera, scratch = sensing.lenses, true.pixels, believed.camera[0], sensing.scratch
+    sensing = load_sensing(sensing_address)
+    true = load_step(true_address)
+    believed = load_step(believed_address)
+    lens = sensing.lenses
+    pixels = true.pixels
+    camera = believed.camera[0]
+    scratch = sensing.scratch
     held = sensing.images
     if lens.address != 0:
         call_int_pointer(lens.address, (lens.true, pixels, lens.pixels, False))
@@ -120,7 +148,9 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
         for c in range(2):
             believed.measured[i, c] = pixels[i, c]
             seen[i, c] = (pixels[i, c] - camera.offset[c]) / camera.focal[c]
-    found, R, where = explain(believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch)
+    found, R, where = explain(
+        believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch
+    )
     if not found:
         return 1
     for i in range(len(seen)):

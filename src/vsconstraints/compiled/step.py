@@ -1,4 +1,6 @@
-"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one compiled function."""
+"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one
+compiled function.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,16 @@ from ..formulas.motion import angle
 from ..formulas.rotation import whole_turns
 from ..formulas.vectors import matrix, plus, times, turned, vector
 from ..rows import Array, BoolArray
-from .camera import carry, from_target, in_camera, keep_view, look_back, move_camera, moved_since, place_camera
+from .camera import (
+    carry,
+    from_target,
+    in_camera,
+    keep_view,
+    look_back,
+    move_camera,
+    moved_since,
+    place_camera,
+)
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, put
 from .parts import address as address_of
@@ -24,30 +35,47 @@ from .workspace import OWN, Step
 
 @in_place
 def see(step: Step, i: int, t: float) -> bool:
-    """Write where a marker is in the image and how it moves; False if it is not in front of the camera."""
-    eye, camera, marker = step.eye[0], step.camera[0], step.seen[i]
+    """Write where a marker is in the image and how it moves; False if it is not in front of the
+    camera.
+    """
+    eye = step.eye[0]
+    camera = step.camera[0]
+    marker = step.seen[i]
     P = in_camera(step, i)
-    v, omega = vector(eye.velocity), vector(eye.angular_velocity)
-    v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
+    v = vector(eye.velocity)
+    omega = vector(eye.angular_velocity)
+    v_dot = vector(eye.acceleration)
+    omega_dot = vector(eye.angular_acceleration)
     if not P[2] >= MINIMUM_DEPTH:
         return False
     if step.measurement[0].given:
-        # what a detector says; what it says nothing of is as far from where the model has it as it was last seen
-        x, y, said = P[0] / P[2], P[1] / P[2], step.measured[i]
+        # what a detector says; what it says nothing of is as far from where the model has it as it
+        # was last seen
+        x = P[0] / P[2]
+        y = P[1] / P[2]
+        said = step.measured[i]
         dx = dy = dz = 0.0
         if step.measurement[0].time < t - JUST_NOW:
             dx, dy, dz = moved_since(step, i)
         Z = max(said[2] + dz, MINIMUM_DEPTH) if said[2] >= MINIMUM_DEPTH else P[2]
         step.depth_ratio[i] = Z / P[2] if said[2] >= MINIMUM_DEPTH else said[2] / P[2]
         if said[0] == said[0] and said[1] == said[1]:
-            u, w = (said[0] - camera.offset[0]) / camera.focal[0], (said[1] - camera.offset[1]) / camera.focal[1]
-            step.correction[i, 0], step.correction[i, 1] = u + dx - x, w + dy - y
-        x, y = x + step.correction[i, 0], y + step.correction[i, 1]
+            u = (said[0] - camera.offset[0]) / camera.focal[0]
+            w = (said[1] - camera.offset[1]) / camera.focal[1]
+            step.correction[i, 0] = u + dx - x
+            step.correction[i, 1] = w + dy - y
+        x = x + step.correction[i, 0]
+        y = y + step.correction[i, 1]
         P = (x * Z, y * Z, Z)
     P = times(camera.depth_factor, P)
     x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
-    marker.xy[0], marker.xy[1], marker.velocity[0], marker.velocity[1] = x, y, x_dot, y_dot
-    marker.drift[0], marker.drift[1], marker.depth = x_ddot, y_ddot, P[2]
+    marker.xy[0] = x
+    marker.xy[1] = y
+    marker.velocity[0] = x_dot
+    marker.velocity[1] = y_dot
+    marker.depth = P[2]
+    marker.drift[1] = y_ddot
+    marker.drift[0] = x_ddot
     step.pixels[i, 0] = camera.focal[0] * x + camera.offset[0]
     step.pixels[i, 1] = camera.focal[1] * y + camera.offset[1]
     return True
@@ -55,11 +83,19 @@ def see(step: Step, i: int, t: float) -> bool:
 
 @in_place
 def write_innovation(step: Step, t: float) -> None:
-    """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
-    innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
-    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = innovation[7] = 0.0
+    """Write how far what is measured is from the model; what is measured of the camera's pose is
+    written by then.
+    """
+    innovation = step.innovation
+    measurement = step.measurement[0]
+    camera = step.camera[0]
+    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = innovation[
+        7
+    ] = 0.0
     if measurement.given:
-        innovation[0], innovation[1] = image_innovation(step.pixels, step.correction, camera.focal[0], camera.focal[1])
+        innovation[0], innovation[1] = image_innovation(
+            step.pixels, step.correction, camera.focal[0], camera.focal[1]
+        )
         innovation[4] = t - measurement.time
         innovation[6] = depth_innovation(step.depth_ratio)
     innovation[2] = innovation[3] = 0.0
@@ -86,7 +122,8 @@ def write_box(step: Step, j: int) -> None:
         given.period,
     )  # fmt: skip
     least, greatest = joint_box(step.q[j], step.qd[j], step.last_command[j], limits)
-    step.rows.qdd_min[j], step.rows.qdd_max[j] = least, greatest
+    step.rows.qdd_min[j] = least
+    step.rows.qdd_max[j] = greatest
 
 
 @in_place
@@ -120,7 +157,8 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
             return False
     write_innovation(step, t)
     for i in range(len(step.places)):
-        point, spot = step.robot_points[i], step.places[i]
+        point = step.robot_points[i]
+        spot = step.places[i]
         r = turned(matrix(step.bodies[point.body].R), vector(point.offset))
         position, velocity, drift = carry(step, point.body, r)
         put(position, spot.position)
@@ -142,13 +180,16 @@ def evaluate(address: int, step: Step, t: float, q: Array, qd: Array) -> bool:
 @checked(Step)
 @compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
 def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
-    """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a :class:`.Step`.
+    """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a
+    :class:`.Step`.
 
-    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera: then
-    nothing in the outputs counts, and what the task remembers is as it was. What was measured is used up.
+    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front
+    of the camera: then nothing in the outputs counts, and what the task remembers is as it was.
+    What was measured is used up.
     """
     step = load_step(address)
-    done, measurement = evaluate(address, step, t, q, qd), step.measurement[0]
+    done = evaluate(address, step, t, q, qd)
+    measurement = step.measurement[0]
     measurement.given = measurement.pose_given = 0
     return 0 if done else 1
 
@@ -159,21 +200,30 @@ EVALUATE = address_of(evaluate_step)  #: Where it begins.
 @checked(Step)
 @compiled("void(int64, float64)", IN_PLACE)
 def follow(address: int, t: float) -> None:
-    """Make a task of an own feature, whose error, J_s, ṡ, drift and ∂s/∂t are written, at time t [s]."""
+    """Make a task of an own feature, whose error, J_s, ṡ, drift and ∂s/∂t are written, at time t
+    [s].
+    """
     write_task(load_step(address), t)
 
 
 @checked(Step)
 @compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
 def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
-    """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an image of that time.
+    """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an
+    image of that time.
 
-    A depth of 0 or infinity is none either: so depth cameras say that they do not know it. Returns 0, or 1 if the sizes
-    are others, a pixel is infinite, a depth negative or the time not before t [s].
+    A depth of 0 or infinity is none either: so depth cameras say that they do not know it. Returns
+    0, or 1 if the sizes are others, a pixel is infinite, a depth negative or the time not before t
+    [s].
     """
     step = load_step(address)
     M = len(step.seen)
-    if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M or not -np.inf < taken <= t + JUST_NOW:
+    if (
+        pixels.shape[0] != M
+        or pixels.shape[1] != 2
+        or depth.size != M
+        or not -np.inf < taken <= t + JUST_NOW
+    ):
         return 1
     # who calls the entry point without a look at the types may bring others
     if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
@@ -184,16 +234,23 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
         known = 0.0 < depth[i] < np.inf
         step.measured[i, 0], step.measured[i, 1] = pixels[i, 0], pixels[i, 1]
         step.measured[i, 2] = depth[i] if known else np.nan
-    step.measurement[0].given, step.measurement[0].time = 1, taken
+    step.measurement[0].given = 1
+    step.measurement[0].time = taken
     return 0
 
 
 @checked(Step)
-@compiled("void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], boolean[::1])", IN_PLACE)
+@compiled(
+    "void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], "
+    "boolean[::1])",
+    IN_PLACE,
+)
 def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
-    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n), without their motion.
+    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n),
+    without their motion.
 
-    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count.
+    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the
+    pixels do not count.
     """
     step = load_step(address)
     camera = step.camera[0]
@@ -210,4 +267,7 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
         for i in range(len(step.robot_points)):
             point = step.robot_points[i]
             body = step.bodies[point.body]
-            put(plus(vector(body.origin), turned(matrix(body.R), vector(point.offset))), points[k, i])
+            put(
+                plus(vector(body.origin), turned(matrix(body.R), vector(point.offset))),
+                points[k, i],
+            )

@@ -13,13 +13,25 @@ from .least_squares import bring, resolve
 from .linear import START
 from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
-from .workspace import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .workspace import (
+    NEEDS_PYTHON,
+    RANK_LOSS,
+    SOLVED,
+    Answer,
+    LawArrays,
+    RowArrays,
+    Scratch,
+    TaskArrays,
+)
 
 
 @in_place
 def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: Array) -> int:
-    """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths; their number."""
-    n, at = rows.Lg.shape[1], START
+    """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths;
+    their number.
+    """
+    n = rows.Lg.shape[1]
+    at = START
     for i in range(rows.phi.size):
         if acted[i] and rows.phi[i] >= least:
             length = math.sqrt(law.squared[i])
@@ -35,16 +47,26 @@ def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: A
 def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Priority`; its option is the rank tolerance.
 
-    ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the least-squares sense;
-    or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
+    ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the
+    least-squares sense; or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the
+    range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance, qdd, acted, J, b, rest = law.options[0], answer.qdd, answer.acted, task.J, task.b, task.rest
-    m, n, scratch = rows.phi.size, qdd.size, emptied(law)
+    tolerance = law.options[0]
+    qdd = answer.qdd
+    acted = answer.acted
+    J = task.J
+    b = task.b
+    rest = task.rest
+    m = rows.phi.size
+    n = qdd.size
+    scratch = emptied(law)
     A: Array = matrix(scratch, m, n + 1)
-    F, S, least = A, A, 0.0
+    F = A
+    S = A
+    least = 0.0
     # a task of full column rank is tracked first, and corrected for the rows that act
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
@@ -59,10 +81,14 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd, scratch)))
         and resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)[0] < acting
     ):
-        # a dependence among rows that act before their boundary is reached is met in the least-squares sense
+        # a dependence among rows that act before their boundary is reached is met in the
+        # least-squares sense
         reached = gather(law, rows, acted, 0.0, A)
         unused = matrix(scratch, 1, n)[0]
-        if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
+        if (
+            reached == acting
+            or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached
+        ):
             return RANK_LOSS if checkable(law, rows, qdd) else NEEDS_PYTHON
     return finished(law, rows, qdd, SOLVED)
 
@@ -81,8 +107,11 @@ def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, q
 
 @in_place
 def pushed(law: LawArrays, rows: RowArrays, acted: BoolArray, z: Array) -> bool:
-    """Add Σ cᵢ L_gφᵢ† of what is asked for to z (n,), and mark the rows that push in ``acted`` (m,); whether any."""
-    push, some = law.asked, False
+    """Add Σ cᵢ L_gφᵢ† of what is asked for to z (n,), and mark the rows that push in ``acted``
+    (m,); whether any.
+    """
+    push = law.asked
+    some = False
     for i in range(push.size):
         acted[i] = push[i] != math.inf
         some |= acted[i]

@@ -16,8 +16,12 @@ JUST_NOW = 1e-9  #: A goal's time [s] is met up to rounding.
 
 @in_place
 def write_pose(step: Step, goal: int, continues: bool) -> None:
-    """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see :class:`vsconstraints.vision.features.CameraPose`."""
-    eye, task, wanted = step.eye[0], step.task, step.goals[goal]
+    """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see
+    :class:`vsconstraints.vision.features.CameraPose`.
+    """
+    eye = step.eye[0]
+    task = step.task
+    wanted = step.goals[goal]
     E, e, w = pose_error(
         matrix(wanted.R),
         vector(wanted.t),
@@ -29,7 +33,13 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
     omega = vector(eye.angular_velocity)
     w_dot, L, L_dot = rotation_vector_rate(w, omega)
     rate, drift, w_ddot = pose_rates(
-        E, L, L_dot, vector(eye.velocity), omega, vector(eye.acceleration), vector(eye.angular_acceleration)
+        E,
+        L,
+        L_dot,
+        vector(eye.velocity),
+        omega,
+        vector(eye.acceleration),
+        vector(eye.angular_acceleration),
     )
     put(e, task.error[:3])
     put(w, task.error[3:])
@@ -46,14 +56,21 @@ def write_pose(step: Step, goal: int, continues: bool) -> None:
 @in_place
 def write_image(step: Step, goal: int) -> None:
     """Write J_s, the error, ṡ, J̇_s q̇ + ∂ṡ/∂t and ∂s/∂t of markers: see :class:`.ImagePoints`."""
-    eye, task, share, J = step.eye[0], step.task, step.options[0].share, step.camera_J
+    eye = step.eye[0]
+    task = step.task
+    share = step.options[0].share
+    J = step.camera_J
     for row in range(len(task.error)):
-        marker, c = step.seen[row // 2], row % 2
-        now, there = image_row(c, marker.xy[0], marker.xy[1], marker.depth), step.goal_interaction[goal, row]
+        marker = step.seen[row // 2]
+        c = row % 2
+        now = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
+        there = step.goal_interaction[goal, row]
         drift = 0.0
         for j in range(3):
             drift += ((1.0 - share) * now[j] + share * there[j]) * eye.acceleration[j]
-            drift += ((1.0 - share) * now[3 + j] + share * there[3 + j]) * eye.angular_acceleration[j]
+            drift += ((1.0 - share) * now[3 + j] + share * there[3 + j]) * eye.angular_acceleration[
+                j
+            ]
         moving = 0.0
         for j in range(J.shape[1]):
             entry = wanted = 0.0
@@ -71,7 +88,9 @@ def write_image(step: Step, goal: int) -> None:
 @in_place
 def write_task(step: Step, t: float) -> None:
     """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`.VisualTask`."""
-    options, last, task = step.options[0], step.last[0], step.task
+    options = step.options[0]
+    last = step.last[0]
+    task = step.task
     k, n = task.J.shape
     goal = START
     for g in range(len(step.goals)):
@@ -82,7 +101,9 @@ def write_task(step: Step, t: float) -> None:
         write_pose(step, goal, continues)
     elif options.feature == IMAGE_POINTS:
         write_image(step, goal)
-    Ts, reach_in, reference = t - last.time, step.goals[goal].reach_in, step.last_reference
+    Ts = t - last.time
+    reach_in = step.goals[goal].reach_in
+    reference = step.last_reference
     differences = continues and Ts > 0.0
     squared = left = speed = bend = 0.0
     if reach_in > 0.0:
@@ -93,7 +114,8 @@ def write_task(step: Step, t: float) -> None:
         moving = 0.0
         for j in range(n):
             moving += task.J[i, j] * step.qd[j]
-        # what does not come from the robot, and what replaces ṡ where J_s is not that of the current image
+        # what does not come from the robot, and what replaces ṡ where J_s is not that of the
+        # current image
         if options.feature == CAMERA_POSE:
             step.partial[i] = task.error_rate[i] - moving
         elif options.share > 0.0:
@@ -112,13 +134,16 @@ def write_task(step: Step, t: float) -> None:
             if not continues:
                 reference[0, i] = task.error[i]
             start = reference[0, i]
-            s_ref, rate, acceleration = left * start, speed * start, bend * start
+            s_ref = left * start
+            rate = speed * start
+            acceleration = bend * start
             if options.reference_by_differences:
                 rate = acceleration = 0.0
                 if differences:
                     rate = (s_ref - reference[1, i]) / Ts
                     acceleration = (rate - reference[2, i]) / Ts
-            reference[1, i], reference[2, i] = s_ref, rate
+            reference[1, i] = s_ref
+            reference[2, i] = rate
             task.error[i] -= s_ref
             task.error_rate[i] -= rate
             step.drift[i] -= acceleration
@@ -133,5 +158,8 @@ def write_task(step: Step, t: float) -> None:
         q = step.q[j]
         if step.joints[j].continuous != 0:
             q -= whole_turns(q - step.posture[j])
-        task.rest[j] = resting(q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness)
-    last.time, last.goal = t, goal
+        task.rest[j] = resting(
+            q, step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness
+        )
+    last.time = t
+    last.goal = goal

@@ -1,4 +1,6 @@
-"""What rows ask of the descent, compiled: which of them resist, as walls of a polyhedron, and what is said of them."""
+"""What rows ask of the descent, compiled: which of them resist, as walls of a polyhedron, and what
+is said of them.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,11 @@ from .workspace import Scratch
 
 
 class Demands(NamedTuple):
-    """What rows ask of the acceleration, A q̈ ≤ c with A (m, n) and c (m,), ∞ for a row that asks for nothing.
+    """What rows ask of the acceleration, A q̈ ≤ c with A (m, n) and c (m,), ∞ for a row that asks
+    for nothing.
 
-    ``scale`` (m,) is the positive ‖Aᵢ‖ that counts as usual: a row far below it is one that no acceleration influences.
-    ``weights`` (m,) are those of level 1, positive.
+    ``scale`` (m,) is the positive ‖Aᵢ‖ that counts as usual: a row far below it is one that no
+    acceleration influences. ``weights`` (m,) are those of level 1, positive.
     """
 
     A: Array
@@ -38,11 +41,13 @@ class Resolved(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """Rows N x ≤ sides (w,) of which the first f are demands that accelerations influence; those of the box follow.
+    """Rows N x ≤ sides (w,) of which the first f are demands that accelerations influence; those of
+    the box follow.
 
-    ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled; ``held`` (w,) the rows that
-    hold the answer; ``rows`` (4, w) as :func:`nearest` takes them. Of the demands, ``weights`` of level 1, ``which``
-    each is, and ``violation``, by what it is exceeded where that cannot be helped, are (f,).
+    ``limits`` (w,) are sides that a point is known to meet, ∞ for rows that are settled; ``held``
+    (w,) the rows that hold the answer; ``rows`` (4, w) as :func:`nearest` takes them. Of the
+    demands, ``weights`` of level 1, ``which`` each is, and ``violation``, by what it is exceeded
+    where that cannot be helped, are (f,).
     """
 
     normals: Array
@@ -56,14 +61,19 @@ class Walls(NamedTuple):
 
 
 @in_place
-def count_resisting(demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved) -> int:
-    """How many demands accelerations influence; −1 if tracking, which is written to q̈, meets them all, and the box.
+def count_resisting(
+    demands: Demands, box: Array, X: Array, fixed: BoolArray, resolved: Resolved
+) -> int:
+    """How many demands accelerations influence; −1 if tracking, which is written to q̈, meets them
+    all, and the box.
 
-    Marks those that ask for something in ``acted`` and those that nothing influences in ``fixed`` (m,).
+    Marks those that ask for something in ``acted`` and those that nothing influences in ``fixed``
+    (m,).
     """
     A, c, scale, _ = demands
     qdd, slack, acted = resolved
-    n, free = qdd.size, 0
+    n = qdd.size
+    free = 0
     below = within = tracks = True
     for j in range(n):
         qdd[j] = X[ORIGIN, j] = X[CENTER, j]
@@ -73,11 +83,14 @@ def count_resisting(demands: Demands, box: Array, X: Array, fixed: BoolArray, re
         acted[i] = c[i] != math.inf
         slack[i] = 0.0
         if acted[i]:
-            size, excess = length(A, i, n), dot(A, i, X, CENTER, START, n) - c[i]
+            size = length(A, i, n)
+            excess = dot(A, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
             tracks = tracks and excess < math.inf
-            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * far + abs(c[i])))
+            tracks = tracks and (
+                c[i] >= 0.0 if fixed[i] else excess <= MET * (size * far + abs(c[i]))
+            )
             free += not fixed[i]
     if not (within and (below or tracks)):
         return free
@@ -92,12 +105,20 @@ def gather_walls(
 ) -> Walls:
     """Demands and the box as rows; what nothing influences is slack."""
     A, c, _, weights = demands
-    slack, acted, n, w, at = resolved.slack, resolved.acted, box.shape[1], free, START
+    slack = resolved.slack
+    acted = resolved.acted
+    n = box.shape[1]
+    w = free
+    at = START
     for j in range(n):
         w += box[GREATEST, j] < math.inf
         w += box[LEAST, j] > -math.inf
-    normals, sides, W, which = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), integers(scratch, free)
-    violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
+    normals = blank(scratch, w, n)
+    sides = vector(scratch, w)
+    W = vector(scratch, free)
+    which = integers(scratch, free)
+    violation = vector(scratch, free)
+    rows = matrix(scratch, KINDS, w)
     for i in range(c.size):
         if acted[i]:
             acted[i] = False
@@ -110,17 +131,23 @@ def gather_walls(
     for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
         for j in range(n):
             if sign * box[end, j] < math.inf:
-                normals[at, j], sides[at] = sign, sign * box[end, j]
+                sides[at] = sign * box[end, j]
+                normals[at, j] = sign
                 at += 1
-    limits, held = vector(scratch, w), flags(scratch, w)
+    limits = vector(scratch, w)
+    held = flags(scratch, w)
     copy_vector(limits, sides)
     return Walls(normals, sides, limits, held, rows, W, which, violation)
 
 
 @in_place
 def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
-    """State the rows in y of x = origin + Z y: H (p, w), and their sides; False if there is none that is a number."""
-    p, n, free = H.shape[0], X.shape[1], walls.violation.size
+    """State the rows in y of x = origin + Z y: H (p, w), and their sides; False if there is none
+    that is a number.
+    """
+    p = H.shape[0]
+    n = X.shape[1]
+    free = walls.violation.size
     for i in range(walls.sides.size):
         outside = 0.0
         for d in range(p):
@@ -128,7 +155,9 @@ def restate(walls: Walls, Z: Array, X: Array, H: Array) -> bool:
             outside += H[d, i] * H[d, i]
         if p < n:
             # rows within the span of the violated ones are settled
-            settled = outside <= DEPENDENT * DEPENDENT * dot(walls.normals, i, walls.normals, i, START, n)
+            settled = outside <= DEPENDENT * DEPENDENT * dot(
+                walls.normals, i, walls.normals, i, START, n
+            )
             if settled or (i < free and walls.violation[i] > 0.0):
                 walls.limits[i] = math.inf
         walls.rows[SIDE, i] = walls.limits[i] - dot(walls.normals, i, X, ORIGIN, START, n)
@@ -151,7 +180,8 @@ def hold(walls: Walls) -> None:
 def report(walls: Walls, resolved: Resolved) -> bool:
     """Write slack and the rows that act; whether any demand is unmet."""
     qdd, slack, acted = resolved
-    violation, unmet = walls.violation, False
+    violation = walls.violation
+    unmet = False
     for i in range(violation.size):
         if violation[i] > 0.0:
             excess = -walls.sides[i]

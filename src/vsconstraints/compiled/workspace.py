@@ -1,7 +1,7 @@
 """The arrays on which compiled functions work, declared once: every field with its type and shape.
 
-A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of :class:`Size`.
-Records are arrays whose fields compiled code takes as attributes.
+A field ``Annotated[Array, F8, "m", "n"]`` is an array of that type and shape; letters are counts of
+:class:`Size`. Records are arrays whose fields compiled code takes as attributes.
 """
 
 from __future__ import annotations
@@ -19,64 +19,82 @@ from ..errors import InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 
-#: Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check; rows contradict each
-#: other; active rows have lost full row rank. Of the hierarchy: demands are unmet; levels 2 and 3 may be better met;
-#: both.
+#: Codes of compiled functions: solved; the NumPy form has to answer; no answer passes the check;
+#: rows contradict each other; active rows have lost full row rank. Of the hierarchy: demands are
+#: unmet; levels 2 and 3 may be better met; both.
 SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
 CAMERA_POSE, IMAGE_POINTS, OWN = range(3)  #: Features of the task.
-#: Below the rows: the task, and within it the least acceleration; the way to the command that tracks, in the joints, or
-#: in the task with a little of the joints; the way to a share of that command.
+#: Below the rows: the task, and within it the least acceleration; the way to the command that
+#: tracks, in the joints, or in the task with a little of the joints; the way to a share of that
+#: command.
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
 
 Records = Any
 
 
 def record(*fields: tuple[str, Any] | str) -> np.dtype[Any]:
-    """A type of records of floats: by name, or (name, shape); ``#name`` is an integer, (name, type) another record."""
+    """A type of records of floats: by name, or (name, shape); ``#name`` is an integer, (name, type)
+    another record.
+    """
     columns: list[Any] = []
     for field in fields:
         name, shape = (field, ()) if isinstance(field, str) else field
         nested = isinstance(shape, np.dtype)
-        columns.append((name, shape) if nested else (name[1:], "i8") if name[0] == "#" else (name, "f8", shape))
+        columns.append(
+            (name, shape) if nested else (name[1:], "i8") if name[0] == "#" else (name, "f8", shape)
+        )
     return np.dtype(columns)
 
 
-F8, I8, BOOL = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
-V3, M3 = (3,), (3, 3)
+F8 = np.dtype("f8")
+I8 = np.dtype("i8")
+BOOL = np.dtype("?")
+V3 = (3,)
+M3 = (3, 3)
 POSE = ("R", M3), ("t", V3)
 
-#: d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is zero.
+#: d(t) of :class:`vsconstraints.vision.motion.Motion`; of one in the image the third coordinate is
+#: zero.
 MOTION = record(("velocity", V3), ("amplitude", V3), "rate", "phase")
 #: Placement in the body before, axis there, and whether the joint moves along it.
 #: ``continuous``: it turns without end, so that its angles count modulo 2π.
 JOINT = record(*POSE, ("axis", V3), "#prismatic", "#continuous")
-#: Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal lengths and what is added
-#: to pixels; the factor of believed depths.
-CAMERA = record(*POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed")
+#: Pose in the last body, or in the base frame if ``fixed``; the tip's in the last body; focal
+#: lengths and what is added to pixels; the factor of believed depths.
+CAMERA = record(
+    *POSE, ("tip_R", M3), ("tip_t", V3), ("focal", (2,)), ("offset", (2,)), "depth_factor", "#fixed"
+)
 #: See :class:`vsconstraints.vision.motion.TargetMotion`.
 TARGET = record("#moves", "#known", ("motion", MOTION), ("angular_velocity", V3), ("centre", V3))
 #: A robot point: its body (0 is the base) and place in its frame.
 POINT = record("#body", ("offset", V3))
-#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half.
+#: See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or
+#: a half.
 TASK = record(
     "#feature", "share", "#drift_by_differences", "#velocity_by_differences", "#reference_by_differences",
     "Kp0", "slope", "damping", "rest_damping", "rest_stiffness",
 )  # fmt: skip
-#: When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there.
+#: When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's
+#: pose there.
 GOAL = record("from_time", "reach_in", *POSE)
-#: A constraint: the function of its rows; its first row and their number; K; margin; the frame of its formula (in the
-#: image R[:2, :2] and t[:2]); the motion of what it forbids.
-PART = record("#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION))
-#: A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin, ω̇, v̇.
+#: A constraint: the function of its rows; its first row and their number; K; margin; the frame of
+#: its formula (in the image R[:2, :2] and t[:2]); the motion of what it forbids.
+PART = record(
+    "#address", "#first", "#count", "K", "margin", *POSE, "#moves", "#known", ("motion", MOTION)
+)
+#: A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the
+#: origin, ω̇, v̇.
 BODY = record(
     ("R", M3), ("origin", V3), ("axis", V3), ("angular_velocity", V3), ("velocity", V3), ("angular_acceleration", V3),
     ("acceleration", V3),
 )  # fmt: skip
-#: A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative, and Z.
+#: A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative,
+#: and Z.
 MARKER = record(("xy", (2,)), ("velocity", (2,)), ("drift", (2,)), "depth")
 #: A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration.
 PLACE = record(("position", V3), ("velocity", V3), ("drift", V3))
-#: The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes.
+#: The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the
+#: target, in its axes.
 EYE = record(
     ("R", M3), ("origin", V3), ("velocity", V3), ("angular_velocity", V3), ("acceleration", V3),
     ("angular_acceleration", V3),
@@ -87,7 +105,8 @@ MEASUREMENT = record("#given", "#pose_given", "time")
 VIEW = record("time", ("R", M3), ("t", V3))
 #: The function that applies an error to gradients, or 0; whether it applies to φ and L_fφ too.
 GRADIENT_ERROR = record("#address", "#in_phi")
-#: The sample before; goal −1 if there is none; the time of its goal's first sample; how many views there have been.
+#: The sample before; goal −1 if there is none; the time of its goal's first sample; how many views
+#: there have been.
 SAMPLE = record("time", "#goal", "began", "#views")
 VIEWS = 256  #: Samples of which the camera's pose is kept.
 
@@ -118,10 +137,11 @@ class TaskArrays(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Output of compiled laws: q̈, which rows acted, their slack, iterations, and q̈ of tracking alone.
+    """Output of compiled laws: q̈, which rows acted, their slack, iterations, and q̈ of tracking
+    alone.
 
-    Laws that measure no slack take (0,) for it. Those that find q̈ of tracking on the way write it to ``alone``, unless
-    that is (0,).
+    Laws that measure no slack take (0,) for it. Those that find q̈ of tracking on the way write it
+    to ``alone``, unless that is (0,).
     """
 
     qdd: Annotated[Array, F8, "n"]
@@ -132,21 +152,25 @@ class Answer(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Numbers, and how many of them are taken: whoever made it holds it until nothing taken is used any more."""
+    """Numbers, and how many of them are taken: whoever made it holds it until nothing taken is used
+    any more.
+    """
 
     numbers: Annotated[Array, F8, 1]
     taken: Annotated[IntArray, I8, 1]
 
 
 class LawArrays(NamedTuple):
-    """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
+    """A compiled law: a demand and a resolver, each where its function begins, and what they work
+    with.
 
-    Its ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and :class:`Answer`; see
-    :mod:`vsconstraints.compiled.laws`. It returns a code; with ``NEEDS_PYTHON`` nothing is remembered, and the
-    controller's ``command`` has to be called.
+    Its ``resolver`` is called with the law, :class:`RowArrays`, :class:`TaskArrays` and
+    :class:`Answer`; see :mod:`vsconstraints.compiled.laws`. It returns a code; with
+    ``NEEDS_PYTHON`` nothing is remembered, and the controller's ``command`` has to be called.
     """
 
-    #: Addresses; the third of :func:`.track`, the last of the resolver that answers where this one does not, or 0.
+    #: Addresses; the third of :func:`.track`, the last of the resolver that answers where this one
+    #: does not, or 0.
     resolver: int
     demand: int
     track: int
@@ -160,7 +184,8 @@ class LawArrays(NamedTuple):
     memory: Annotated[Array, F8, "m", 1]  #: (m, f) memory of the demand for each row, or (0, 0).
     #: (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
     last_rates: Annotated[Array, F8, "m"]
-    #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ q̈ and (1,) ‖q̈‖.
+    #: Scratch: (m,) ‖L_gφ‖² of each row, (m,) demands, the next memory, and of tracking (m,) L_gφ
+    #: q̈ and (1,) ‖q̈‖.
     squared: Annotated[Array, F8, "m"]
     asked: Annotated[Array, F8, "m"]
     after: Annotated[Array, F8, "m", 1]
@@ -170,7 +195,9 @@ class LawArrays(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Input, memory, scratch and output of the compiled step, for m rows, n joints, M markers, P points, k features."""
+    """Input, memory, scratch and output of the compiled step, for m rows, n joints, M markers, P
+    points, k features.
+    """
 
     # function that evaluates it; scene
     evaluate: int
@@ -185,8 +212,9 @@ class Step(NamedTuple):
     goal_points: Annotated[Array, F8, "goals", "2M"]
     goal_interaction: Annotated[Array, F8, "goals", "2M", 6]
     posture: Annotated[Array, F8, "n"]
-    # constraints: parameters of their formulas; for each row its marker or robot point, of linear rows the gradient and
-    # the constant, of those on a joint that turns without end the middle of its range, NaN elsewhere
+    # constraints: parameters of their formulas; for each row its marker or robot point, of linear
+    # rows the gradient and the constant, of those on a joint that turns without end the middle of
+    # its range, NaN elsewhere
     parts: Annotated[Records, PART, "parts"]
     parameters: Annotated[Array, F8, "parts", "parameters"]
     which: Annotated[IntArray, I8, "m"]
@@ -202,8 +230,8 @@ class Step(NamedTuple):
     qd: Annotated[Array, F8, "n"]
     limits: JointLimits
     last_command: Annotated[Array, F8, "n"]
-    # memory of the task: the sample before, its s less the value at the goal, ∂s/∂t and J_s; s at the goal's first
-    # sample and s_ref likewise, and ṡ_ref
+    # memory of the task: the sample before, its s less the value at the goal, ∂s/∂t and J_s; s at
+    # the goal's first sample and s_ref likewise, and ṡ_ref
     last: Annotated[Records, SAMPLE, 1]
     last_error: Annotated[Array, F8, "k or 6"]
     last_partial: Annotated[Array, F8, "k"]
@@ -217,9 +245,9 @@ class Step(NamedTuple):
     camera_J: Annotated[Array, F8, 6, "n"]
     seen: Annotated[Records, MARKER, "M"]
     places: Annotated[Records, PLACE, "P"]
-    # the camera in the last samples by the model, filled round and round, and when the image was taken; measured pixels
-    # and Z, NaN where there are none; how far a marker was last seen from where the model has it, in normalised
-    # coordinates
+    # the camera in the last samples by the model, filled round and round, and when the image was
+    # taken; measured pixels and Z, NaN where there are none; how far a marker was last seen from
+    # where the model has it, in normalised coordinates
     views: Annotated[Records, VIEW, VIEWS]
     then: Annotated[Records, VIEW, 1]
     measurement: Annotated[Records, MEASUREMENT, 1]
@@ -227,8 +255,8 @@ class Step(NamedTuple):
     correction: Annotated[Array, F8, "M", 2]
     # measured Z of a marker by that of the model; NaN where none is measured
     depth_ratio: Annotated[Array, F8, "M"]
-    # distance of measurements from the model: formulas.innovation.slip; bounds of vision.measurement.INNOVATIONS; the
-    # values, and their greatest ratio to the bounds
+    # distance of measurements from the model: formulas.innovation.slip; bounds of
+    # vision.measurement.INNOVATIONS; the values, and their greatest ratio to the bounds
     slip: Annotated[Array, F8, "n"]
     bounds: Annotated[Array, F8, 7]
     innovation: Annotated[Array, F8, 8]
@@ -264,9 +292,14 @@ def shape_of(declared: Any, lengths: Mapping[str, int]) -> tuple[int, ...]:
     return tuple([length if type(length) is int else lengths.get(length, 1) for length in shape])
 
 
-def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None) -> Any:
-    """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields that are there."""
-    values, lengths = dict(known or {}), lengths or {}
+def zeros(
+    kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[str, Any] | None = None
+) -> Any:
+    """A structure of zeros with arrays of their declared types and shapes; ``known`` are fields
+    that are there.
+    """
+    values = dict(known or {})
+    lengths = lengths or {}
     for name, declared in fields(kind).items():
         if name in values:
             continue
@@ -275,7 +308,9 @@ def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[st
         elif declared in (int, float):
             values[name] = declared(0)
         elif declared is JointLimits:
-            values[name] = JointLimits(*(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0)
+            values[name] = JointLimits(
+                *(np.zeros(lengths.get("limits", 1)),) * 5, ranges=0, period=1.0
+            )
         else:
             values[name] = zeros(declared, lengths, known)
     return kind(**{name: values[name] for name in kind._fields})
@@ -283,7 +318,8 @@ def zeros(kind: Any, lengths: Mapping[str, int] | None = None, known: Mapping[st
 
 @dataclass(frozen=True)
 class Size:
-    """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and their parameters.
+    """Numbers of joints n, markers M, robot points P, rows m, features k, goals, constraints and
+    their parameters.
 
     ``limited`` says whether q̈ has a box, and ``rests`` whether the task has a q̈₀.
     """
@@ -302,8 +338,16 @@ class Size:
     @property
     def lengths(self) -> dict[str, int]:
         """What the letters in declarations count."""
-        n, M, k = self.n, self.M, self.k
-        counts = {"n + 1": n + 1, "2M": 2 * M, "k or 6": max(k, 6), "limits": n * self.limited, "rest": n * self.rests}
+        n = self.n
+        M = self.M
+        k = self.k
+        counts = {
+            "n + 1": n + 1,
+            "2M": 2 * M,
+            "k or 6": max(k, 6),
+            "limits": n * self.limited,
+            "rest": n * self.rests,
+        }
         return {**vars(self), **counts}
 
     @property
@@ -316,7 +360,9 @@ class Size:
         outputs = self.outputs
         out = np.zeros(outputs[OUTPUTS[-1]][0].stop)
         views = {name: out[place].reshape(shape) for name, (place, shape) in outputs.items()}
-        step: Step = zeros(Step, self.lengths, views if limits is None else {**views, "limits": limits})
+        step: Step = zeros(
+            Step, self.lengths, views if limits is None else {**views, "limits": limits}
+        )
         step.bodies["R"][0] = np.eye(3)
         step.bounds[:] = np.inf
         return step, out
@@ -324,19 +370,25 @@ class Size:
 
 @lru_cache(maxsize=256)
 def _outputs(size: Size) -> dict[str, tuple[slice, tuple[int, ...]]]:
-    declared, lengths = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}, size.lengths
+    declared = {**fields(Step), **fields(RowArrays), **fields(TaskArrays)}
+    lengths = size.lengths
     shapes = {name: shape_of(declared[name], lengths) for name in OUTPUTS}
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
-    return {name: (slice(a, b), shapes[name]) for name, a, b in zip(OUTPUTS, [0, *ends[:-1]], ends, strict=True)}
+    return {
+        name: (slice(a, b), shapes[name])
+        for name, a, b in zip(OUTPUTS, [0, *ends[:-1]], ends, strict=True)
+    }
 
 
 _workspaces: WeakValueDictionary[int, Workspace] = WeakValueDictionary()  #: By their addresses.
 
 
 class Workspace:
-    """A structure (a named tuple) as compiled functions take it, by its address; its arrays are not copied.
+    """A structure (a named tuple) as compiled functions take it, by its address; its arrays are not
+    copied.
 
-    Functions that take one look whether it is of the right kind. It lives as long as whoever uses it holds it.
+    Functions that take one look whether it is of the right kind. It lives as long as whoever uses
+    it holds it.
     """
 
     __slots__ = ("__weakref__", "_in_python", "_words", "address", "structure")
@@ -345,7 +397,9 @@ class Workspace:
         words: list[int] = []
         _add_words(structure, words)
         self._words = np.array(words, dtype=np.int64)
-        self.structure, self.address, self._in_python = structure, int(self._words.ctypes.data), None
+        self.structure = structure
+        self.address = int(self._words.ctypes.data)
+        self._in_python = None
         _workspaces[self.address] = self
 
     def in_python(self) -> Any:
@@ -356,7 +410,9 @@ class Workspace:
 
 
 def demand_workspace(given: object, kind: type, function: str) -> int:
-    """The address of a workspace of that kind of structure; raises InvalidInput that names the function otherwise."""
+    """The address of a workspace of that kind of structure; raises InvalidInput that names the
+    function otherwise.
+    """
     if isinstance(given, Workspace) and type(given.structure) is kind:
         return given.address
     what = type(given.structure).__name__ if isinstance(given, Workspace) else shown(given)
@@ -379,7 +435,10 @@ def _add_words(part: Any, words: list[int]) -> None:
         for field in part:
             _add_words(field, words)
     elif isinstance(part, np.ndarray):
-        # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and strides
+        # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and
+        # strides
         words += (0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides)
     else:
-        words += struct.unpack("q", struct.pack("d", part)) if isinstance(part, float) else (int(part),)
+        words += (
+            struct.unpack("q", struct.pack("d", part)) if isinstance(part, float) else (int(part),)
+        )

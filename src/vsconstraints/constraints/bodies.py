@@ -1,4 +1,5 @@
-"""A robot's links as solid bodies, which collision constraints measure between, and as characteristic points.
+"""A robot's links as solid bodies, which collision constraints measure between, and as
+characteristic points.
 
 Points are finitely many that stand for the links' whole surface (section 4.3.6).
 """
@@ -28,7 +29,8 @@ from .base import demand_positive
 from .by_formula import Keyed
 from .meshes import convex, surface
 
-MAX_POINTS = 60  #: Points along a link: each is a row, and covering its surface takes the square of their number.
+#: Points along a link: each is a row, and covering its surface takes the square of their number.
+MAX_POINTS = 60
 FIXED = 1e-9  #: A point that no joint moves faster than this [m per rad or m] does not move.
 #: By link: points (k, 3) in its frame, and how far its surface is from them [m].
 Points = dict[str, tuple[Array, float]]
@@ -36,9 +38,11 @@ Points = dict[str, tuple[Array, float]]
 
 @dataclass(frozen=True)
 class Body:
-    """Convex solids that move together, each with its placement in the frame of the joint that moves them.
+    """Convex solids that move together, each with its placement in the frame of the joint that
+    moves them.
 
-    The name is used in labels; the joint is an index of the robot's model, 0 if the body stands still in the base.
+    The name is used in labels; the joint is an index of the robot's model, 0 if the body stands
+    still in the base.
     """
 
     name: str
@@ -51,7 +55,9 @@ def fixed_body(name: str, solid: coal.CollisionGeometry, pose: Pose) -> Body:
     return Body(name, 0, ((pin.SE3(pose.R, pose.t), convex(solid, name)),))
 
 
-def attached_body(robot: Robot, link: str, solid: coal.CollisionGeometry, pose: Pose, name: str = "") -> Body:
+def attached_body(
+    robot: Robot, link: str, solid: coal.CollisionGeometry, pose: Pose, name: str = ""
+) -> Body:
     """A solid fixed to a link, at a pose in that link's frame: a camera, a gripper."""
     frame = robot.model.frames[robot.frame_id(link)]
     placement = frame.placement * pin.SE3(pose.R, pose.t)
@@ -61,9 +67,10 @@ def attached_body(robot: Robot, link: str, solid: coal.CollisionGeometry, pose: 
 def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, ...]:
     """One body for each link, from base to tip.
 
-    Without ``link_radius`` from the URDF's collision geometry, made convex (see :func:`convex`). With it capsules of
-    that radius [m] around the straight lines between the joints' origins. Raises ConfigurationError if there is no
-    collision geometry and no radius, or a mesh cannot be read.
+    Without ``link_radius`` from the URDF's collision geometry, made convex (see :func:`convex`).
+    With it capsules of that radius [m] around the straight lines between the joints' origins.
+    Raises ConfigurationError if there is no collision geometry and no radius, or a mesh cannot be
+    read.
     """
     if link_radius is None:
         return _hulls(Keyed(_made_of(robot), robot))
@@ -73,18 +80,26 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
         if segment.length > FIXED:
             along = (segment.end - segment.start) / segment.length
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).matrix()
-            part = pin.SE3(turn, 0.5 * (segment.start + segment.end)), coal.Capsule(link_radius, segment.length)
+            part = (
+                pin.SE3(turn, 0.5 * (segment.start + segment.end)),
+                coal.Capsule(link_radius, segment.length),
+            )
             bodies[segment.link] = Body(segment.link, segment.joint, (part,))
     return tuple(bodies.values())
 
 
 def _made_of(robot: Robot) -> tuple[object, ...]:
-    """What a URDF arm's links depend on: its files with their dates, and the joints that are locked."""
+    """What a URDF arm's links depend on: its files with their dates, and the joints that are
+    locked.
+    """
     source = robot.source
     if source is None:
         return ()
     try:
-        paths = source.path, *_meshes(source.path, source.package_dirs, source.path.stat().st_mtime_ns)
+        paths = (
+            source.path,
+            *_meshes(source.path, source.package_dirs, source.path.stat().st_mtime_ns),
+        )
         files = tuple((path, path.stat().st_mtime_ns) for path in paths)
     except OSError:  # gone, which is said where it is read
         files = ()
@@ -98,7 +113,9 @@ def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, .
 
 @lru_cache(maxsize=16)
 def _hulls(links: Keyed) -> tuple[Body, ...]:
-    """The collision geometry of links, made convex: read once, since reading takes as long as a run."""
+    """The collision geometry of links, made convex: read once, since reading takes as long as a
+    run.
+    """
     robot: Robot = links.of
     parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
     for solid in robot.collision_geometry().geometryObjects:
@@ -111,8 +128,8 @@ def _hulls(links: Keyed) -> tuple[Body, ...]:
 def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
     """The convex hull of a mesh file, whose coordinates times ``scale`` are metres.
 
-    A COLLADA file that states its unit of length is converted to metres before it is scaled. Raises ConfigurationError
-    that names a file it cannot read.
+    A COLLADA file that states its unit of length is converted to metres before it is scaled. Raises
+    ConfigurationError that names a file it cannot read.
     """
     if not Path(file).is_file():
         raise ConfigurationError(f"no mesh file at {str(file)!r}")
@@ -125,7 +142,9 @@ def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGe
 
 
 def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
-    """Pairs of links that an SRDF file says need no check; raises ConfigurationError if it cannot be read."""
+    """Pairs of links that an SRDF file says need no check; raises ConfigurationError if it cannot
+    be read.
+    """
     try:
         root = ElementTree.fromstring(read_regular(srdf))
     except (OSError, ValueError, LookupError, ElementTree.ParseError) as error:
@@ -137,8 +156,8 @@ def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
 class LinkPoints(NamedTuple):
     """Characteristic points of a robot's links, link by link.
 
-    No point of a link's surface is farther than the enlargement [m] from the nearest one, except around points that
-    were left out because nothing moves them.
+    No point of a link's surface is farther than the enlargement [m] from the nearest one, except
+    around points that were left out because nothing moves them.
     """
 
     points: tuple[RobotPoint, ...]
@@ -146,18 +165,24 @@ class LinkPoints(NamedTuple):
 
 
 def link_points(
-    robot: Robot, *, spacing: float = 0.1, link_radius: float | None = None, links: Sequence[str] | None = None
+    robot: Robot,
+    *,
+    spacing: float = 0.1,
+    link_radius: float | None = None,
+    links: Sequence[str] | None = None,
 ) -> LinkPoints:
-    """Characteristic points along a robot's links, and by how much obstacles must be enlarged for them.
+    """Characteristic points along a robot's links, and by how much obstacles must be enlarged for
+    them.
 
-    Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across its longest
-    direction into slices as thick as the ``spacing`` [m], with a point in the middle of each. With it they are capsules
-    of that radius [m] around the straight lines between the joints' origins (and the tip's), with points along these
-    lines; what slides out of a prismatic joint is not covered. Links and points that no joint moves are left out.
-    ``links`` are the names of those concerned, all if not given.
+    Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across
+    its longest direction into slices as thick as the ``spacing`` [m], with a point in the middle of
+    each. With it they are capsules of that radius [m] around the straight lines between the joints'
+    origins (and the tip's), with points along these lines; what slides out of a prismatic joint is
+    not covered. Links and points that no joint moves are left out. ``links`` are the names of those
+    concerned, all if not given.
 
-    Raises ConfigurationError if there is no collision geometry and no radius, a mesh cannot be read, no point of a link
-    moves, or a link would have more than :data:`MAX_POINTS` points.
+    Raises ConfigurationError if there is no collision geometry and no radius, a mesh cannot be
+    read, no point of a link moves, or a link would have more than :data:`MAX_POINTS` points.
     """
     demand_positive(spacing, "spacing of points along the links")
     if link_radius is None:
@@ -181,7 +206,9 @@ def link_points(
             for i, point in enumerate(own, start=1)
         ]
     if not points:
-        raise ConfigurationError(f"no joint of {robot.name} moves a point of the links {', '.join(along) or 'it has'}")
+        raise ConfigurationError(
+            f"no joint of {robot.name} moves a point of the links {', '.join(along) or 'it has'}"
+        )
     return LinkPoints(tuple(points), enlargement)
 
 
@@ -198,16 +225,18 @@ def _moves(robot: Robot, point: RobotPoint) -> bool:
 def _demand_few(link: str, length: float, spacing: float) -> None:
     if length > MAX_POINTS * spacing:
         raise ConfigurationError(
-            f"spacing of points along the links: {link} is {length:.3g} m long, {length / spacing:.3g} points with a "
+            f"spacing of points along the links: {link} is {length:.3g} m long, "
+            f"{length / spacing:.3g} points with a "
             f"spacing of {spacing:g} m; a link may have {MAX_POINTS}"
         )
 
 
 class Segment(NamedTuple):
-    """The straight part of a link between two joints' origins, from start to end (3,) [m] in the axes of its joint.
+    """The straight part of a link between two joints' origins, from start to end (3,) [m] in the
+    axes of its joint.
 
-    The link is a frame that moves with it; ``shared`` is whether the start is also the end of the link before, in every
-    configuration.
+    The link is a frame that moves with it; ``shared`` is whether the start is also the end of the
+    link before, in every configuration.
     """
 
     link: str
@@ -228,15 +257,27 @@ def segments(robot: Robot) -> Iterator[Segment]:
     tip = model.frames[robot.frame_id("tip")]
     for joint in range(1, model.njoints):
         last = joint == model.njoints - 1
-        end = np.array(tip.placement.translation if last else model.jointPlacements[joint + 1].translation)
-        link = next((f.name for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY), tip.name)
+        end = np.array(
+            tip.placement.translation if last else model.jointPlacements[joint + 1].translation
+        )
+        link = next(
+            (
+                f.name
+                for f in model.frames
+                if f.parentJoint == joint and f.type == pin.FrameType.BODY
+            ),
+            tip.name,
+        )
         slides = model.joints[joint].shortname().startswith("JointModelP")
         yield Segment(link, joint, np.zeros(3), end, joint > 1 and not slides)
 
 
-def _along_segments(robot: Robot, spacing: float, radius: float, links: Sequence[str] | None) -> Points:
+def _along_segments(
+    robot: Robot, spacing: float, radius: float, links: Sequence[str] | None
+) -> Points:
     along: Points = {}
-    # whether the last point of a wanted link is also the first of the next one, and so needs no second point
+    # whether the last point of a wanted link is also the first of the next one, and so needs no
+    # second point
     covered = False
     for segment in segments(robot):
         covered = covered and segment.shared
@@ -260,22 +301,32 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
             continue
         frame = robot.model.frames[body.parentFrame]
         placement = frame.placement.inverse() * body.placement
-        R, t = np.array(placement.rotation), np.array(placement.translation)
+        R = np.array(placement.rotation)
+        t = np.array(placement.translation)
         body.geometry.computeLocalAABB()
-        _demand_few(frame.name, float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)), spacing)
+        _demand_few(
+            frame.name,
+            float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)),
+            spacing,
+        )
         corners, slack = surface(body.geometry, 0.5 * spacing)
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
     along: Points = {}
     for link, own in patches.items():
         # the fewest slices whose middles all move, since a wrist's may stand where its axes meet
         options = (_slices(own, spacing, more) for more in range(3))
-        moving = (each for each in options if all(_moves(robot, point) for point in _points(link, each[0])))
+        moving = (
+            each
+            for each in options
+            if all(_moves(robot, point) for point in _points(link, each[0]))
+        )
         along[link] = next(moving, None) or _slices(own, spacing, 0)
     return along
 
 
 def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tuple[Array, float]:
-    """Points (k, 3) in the middle of slices across the longest direction, and how far the surface is from them.
+    """Points (k, 3) in the middle of slices across the longest direction, and how far the surface
+    is from them.
 
     ``more`` is by how many there are more slices than the spacing asks for.
     """
@@ -283,16 +334,20 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     middle = vertices.mean(axis=0)
     axes = svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
     x = (vertices - middle) @ axes.T
-    low, high = x.min(axis=0), x.max(axis=0)
+    low = x.min(axis=0)
+    high = x.max(axis=0)
     main = int(np.argmax(high - low))
     count = max(1, int(np.ceil((high[main] - low[main]) / spacing))) + more
     part = (x[:, main] - low[main]) / max(high[main] - low[main], 1e-300)
     slice_of = np.minimum((part * count).astype(int), count - 1)
     slices = [x[slice_of == i] for i in np.unique(slice_of)]
-    points: Array = np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
+    points: Array = (
+        np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
+    )
     # the distance to one point is convex: on a patch it is greatest at a corner
     reach = max(
-        float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max()) + slack
+        float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max())
+        + slack
         for corners, slack in patches
     )
     return points, reach

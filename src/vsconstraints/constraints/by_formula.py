@@ -1,4 +1,6 @@
-"""Elementwise formulas in frames of their own: for arrays of coordinates, and for the compiled step."""
+"""Elementwise formulas in frames of their own: for arrays of coordinates, and for the compiled
+step.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..formulas.frames import TINY, differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
+from ..formulas.frames import (
+    TINY,
+    differences_in_image,
+    differences_in_space,
+    turned_back_in_image,
+    turned_in_image,
+)
 from ..formulas.vectors import turned, turned_back
 from ..rows import Array, IntArray
 from ..vision.motion import Motion
@@ -24,11 +32,13 @@ IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
 
 
 class Form(NamedTuple):
-    """What the compiled step needs to know of a constraint: rows of :mod:`vsconstraints.compiled.constraint_rows`.
+    """What the compiled step needs to know of a constraint: rows of
+    :mod:`vsconstraints.compiled.constraint_rows`.
 
-    ``which`` (r,) are the numbers of the markers or of the scene's robot points, counted from 0; ``gradients`` (r, n)
-    and ``offsets`` (r,) those of linear rows; ``middles`` (r,) are the middles of the ranges of joints that turn
-    without end, NaN for other rows; the others see :class:`ByFormula`.
+    ``which`` (r,) are the numbers of the markers or of the scene's robot points, counted from 0;
+    ``gradients`` (r, n) and ``offsets`` (r,) those of linear rows; ``middles`` (r,) are the middles
+    of the ranges of joints that turn without end, NaN for other rows; the others see
+    :class:`ByFormula`.
     """
 
     rows: str
@@ -45,18 +55,24 @@ class Form(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Keyed:
-    """Something that is equal to another one of the same key: what cached functions are called with."""
+    """Something that is equal to another one of the same key: what cached functions are called
+    with.
+    """
 
     key: tuple[Any, ...]
     of: Any = field(compare=False)
 
 
 class ByFormula:
-    """A function of d coordinates y by an elementwise formula: see :mod:`vsconstraints.formulas`."""
+    """A function of d coordinates y by an elementwise formula: see
+    :mod:`vsconstraints.formulas`.
+    """
 
     coordinates: int  #: d: 2 in the image, 3 in space.
-    formula: Formula | None = None  #: Value and its d derivatives, from d coordinates and the parameters.
-    curvature_formula: Formula | None = None  #: ẏᵀ H ẏ, from the same and d velocities; by differences if None.
+    #: Value and its d derivatives, from d coordinates and the parameters.
+    formula: Formula | None = None
+    #: ẏᵀ H ẏ, from the same and d velocities; by differences if None.
+    curvature_formula: Formula | None = None
     parameters: tuple[float, ...] = ()
     frame: Frame | None = None  #: In which the formula is written; None if that is the one of y.
 
@@ -73,7 +89,8 @@ class ByFormula:
 
     def curvature(self, y: Array, velocity: Array) -> Array:
         """(...) ẏᵀ H ẏ at y (..., d) with velocities (..., d)."""
-        x, v = self._local(tuple(np.moveaxis(y, -1, 0))), self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
+        x = self._local(tuple(np.moveaxis(y, -1, 0)))
+        v = self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
         if self.curvature_formula is None:
             bent = IN_FRAME[self.coordinates][2](self.formula, self.parameters, x, v)
         else:
@@ -81,7 +98,9 @@ class ByFormula:
         return np.broadcast_to(bent, y.shape[:-1])
 
     def evaluated(self, *y: Array) -> tuple[Any, ...]:
-        """Value and derivatives along the axes of the frame, at d coordinates of shapes that go together."""
+        """Value and derivatives along the axes of the frame, at d coordinates of shapes that go
+        together.
+        """
         assert self.formula is not None
         values: tuple[Any, ...] = self.formula(*self._local(y), *self.parameters)
         return values
@@ -89,36 +108,56 @@ class ByFormula:
     def _local(self, y: Sequence[Array]) -> tuple[Array, ...]:
         if self.frame is None:
             return tuple(y)
-        return self._turned_back([along - origin for along, origin in zip(y, self.frame[1], strict=True)])
+        return self._turned_back(
+            [along - origin for along, origin in zip(y, self.frame[1], strict=True)]
+        )
 
     def _turned_back(self, x: Sequence[Array]) -> tuple[Array, ...]:
         return tuple(x) if self.frame is None else IN_FRAME[self.coordinates][1](self.frame[0], x)
 
 
 def demand_own_curvature(kind: type) -> None:
-    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's curvature."""
+    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's
+    curvature.
+    """
     own, inherited = (
-        next((c for c in kind.__mro__ if name in vars(c)), object) for name in ("formula", "curvature_formula")
+        next((c for c in kind.__mro__ if name in vars(c)), object)
+        for name in ("formula", "curvature_formula")
     )
-    if own is not inherited and issubclass(own, inherited) and vars(inherited).get("curvature_formula") is not None:
+    if (
+        own is not inherited
+        and issubclass(own, inherited)
+        and vars(inherited).get("curvature_formula") is not None
+    ):
         raise ConfigurationError(
-            f"{own.__name__} has a formula of its own, but the curvature_formula of {inherited.__name__}: give its own "
+            f"{own.__name__} has a formula of its own, but the curvature_formula of "
+            f"{inherited.__name__}: give its own "
             "too, or None"
         )
 
 
-def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, velocity: Array) -> Array:
-    """(...) ẏᵀ H ẏ where only a gradient (..., d) is known, as a function of coordinates y (..., d)."""
+def curvature_by_differences(
+    gradient: Callable[[Array], Array], y: Array, velocity: Array
+) -> Array:
+    """(...) ẏᵀ H ẏ where only a gradient (..., d) is known, as a function of coordinates y (...,
+    d).
+    """
 
     def function(*x: Array) -> tuple[Array, ...]:
         return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
 
-    bent: Array = IN_FRAME[y.shape[-1]][2](function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
+    bent: Array = IN_FRAME[y.shape[-1]][2](
+        function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0)
+    )
     return bent
 
 
-def differences_along(gradient: Callable[[Array], Array], q: Array, qd: Array, length: float) -> Array:
-    """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of a gradient (r, n), that far along q̇ (n,) [rad or m]."""
+def differences_along(
+    gradient: Callable[[Array], Array], q: Array, qd: Array, length: float
+) -> Array:
+    """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of a gradient (r, n), that far along q̇ (n,)
+    [rad or m].
+    """
     step = length / max(float(np.sqrt(qd @ qd)), TINY)
     change: Array = (gradient(q + step * qd) - gradient(q - step * qd)) @ qd / (2.0 * step)
     return change

@@ -1,4 +1,6 @@
-"""A robot's bodies keep clear of an obstacle and of each other: section 4.3.6 without characteristic points."""
+"""A robot's bodies keep clear of an obstacle and of each other: section 4.3.6 without
+characteristic points.
+"""
 
 from __future__ import annotations
 
@@ -20,22 +22,25 @@ from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
 from .meshes import Mesh, mesh_of
 
-TOLERANCES = (1e-9, 1e-6, 1e-4)  #: Of coal's iterations [m]; a looser one is tried where they fail with a tighter one.
+#: Of coal's iterations [m]; a looser one is tried where they fail with a tighter one.
+TOLERANCES = (1e-9, 1e-6, 1e-4)
 STEP = 3e-5  #: How far q moves along q̇ for the differences of a gradient [rad or m].
 
 Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 class BodyDistance(Constraint):
-    """Margin − d ≤ 0 for pairs of bodies, one row each, with d the signed distance of a pair as coal computes it.
+    """Margin − d ≤ 0 for pairs of bodies, one row each, with d the signed distance of a pair as
+    coal computes it.
 
-    d is negative where they penetrate: the shortest way out. Its gradient follows from the points where they are
-    nearest, p_a and p_b, and the direction n from the first to the second body: ∂d/∂q = nᵀ (J_b − J_a). Where the
-    nearest points are not unique d has kinks, and the gradient is that of one side. The curvature is taken from
-    differences of the gradient along q̇, and so is smeared over a kink.
+    d is negative where they penetrate: the shortest way out. Its gradient follows from the points
+    where they are nearest, p_a and p_b, and the direction n from the first to the second body:
+    ∂d/∂q = nᵀ (J_b − J_a). Where the nearest points are not unique d has kinks, and the gradient is
+    that of one side. The curvature is taken from differences of the gradient along q̇, and so is
+    smeared over a kink.
 
-    ``pairs`` are the first and second body of each row; ``margin`` and the characteristic ``length`` are in metres, K
-    is the approach time constant [s] and ``switching_gain`` u⁺ [m/s].
+    ``pairs`` are the first and second body of each row; ``margin`` and the characteristic
+    ``length`` are in metres, K is the approach time constant [s] and ``switching_gain`` u⁺ [m/s].
     """
 
     unit = "m"
@@ -52,8 +57,11 @@ class BodyDistance(Constraint):
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         self.scale = self.length = demand_positive(length, f"length of {self.kind}")
-        self.robot, self.pairs, self.margin = robot, tuple(pairs), demand_margin(margin, self.kind)
-        self._model, self._data = robot.model, robot.model.createData()
+        self.robot = robot
+        self.pairs = tuple(pairs)
+        self.margin = demand_margin(margin, self.kind)
+        self._model = robot.model
+        self._data = robot.model.createData()
         # bodies without repetition, by identity since solids of coal cannot be compared
         self._bodies = {id(body): body for pair in self.pairs for body in pair}
         # joint j moves a body if the body's own joint comes after it
@@ -87,29 +95,45 @@ class BodyDistance(Constraint):
         return differences_along(self.gradient, q, qd, STEP)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Rows from the distances and their gradients; raises SceneError if coal finds no distance of two bodies."""
-        q, qd = state.robot.q, state.robot.qd
+        """Rows from the distances and their gradients; raises SceneError if coal finds no distance
+        of two bodies.
+        """
+        q = state.robot.q
+        qd = state.robot.qd
         distance, g = self._measure(q)
         return self.block(self.margin - distance, g @ qd, g, self.curvature(q, qd))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance less the margin."""
-        return np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs)) - self.margin
+        return (
+            np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs))
+            - self.margin
+        )
 
     def _measure(self, q: Array) -> tuple[Array, Array]:
         J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
         placed: dict[int, list[Placed]] = {}
         for key, body in self._bodies.items():
-            poses = [(solid, self._data.oMi[body.joint] * placement) for placement, solid in body.parts]
-            placed[key] = [(solid, coal.Transform3s(pose.rotation, pose.translation)) for solid, pose in poses]
-        distances, wrenches = np.empty(len(self.pairs)), np.empty((len(self.pairs), 6))
+            poses = [
+                (solid, self._data.oMi[body.joint] * placement) for placement, solid in body.parts
+            ]
+            placed[key] = [
+                (solid, coal.Transform3s(pose.rotation, pose.translation)) for solid, pose in poses
+            ]
+        distances = np.empty(len(self.pairs))
+        wrenches = np.empty((len(self.pairs), 6))
         for i, (first, second) in enumerate(self.pairs):
             distances[i], n, p = min(
-                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]), key=lambda x: x[0]
+                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]),
+                key=lambda x: x[0],
             )
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = n
-            wrenches[i, 3:] = p[1] * n[2] - p[2] * n[1], p[2] * n[0] - p[0] * n[2], p[0] * n[1] - p[1] * n[0]
+            wrenches[i, 3:] = (
+                p[1] * n[2] - p[2] * n[1],
+                p[2] * n[0] - p[0] * n[2],
+                p[0] * n[1] - p[1] * n[0],
+            )
         return distances, -(wrenches @ J) * self._motion
 
     def _nearest(self, a: Placed, b: Placed, row: int) -> tuple[float, Array, Array]:
@@ -117,7 +141,8 @@ class BodyDistance(Constraint):
         for request in self._requests:
             result = coal.DistanceResult()
             distance = float(coal.distance(a[0], a[1], b[0], b[1], request, result))
-            p, n = np.array(result.getNearestPoint1()), np.array(result.normal)
+            p = np.array(result.getNearestPoint1())
+            n = np.array(result.normal)
             # a failed iteration gives the greatest double, or not a number
             if abs(distance) < 1e6 and np.isfinite(p).all() and np.isfinite(n).all():
                 # around one centre every direction leads out
@@ -126,11 +151,12 @@ class BodyDistance(Constraint):
 
 
 class Collision(BodyDistance):
-    """Bodies of the robot keep clear of an obstacle; bodies are those of the URDF, capsules, or given ones.
+    """Bodies of the robot keep clear of an obstacle; bodies are those of the URDF, capsules, or
+    given ones.
 
-    ``bodies`` are the robot's, for example ``link_bodies(robot)``, of which those that no joint moves are left out, the
-    obstacle one like ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``; ``links`` names the bodies concerned, all if
-    not given. The rest is as of :class:`BodyDistance`.
+    ``bodies`` are the robot's, for example ``link_bodies(robot)``, of which those that no joint
+    moves are left out, the obstacle one like ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``;
+    ``links`` names the bodies concerned, all if not given. The rest is as of :class:`BodyDistance`.
     """
 
     kind = "collision"
@@ -147,32 +173,46 @@ class Collision(BodyDistance):
         margin: float = 0.0,
         length: float = 0.1,
     ) -> None:
-        moving = {name: body for name, body in _by_name(bodies, self.kind).items() if body.joint > 0}
+        moving = {
+            name: body for name, body in _by_name(bodies, self.kind).items() if body.joint > 0
+        }
         chosen = [_named(moving, name, self.kind) for name in (moving if links is None else links)]
         if not chosen:
             raise ConfigurationError(
-                f"{self.kind}: {robot.name} has no body that a joint moves: does its URDF have collision "
+                f"{self.kind}: {robot.name} has no body that a joint moves: does its URDF have "
+                f"collision "
                 "geometry? With link_radius, links are capsules"
             )
         pairs = [(body, obstacle) for body in chosen]
-        super().__init__(robot, pairs, K=K, switching_gain=switching_gain, margin=margin, length=length)
+        super().__init__(
+            robot, pairs, K=K, switching_gain=switching_gain, margin=margin, length=length
+        )
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
         """Those of the obstacle's solids."""
         parts = [(at, mesh_of(solid, reach)) for at, solid in self.pairs[0][1].parts]
-        return [mesh.moved(Pose(np.array(at.rotation), np.array(at.translation))) for at, mesh in parts if mesh]
+        return [
+            mesh.moved(Pose(np.array(at.rotation), np.array(at.translation)))
+            for at, mesh in parts
+            if mesh
+        ]
 
     def pair_label(self, first: Body, second: Body) -> str:
         """For example ``collision[table, forearm_link]``."""
-        return f"{self.kind}[{second.name}, {first.name}]" if second.name else f"{self.kind}[{first.name}]"
+        return (
+            f"{self.kind}[{second.name}, {first.name}]"
+            if second.name
+            else f"{self.kind}[{first.name}]"
+        )
 
 
 class SelfCollision(BodyDistance):
-    """Bodies of the robot keep clear of each other; bodies are those of the URDF, capsules, or given ones.
+    """Bodies of the robot keep clear of each other; bodies are those of the URDF, capsules, or
+    given ones.
 
-    ``pairs`` names the bodies of each pair. If not given, they are all pairs except those of one joint or of
-    neighbouring ones, which always touch, and those that the SRDF file disables. The rest is as of
-    :class:`BodyDistance`.
+    ``pairs`` names the bodies of each pair. If not given, they are all pairs except those of one
+    joint or of neighbouring ones, which always touch, and those that the SRDF file disables. The
+    rest is as of :class:`BodyDistance`.
     """
 
     kind = "self-collision"
@@ -200,14 +240,22 @@ class SelfCollision(BodyDistance):
             ]
         else:
             if any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
-                raise ConfigurationError(f"pairs of {self.kind} must be pairs of names, not {pairs}")
+                raise ConfigurationError(
+                    f"pairs of {self.kind} must be pairs of names, not {pairs}"
+                )
             chosen = [(_named(named, a, self.kind), _named(named, b, self.kind)) for a, b in pairs]
         still = [f"{a.name} and {b.name}" for a, b in chosen if a.joint == b.joint]
         if still:
-            raise ConfigurationError(f"{self.kind}: no joint moves {', '.join(still)} relative to each other")
+            raise ConfigurationError(
+                f"{self.kind}: no joint moves {', '.join(still)} relative to each other"
+            )
         if not chosen:
-            raise ConfigurationError(f"{self.kind}: {robot.name} has no pair of bodies to keep apart")
-        super().__init__(robot, chosen, K=K, switching_gain=switching_gain, margin=margin, length=length)
+            raise ConfigurationError(
+                f"{self.kind}: {robot.name} has no pair of bodies to keep apart"
+            )
+        super().__init__(
+            robot, chosen, K=K, switching_gain=switching_gain, margin=margin, length=length
+        )
 
     def pair_label(self, first: Body, second: Body) -> str:
         """For example ``self-collision[forearm_link, base_link]``."""
@@ -217,7 +265,9 @@ class SelfCollision(BodyDistance):
 def _by_name(bodies: Sequence[Body], kind: str) -> dict[str, Body]:
     named = {body.name: body for body in bodies}
     if len(named) < len(bodies):
-        raise ConfigurationError(f"bodies of {kind} must have different names: {[body.name for body in bodies]}")
+        raise ConfigurationError(
+            f"bodies of {kind} must have different names: {[body.name for body in bodies]}"
+        )
     return named
 
 

@@ -25,14 +25,15 @@ def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
 class ConstraintSet:
     """Evaluates constraints together; what does not change from step to step is prepared once.
 
-    Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances, ``switching_gain``,
-    ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and ``characteristic_length`` in its unit.
-    Raises ConfigurationError if two rows have the same label, or the scene was not built with these constraints' robot
-    points.
+    Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances,
+    ``switching_gain``, ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and
+    ``characteristic_length`` in its unit. Raises ConfigurationError if two rows have the same
+    label, or the scene was not built with these constraints' robot points.
     """
 
     def __init__(self, constraints: Sequence[Constraint], scene: Scene) -> None:
-        self.constraints, self.scene = tuple(constraints), scene
+        self.constraints = tuple(constraints)
+        self.scene = scene
         if robot_points(self.constraints) != scene.points:
             raise ConfigurationError("build the scene with points=robot_points(constraints)")
         labels = [constraint.labels(scene) for constraint in self.constraints]
@@ -41,18 +42,28 @@ class ConstraintSet:
         repeated = sorted({name for name in self.labels if self.labels.count(name) > 1})
         if repeated:
             raise ConfigurationError(
-                f"rows must have different labels: {', '.join(repeated)} appears more than once; give names"
+                f"rows must have different labels: {', '.join(repeated)} appears more than once; "
+                f"give names"
             )
         ends = np.cumsum([0, *(len(constraint.points) for constraint in self.constraints)])
         self._points = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.kinds = tuple(c.kind for c, k in zip(self.constraints, counts, strict=True) for _ in range(k))
-        self.units = tuple(unit for constraint in self.constraints for unit in constraint.units(scene))
+        self.kinds = tuple(
+            c.kind for c, k in zip(self.constraints, counts, strict=True) for _ in range(k)
+        )
+        self.units = tuple(
+            unit for constraint in self.constraints for unit in constraint.units(scene)
+        )
         self.K = np.repeat([c.K for c in self.constraints], counts).astype(np.float64)
-        directly = np.repeat([isinstance(c, SpeedConstraint) for c in self.constraints], counts).astype(np.bool_)
-        # shared by the rows of every step, and with what is scored: no controller may change them, nor allow itself to
+        directly = np.repeat(
+            [isinstance(c, SpeedConstraint) for c in self.constraints], counts
+        ).astype(np.bool_)
+        # shared by the rows of every step, and with what is scored: no controller may change them,
+        # nor allow itself to
         self.approach_time = _unchangeable(np.where(directly, 0.0, self.K))
         self.switching_gain, self.scale = (
-            _unchangeable(np.repeat([getattr(c, name) for c in self.constraints], counts).astype(np.float64))
+            _unchangeable(
+                np.repeat([getattr(c, name) for c in self.constraints], counts).astype(np.float64)
+            )
             for name in ("switching_gain", "scale")
         )
         lengths = [constraint.characteristic_length(scene) for constraint in self.constraints]
@@ -64,37 +75,51 @@ class ConstraintSet:
         return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
 
     def scaled(self, factors: RowFactors) -> ConstraintSet:
-        """The same with a law's factors on K and u⁺; ConfigurationError if a constraint cannot have them."""
+        """The same with a law's factors on K and u⁺; ConfigurationError if a constraint cannot have
+        them.
+        """
         if not factors.options():
             return self
-        return ConstraintSet([each.scaled(*factors.of(each.kind)) for each in self.constraints], self.scene)
+        return ConstraintSet(
+            [each.scaled(*factors.of(each.kind)) for each in self.constraints], self.scene
+        )
 
     def has_unknown_motion(self, scene: Scene) -> bool:
         """Whether a scene's target or something forbidden moves without controllers' being told."""
-        motions = [scene.motion, *(getattr(constraint, "motion", None) for constraint in self.constraints)]
+        motions = [
+            scene.motion,
+            *(getattr(constraint, "motion", None) for constraint in self.constraints),
+        ]
         return any(motion is not None and not motion.known for motion in motions)
 
     def blocks(self) -> list[tuple[Constraint, int, slice]]:
-        """Every constraint, how many rows it has, and where its robot points stand among the scene's."""
+        """Every constraint, how many rows it has, and where its robot points stand among the
+        scene's.
+        """
         return list(zip(self.constraints, self._counts, self._points, strict=True))
 
     def clearance(self, trace: Trace) -> Array:
-        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where allowed.
+        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where
+        allowed.
 
-        NaN in the rows of a constraint that cannot say it: an own one that raises, or gives another shape.
+        NaN in the rows of a constraint that cannot say it: an own one that raises, or gives another
+        shape.
         """
         parts = [np.empty((len(trace.q), 0))]
         for constraint, r, at in self.blocks():
             try:
                 clearance = np.asarray(constraint.clearance(trace, at), dtype=np.float64)
-            except Exception:  # what an own constraint raises here must not cost the run that was simulated
+            # what an own constraint raises here must not cost the run that was simulated
+            except Exception:
                 clearance = np.empty(0)
             shape = len(trace.q), r
             parts.append(clearance if clearance.shape == shape else np.full(shape, np.nan))
         return np.concatenate(parts, axis=1)
 
     def sampling_band(self, Ts: float) -> Array:
-        """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
+        """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural
+        unit.
+        """
         parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
 

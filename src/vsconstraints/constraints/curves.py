@@ -1,7 +1,9 @@
-"""Implicit closed curves in the image that enclose an obstacle: value > 0 inside, 0 on the curve, < 0 outside.
+"""Implicit closed curves in the image that enclose an obstacle: value > 0 inside, 0 on the curve, <
+0 outside.
 
-A shape is defined about its own origin; :class:`Curve` shifts and rotates it. Angles turn u towards v: seen on an
-image whose v points down, positive is clockwise. To stay out of one is :class:`Occlusion`: section 4.3.3.
+A shape is defined about its own origin; :class:`Curve` shifts and rotates it. Angles turn u towards
+v: seen on an image whose v points down, positive is clockwise. To stay out of one is
+:class:`Occlusion`: section 4.3.3.
 """
 
 from __future__ import annotations
@@ -21,14 +23,21 @@ from .image_constraint import ImageConstraint
 
 
 class Shape(ByFormula):
-    """An implicit curve about its own origin, in pixels, with a name for labels and files and a radius [px]."""
+    """An implicit curve about its own origin, in pixels, with a name for labels and files and a
+    radius [px].
+    """
 
     name: ClassVar[str]
     radius: float
     coordinates = 2
 
     def __post_init__(self) -> None:
-        vars(self).update({name: demand_positive(value, f"{name} of a shape") for name, value in vars(self).items()})
+        vars(self).update(
+            {
+                name: demand_positive(value, f"{name} of a shape")
+                for name, value in vars(self).items()
+            }
+        )
         self.parameters = tuple(vars(self).values())
 
 
@@ -36,7 +45,9 @@ class Shape(ByFormula):
 class Circle(Shape):
     """1 − ‖p‖²/r²."""
 
-    name, formula, curvature_formula = "circle", staticmethod(formulas.circle), staticmethod(formulas.circle_curvature)
+    name = "circle"
+    formula = staticmethod(formulas.circle)
+    curvature_formula = staticmethod(formulas.circle_curvature)
     radius: float
 
 
@@ -54,15 +65,21 @@ class Hyperellipse(Shape):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.n < 2.0:
-            raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {self.n}")
+            raise InvalidInput(
+                f"n of a hyperellipse must be 2 or more for a smooth boundary, not {self.n}"
+            )
         self.radius = min(self.a, self.b)
 
 
 @dataclass(eq=False)
 class Bowl(Shape):
-    """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r = 45, w = 0.7."""
+    """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r =
+    45, w = 0.7.
+    """
 
-    name, formula, curvature_formula = "bowl", staticmethod(formulas.bowl), staticmethod(formulas.bowl_curvature)
+    name = "bowl"
+    formula = staticmethod(formulas.bowl)
+    curvature_formula = staticmethod(formulas.bowl_curvature)
     radius: float = 45.0
     width: float = 0.7
 
@@ -71,45 +88,56 @@ class Bowl(Shape):
 class Heart(Shape):
     """1 − r⁻² (w² u² + (v − |u|)²): eq. (46); r = 35, w = 0.8.
 
-    Not differentiable at u = 0: its boundary has a concave corner at (0, r) and a convex one at (0, −r). There the
-    gradient is the mean of both sides.
+    Not differentiable at u = 0: its boundary has a concave corner at (0, r) and a convex one at (0,
+    −r). There the gradient is the mean of both sides.
     """
 
-    name, formula, curvature_formula = "heart", staticmethod(formulas.heart), staticmethod(formulas.heart_curvature)
+    name = "heart"
+    formula = staticmethod(formulas.heart)
+    curvature_formula = staticmethod(formulas.heart_curvature)
     radius: float = 35.0
     width: float = 0.8
 
 
 #: Shapes by the name scenario files use.
-SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
+SHAPES: dict[str, type[Shape]] = {
+    shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)
+}
 
 
 class Curve(ByFormula):
     """A shape put somewhere in the image.
 
-    ``centre_px`` (2,) is where its origin is, from the image's centre [px], ``rotation`` by how much it is turned about
-    its origin, u towards v [rad].
+    ``centre_px`` (2,) is where its origin is, from the image's centre [px], ``rotation`` by how
+    much it is turned about its origin, u towards v [rad].
     """
 
     coordinates = 2
 
-    def __init__(self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0) -> None:
+    def __init__(
+        self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0
+    ) -> None:
         demand_own_curvature(type(shape))
-        self.shape, self.centre = shape, vector(centre_px, 2, f"centre of {shape.name}")
+        self.shape = shape
+        self.centre = vector(centre_px, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):
             raise InvalidInput(f"rotation of {shape.name} must be finite")
         self.rotation = float(rotation)
-        c, s = np.cos(rotation), np.sin(rotation)
+        c = np.cos(rotation)
+        s = np.sin(rotation)
         self.frame = np.array([[c, -s], [s, c]]), self.centre
-        self.formula, self.curvature_formula, self.parameters = shape.formula, shape.curvature_formula, shape.parameters
+        self.formula = shape.formula
+        self.curvature_formula = shape.curvature_formula
+        self.parameters = shape.parameters
 
 
 class Occlusion(ImageConstraint):
     """Markers stay outside an implicit curve in the image.
 
-    σ is the value of the ``curve``, positive inside, plus ``margin``; a shape stands at the image's centre. K is the
-    approach time constant [s], ``switching_gain`` u⁺ [1/s]; the obstacle's ``name`` in labels is the shape's if empty,
-    and ``markers`` are the numbers of those concerned, counted from 1, all if None.
+    σ is the value of the ``curve``, positive inside, plus ``margin``; a shape stands at the image's
+    centre. K is the approach time constant [s], ``switching_gain`` u⁺ [1/s]; the obstacle's
+    ``name`` in labels is the shape's if empty, and ``markers`` are the numbers of those concerned,
+    counted from 1, all if None.
     """
 
     kind = "occlusion"
@@ -130,10 +158,14 @@ class Occlusion(ImageConstraint):
         if not np.isfinite(margin):
             raise ConfigurationError(f"margin of {self.kind} must be finite, not {margin}")
         self.margin = float(margin)
-        self.formula, self.curvature_formula = self.curve.formula, self.curve.curvature_formula
-        self.parameters, self.frame = self.curve.parameters, self.curve.frame
+        self.formula = self.curve.formula
+        self.curvature_formula = self.curve.curvature_formula
+        self.parameters = self.curve.parameters
+        self.frame = self.curve.frame
         self.name = name or self.curve.shape.name
-        super().__init__(K=K, switching_gain=switching_gain, length=self.curve.shape.radius, markers=markers)
+        super().__init__(
+            K=K, switching_gain=switching_gain, length=self.curve.shape.radius, markers=markers
+        )
 
     def marker_label(self, number: int) -> str:
         """For example ``occlusion[bowl, marker 1]``."""

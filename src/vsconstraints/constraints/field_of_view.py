@@ -21,14 +21,15 @@ from .image_constraint import ImageConstraint
 class FieldOfView(ImageConstraint):
     """Markers stay inside a hyperellipse in the image.
 
-    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24). Where the lens has distortion
-    it is one on the sensor, which is bent in ideal pixels; clearances then are distances on the sensor.
+    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24). Where the
+    lens has distortion it is one on the sensor, which is bent in ideal pixels; clearances then are
+    distances on the sensor.
 
-    ``margin`` is a fraction of the image, a = W/2 (1 − margin), or ``margin_px`` in pixels instead, a = W/2 −
-    margin_px, and likewise b. n smooths: 2 is an ellipse, large values come close to the rectangle. K is the approach
-    time constant [s], ``switching_gain`` u⁺ [1/s]; ``markers`` are the numbers of those concerned, counted from 1, all
-    if None. Raises ConfigurationError if the margin leaves no image, or leaves a part of it in which the lens cannot be
-    inverted.
+    ``margin`` is a fraction of the image, a = W/2 (1 − margin), or ``margin_px`` in pixels instead,
+    a = W/2 − margin_px, and likewise b. n smooths: 2 is an ellipse, large values come close to the
+    rectangle. K is the approach time constant [s], ``switching_gain`` u⁺ [1/s]; ``markers`` are the
+    numbers of those concerned, counted from 1, all if None. Raises ConfigurationError if the margin
+    leaves no image, or leaves a part of it in which the lens cannot be inverted.
     """
 
     kind = "fov"
@@ -47,48 +48,68 @@ class FieldOfView(ImageConstraint):
         markers: Sequence[int] | None = None,
     ) -> None:
         if margin is not None and margin_px is not None:
-            raise ConfigurationError("fov takes a margin as a fraction (margin) or in pixels (margin_px), not both")
+            raise ConfigurationError(
+                "fov takes a margin as a fraction (margin) or in pixels (margin_px), not both"
+            )
         half = 0.5 * np.asarray(camera.size, dtype=np.float64)
-        self.half_size: Array = half - margin_px if margin_px is not None else half * (1.0 - (margin or 0.0))
+        self.half_size: Array = (
+            half - margin_px if margin_px is not None else half * (1.0 - (margin or 0.0))
+        )
         if not ((self.half_size > 0.0) & (self.half_size <= half)).all():
             raise ConfigurationError(
-                f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px < {half.min():g}"
+                f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px "
+                f"< {half.min():g}"
             )
         self.n = demand_positive(n, "n of fov")
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
         self.parameters = (*self.half_size.tolist(), self.n)
-        super().__init__(K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers)
+        super().__init__(
+            K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers
+        )
         self._camera = camera
         self._on_sensor: FieldOfView | None = None
         if camera.distortion is None:
             return
         if not self._invertible(self.half_size):
-            enough = next((m for m in np.arange(1.0, half.min()) if self._invertible(half - m)), None)
-            remedy = "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
+            enough = next(
+                (m for m in np.arange(1.0, half.min()) if self._invertible(half - m)), None
+            )
+            remedy = (
+                "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
+            )
             raise ConfigurationError(
-                f"the lens cannot be inverted in all of the image that fov leaves, only up to {camera.reach_px:.0f} "
+                f"the lens cannot be inverted in all of the image that fov leaves, only up to "
+                f"{camera.reach_px:.0f} "
                 f"px from the principal point: {remedy}"
             )
         self._on_sensor = copy(self)
-        self.formula, self.curvature_formula = MODELS[camera.distortion.model].superellipse, None
+        self.formula = MODELS[camera.distortion.model].superellipse
+        self.curvature_formula = None
         self.parameters = (*self.parameters, *camera.eye)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the hyperellipse [px], on the sensor."""
         if self._on_sensor is None:
             return super().clearance(trace, points)
-        return self._on_sensor.clearance(replace(trace, pixels=self._camera.distort(trace.pixels)), points)
+        return self._on_sensor.clearance(
+            replace(trace, pixels=self._camera.distort(trace.pixels)), points
+        )
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
         """The hyperellipse as polylines (p, 2) of ideal pixels."""
         if self._on_sensor is None:
             return super().boundary(image_size, t)
-        return [self._camera.undistort(line) for line in self._on_sensor.boundary(self._camera.size_px, t)]
+        return [
+            self._camera.undistort(line)
+            for line in self._on_sensor.boundary(self._camera.size_px, t)
+        ]
 
     def _invertible(self, half: Array) -> bool:
         assert self._camera.distortion is not None
         turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
         along = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
         size = (np.abs(along / half) ** self.n).sum(axis=-1) ** (-1.0 / self.n)
-        return bool(self._camera.distortion.remove(self._camera.normalised(along * size[:, None]))[1].all())
+        return bool(
+            self._camera.distortion.remove(self._camera.normalised(along * size[:, None]))[1].all()
+        )

@@ -1,4 +1,6 @@
-"""Constraints on where markers are in the image, and where the curve is that bounds them: for scores and figures."""
+"""Constraints on where markers are in the image, and where the curve is that bounds them: for
+scores and figures.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,16 @@ from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .by_formula import Form, Keyed
 
-STEP = 1.0  #: Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed.
-MAX_POINTS = 13_000_000  #: Grid points in all, 0.1 GB of σ; enough for 3840 × 2160 px, coarser beyond.
-MAX_GRID_POINTS = 8000  #: Grid points a side at most; the grid is coarser for curves that come from farther away.
+#: Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be
+#: missed.
+STEP = 1.0
+#: Grid points in all, 0.1 GB of σ; enough for 3840 × 2160 px, coarser beyond.
+MAX_POINTS = 13_000_000
+#: Grid points a side at most; the grid is coarser for curves that come from farther away.
+MAX_GRID_POINTS = 8000
 #: Greatest distance between the vertices of a polyline, and of it from the curve between them [px].
-SPACING, ACCURACY = 0.25, 1e-3
+SPACING = 0.25
+ACCURACY = 1e-3
 AROUND = 1.25  #: How far around the image a curve is looked for, relative to the image's half size.
 
 OfPoints = Callable[[Array], Array]
@@ -30,18 +37,29 @@ OfPoints = Callable[[Array], Array]
 class ImageConstraint(PositionConstraint):
     """A constraint on every marker's pixel coordinates y = (u, v), from the image's centre.
 
-    An own one gives ``kind``, :meth:`sigma` and :meth:`gradient`. ``length`` [px] is the characteristic one;
-    ``markers`` are the numbers of those concerned, counted from 1, all if None.
+    An own one gives ``kind``, :meth:`sigma` and :meth:`gradient`. ``length`` [px] is the
+    characteristic one; ``markers`` are the numbers of those concerned, counted from 1, all if None.
     """
 
     unit = "px"
     coordinates = 2
 
-    def __init__(self, *, K: float, switching_gain: float, length: float, markers: Sequence[int] | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        K: float,
+        switching_gain: float,
+        length: float,
+        markers: Sequence[int] | None = None,
+    ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         self.length = demand_positive(length, f"length of {self.kind}")
-        self.markers = None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
-        self._at: slice | Array = slice(None) if self.markers is None else np.array(self.markers) - 1
+        self.markers = (
+            None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
+        )
+        self._at: slice | Array = (
+            slice(None) if self.markers is None else np.array(self.markers) - 1
+        )
 
     def of_markers(self, pixels: Array) -> Array:
         """(r, 2) pixels of the markers concerned, of those of all markers (m, 2)."""
@@ -57,12 +75,15 @@ class ImageConstraint(PositionConstraint):
         count = len(scene.markers)
         numbers = self.markers or range(1, count + 1)
         if max(numbers) > count:
-            raise ConfigurationError(f"{self.kind}: there is no marker {max(numbers)}; the scene has {count}")
+            raise ConfigurationError(
+                f"{self.kind}: there is no marker {max(numbers)}; the scene has {count}"
+            )
         return tuple(self.marker_label(i) for i in numbers)
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Chain rule from pixels to joints (eqs. 21 and 22)."""
-        image, at = state.pixels, self._at
+        image = state.pixels
+        at = self._at
         motion = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
         return self.chain_rule(self.relative(motion, state))
 
@@ -79,21 +100,31 @@ class ImageConstraint(PositionConstraint):
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
         """The curve σ = 0 as it is at t = 0, as polylines (p, 2) [px].
 
-        It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the image at times t.
+        It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the
+        image at times t.
         """
         return list(self._lines(image_size, t).lines)
 
     def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
         """The curve: found anew each time where nobody knows what σ depends on."""
-        moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
+        moved = (
+            None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
+        )
         if not self._known:
             return self.found(image_size, moved)
         corners: tuple[tuple[float, ...], ...] = ()
         if moved is not None:  # in halves of the image outwards: the same for nearly the same times
             half = 0.5 * np.asarray(image_size)
-            ends = np.floor(moved.min(axis=0) / half) * half, np.ceil(moved.max(axis=0) / half) * half
+            ends = (
+                np.floor(moved.min(axis=0) / half) * half,
+                np.ceil(moved.max(axis=0) / half) * half,
+            )
             corners = tuple(tuple(end.tolist()) for end in ends)
-        place = None if self.frame is None else tuple(tuple(part.ravel().tolist()) for part in self.frame)
+        place = (
+            None
+            if self.frame is None
+            else tuple(tuple(part.ravel().tolist()) for part in self.frame)
+        )
         said = self.formula, self.parameters, self.margin, place
         return _outline(Keyed((tuple(image_size), corners, *said), self))
 
@@ -106,15 +137,22 @@ class ImageConstraint(PositionConstraint):
         return self.formula is not None and self.says("formula", ("sigma", "gradient"))
 
     def _on_grid(self, u: Array, v: Array) -> Array:
-        """(b, a) σ on a grid of u (a,) and v (b,): what depends on one of them only is computed as often."""
+        """(b, a) σ on a grid of u (a,) and v (b,): what depends on one of them only is computed as
+        often.
+        """
         if not self._known:
             return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
-        return np.broadcast_to(self.evaluated(u[None, :], v[:, None])[0], (len(v), len(u))) + self.margin
+        return (
+            np.broadcast_to(self.evaluated(u[None, :], v[:, None])[0], (len(v), len(u)))
+            + self.margin
+        )
 
 
 @lru_cache(maxsize=32)
 def _outline(curve: Keyed) -> Polylines:
-    """The curve of a constraint, which is kept: finding one takes as long as a thousand control steps."""
+    """The curve of a constraint, which is kept: finding one takes as long as a thousand control
+    steps.
+    """
     constraint: ImageConstraint = curve.of
     image_size, corners = curve.key[:2]
     return constraint.found(image_size, np.array(corners) if corners else None)
@@ -127,15 +165,17 @@ def zero_lines(
     image_size: tuple[float, float],
     displacements: Array | None = None,
 ) -> list[Array]:
-    """Polylines (p, 2) along σ = 0 in and around the image (W, H), their vertices moved onto the curve [px].
+    """Polylines (p, 2) along σ = 0 in and around the image (W, H), their vertices moved onto the
+    curve [px].
 
-    σ (...) and ∂σ/∂(u, v) (..., 2) are those at pixels (..., 2) from the image's centre, ``grid`` σ (b, a) on u (a,)
-    and v (b,). A curve that moves is looked for wherever its ``displacements`` (k, 2) [px] bring it into the image; the
-    lines are where it is without them.
+    σ (...) and ∂σ/∂(u, v) (..., 2) are those at pixels (..., 2) from the image's centre, ``grid`` σ
+    (b, a) on u (a,) and v (b,). A curve that moves is looked for wherever its ``displacements`` (k,
+    2) [px] bring it into the image; the lines are where it is without them.
     """
     half = 0.5 * AROUND * np.asarray(image_size)
     moved = np.zeros((1, 2)) if displacements is None else displacements
-    low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
+    low = -half - moved.max(axis=0)
+    high = half - moved.min(axis=0)
     counts = np.minimum(np.ceil((high - low) / STEP), MAX_GRID_POINTS).astype(int) + 1
     too_many = float(counts.prod()) / MAX_POINTS
     if too_many > 1.0:
@@ -146,15 +186,21 @@ def zero_lines(
     columns, rows = (np.flatnonzero((values > 0.0).any(axis=axis)) for axis in (0, 1))
     if len(columns):
         across, down = (slice(max(at[0] - 1, 0), at[-1] + 2) for at in (columns, rows))
-        u, v, values = u[across], v[down], values[down, across]
+        u = u[across]
+        v = v[down]
+        values = values[down, across]
     lines = contourpy.contour_generator(u, v, values).lines(0.0)
-    return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
+    return [
+        _refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines
+    ]
 
 
 def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
-    """Halve segments whose middle is off the curve, until none is or they are as short as :data:`ACCURACY`.
+    """Halve segments whose middle is off the curve, until none is or they are as short as
+    :data:`ACCURACY`.
 
-    Where the curve is straight, points are added so that the nearest vertex is next to the nearest point.
+    Where the curve is straight, points are added so that the nearest vertex is next to the nearest
+    point.
     """
     for _ in range(int(np.ceil(np.log2(STEP / ACCURACY)))):
         middle = 0.5 * (line[1:] + line[:-1])
@@ -169,7 +215,9 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
 
 
 def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
-    """Three Newton steps along the gradient; none longer than half the grid's, so that corners stay in place."""
+    """Three Newton steps along the gradient; none longer than half the grid's, so that corners stay
+    in place.
+    """
     for _ in range(3):
         g = gradient(line)
         squared = np.maximum((g * g).sum(axis=1), 1e-300)
@@ -187,9 +235,14 @@ class Polylines:
         self._prepared = prepared(lines) if lines else None
 
     def distance(self, points: Array) -> Array:
-        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is none."""
+        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is
+        none.
+        """
         flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
-        nearest, found = np.empty(len(flat), dtype=np.int64), np.full(len(flat), np.inf)
+        nearest = np.empty(len(flat), dtype=np.int64)
+        found = np.full(len(flat), np.inf)
         if self._prepared is not None:
-            load("polylines").search(flat, self._prepared, points.shape[-2] if points.ndim > 2 else 1, nearest, found)
+            load("polylines").search(
+                flat, self._prepared, points.shape[-2] if points.ndim > 2 else 1, nearest, found
+            )
         return found.reshape(points.shape[:-1])

@@ -1,4 +1,6 @@
-"""Solids of coal as triangle meshes, convex solids and patches: for pictures, occluders, distances and link points."""
+"""Solids of coal as triangle meshes, convex solids and patches: for pictures, occluders, distances
+and link points.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from ..errors import ConfigurationError
 from ..robots.geometry import Pose
 from ..rows import Array, IntArray
 
-SIDES = 32  #: Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut.
+#: Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut.
+SIDES = 32
 BALL_POINTS = 300  #: On a sphere: their convex hull is 1 % smaller.
 ENDLESS = 1e3  #: What reaches farther from its frame is unbounded [m].
 STEPS = 100  #: From inside a region to its surface, each as long as the depth there.
@@ -32,20 +35,27 @@ class Mesh:
 
 
 def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | None:
-    """A geometry of coal as a mesh in its own frame, triangle meshes as they are and solids as their convex hull.
+    """A geometry of coal as a mesh in its own frame, triangle meshes as they are and solids as
+    their convex hull.
 
-    A half-space is a square of half side ``reach`` [m] of its boundary. None if unbounded, and ``reach`` is not finite.
+    A half-space is a square of half side ``reach`` [m] of its boundary. None if unbounded, and
+    ``reach`` is not finite.
     """
     if isinstance(geometry, coal.BVHModelBase):
-        triangles = [tuple(geometry.tri_indices(k)[j] for j in range(3)) for k in range(geometry.num_tris)]
-        return Mesh(np.array(geometry.vertices()), np.array(triangles, dtype=np.int64).reshape(-1, 3))
+        triangles = [
+            tuple(geometry.tri_indices(k)[j] for j in range(3)) for k in range(geometry.num_tris)
+        ]
+        return Mesh(
+            np.array(geometry.vertices()), np.array(triangles, dtype=np.int64).reshape(-1, 3)
+        )
     if isinstance(geometry, coal.Halfspace):
         if not np.isfinite(reach):
             return None
         normal = np.array(geometry.n)
         x = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
         x /= np.linalg.norm(x)
-        y, point = np.cross(normal, x), geometry.d * normal
+        y = np.cross(normal, x)
+        point = geometry.d * normal
         corners = [point + reach * (a * x + b * y) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
     points = hull_points(geometry)
@@ -74,14 +84,16 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
     """A solid whose distances coal computes reliably, inside too, and which holds the given one.
 
-    A mesh becomes its convex hull, since a mesh is hollow. A cylinder becomes the prism of :data:`SIDES` sides around
-    it, 0.5 % wider: coal's iterations converge slowly on a round side, and inside often end at another than the
-    shortest way out. Everything else stays as it is.
+    A mesh becomes its convex hull, since a mesh is hollow. A cylinder becomes the prism of
+    :data:`SIDES` sides around it, 0.5 % wider: coal's iterations converge slowly on a round side,
+    and inside often end at another than the shortest way out. Everything else stays as it is.
     """
     if isinstance(geometry, coal.Cylinder):
         angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
-        radius, half = geometry.radius / np.cos(np.pi / SIDES), np.full(SIDES, geometry.halfLength)
-        x, y = radius * np.cos(angle), radius * np.sin(angle)
+        radius = geometry.radius / np.cos(np.pi / SIDES)
+        half = np.full(SIDES, geometry.halfLength)
+        x = radius * np.cos(angle)
+        y = radius * np.sin(angle)
         corners = np.concatenate((np.stack((x, y, half), axis=1), np.stack((x, y, -half), axis=1)))
     elif isinstance(geometry, coal.BVHModelBase):
         corners = np.asarray(geometry.vertices())
@@ -90,7 +102,9 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
     try:
         return _hull(corners)
     except (RuntimeError, ValueError):
-        raise ConfigurationError(f"{name} has no convex hull: are its corners in one plane?") from None
+        raise ConfigurationError(
+            f"{name} has no convex hull: are its corners in one plane?"
+        ) from None
 
 
 def hull(points: Array) -> Mesh:
@@ -98,7 +112,12 @@ def hull(points: Array) -> Mesh:
     solid = _hull(points)
     number = {tuple(point): i for i, point in enumerate(points.tolist())}
     own = np.array([number[tuple(point)] for point in np.asarray(solid.points()).tolist()])
-    return Mesh(points, own[np.array([[solid.polygons(k)[j] for j in range(3)] for k in range(solid.num_polygons)])])
+    return Mesh(
+        points,
+        own[
+            np.array([[solid.polygons(k)[j] for j in range(3)] for k in range(solid.num_polygons)])
+        ],
+    )
 
 
 def _hull(points: Array) -> coal.CollisionGeometry:
@@ -109,10 +128,11 @@ def _hull(points: Array) -> coal.CollisionGeometry:
 
 
 def traced(depth: Callable[[Array], Array]) -> Mesh | None:
-    """The surface around the origin on which a signed depth is zero, as far as it is seen from there.
+    """The surface around the origin on which a signed depth is zero, as far as it is seen from
+    there.
 
-    ``depth`` gives (V,) distances to the surface [m] at points (V, 3), positive inside. None where the origin is not
-    inside, or the surface is not closed around it.
+    ``depth`` gives (V,) distances to the surface [m] at points (V, 3), positive inside. None where
+    the origin is not inside, or the surface is not closed around it.
     """
     ball = _ball()
     away = np.zeros((len(ball.points), 1))
@@ -127,16 +147,18 @@ def traced(depth: Callable[[Array], Array]) -> Mesh | None:
 def _ball() -> Mesh:
     """Points evenly on the unit sphere: along a spiral, by the golden angle."""
     k = np.arange(BALL_POINTS) + 0.5
-    z, turn = 1.0 - 2.0 * k / BALL_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k
+    z = 1.0 - 2.0 * k / BALL_POINTS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
     around = np.sqrt(1.0 - z * z)
     return hull(np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1))
 
 
 def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
-    """Patches (p, c, 3), each the hull of c corners, and a distance [m] within which they cover the surface.
+    """Patches (p, c, 3), each the hull of c corners, and a distance [m] within which they cover the
+    surface.
 
-    Triangles of a mesh are used as they are, cylinders are cut into facets, everything else into the boxes around it;
-    edges longer than ``longest`` [m] are divided.
+    Triangles of a mesh are used as they are, cylinders are cut into facets, everything else into
+    the boxes around it; edges longer than ``longest`` [m] are divided.
     """
     if isinstance(geometry, coal.BVHModelBase):
         mesh = mesh_of(geometry)
@@ -148,17 +170,26 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, fl
         slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
         return _divided(_cylinder(geometry.radius, geometry.halfLength), longest), slack
     if isinstance(geometry, coal.Capsule):
-        z = np.linspace(-geometry.halfLength, geometry.halfLength, 2 + int(2.0 * geometry.halfLength / longest))
+        z = np.linspace(
+            -geometry.halfLength, geometry.halfLength, 2 + int(2.0 * geometry.halfLength / longest)
+        )
         line = np.stack((np.zeros_like(z), np.zeros_like(z), z), axis=1)
         return np.stack((line[:-1], line[1:]), axis=1), float(geometry.radius)
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    low, high = np.array(box.min_), np.array(box.max_)
-    steps = [np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest)))) for a, b in zip(low, high, strict=True)]
+    low = np.array(box.min_)
+    high = np.array(box.max_)
+    steps = [
+        np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest))))
+        for a, b in zip(low, high, strict=True)
+    ]
     # the lower or the upper end of every step, along each axis: the eight corners of all cells
     ends = [(step[:-1], step[1:]) for step in steps]
     corners = [
-        np.stack(np.meshgrid(*(pair[i] for pair, i in zip(ends, corner, strict=True)), indexing="ij"), axis=-1)
+        np.stack(
+            np.meshgrid(*(pair[i] for pair, i in zip(ends, corner, strict=True)), indexing="ij"),
+            axis=-1,
+        )
         for corner in np.ndindex(2, 2, 2)
     ]
     return np.stack([corner.reshape(-1, 3) for corner in corners], axis=1), 0.0
@@ -169,23 +200,30 @@ def _cylinder(radius: float, half: float) -> Array:
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
     rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
     up = np.array([0.0, 0.0, half])
-    low, high, centre = rim - up, rim + up, np.zeros((SIDES, 3))
+    low = rim - up
+    high = rim + up
+    centre = np.zeros((SIDES, 3))
     facets = (low[:-1], low[1:], high[:-1]), (low[1:], high[1:], high[:-1])
     ends = (low[:-1], low[1:], centre - up), (high[:-1], high[1:], centre + up)
     return np.concatenate([np.stack(corners, axis=1) for corners in (*facets, *ends)])
 
 
 def _divided(corners: Array, longest: float) -> Array:
-    """The same triangles (t, 3, 3) with those halved, again and again, that have an edge longer than ``longest``."""
+    """The same triangles (t, 3, 3) with those halved, again and again, that have an edge longer
+    than ``longest``.
+    """
     done = []
     while len(corners):
         edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
         long = edges.max(axis=1) > longest
         done.append(corners[~long])
-        corners, edges = corners[long], edges[long]
+        corners = corners[long]
+        edges = edges[long]
         # turned so that the longest edge is from the first to the second corner
         order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(corners, order[:, :, None], axis=1).transpose(1, 0, 2)
         middle = 0.5 * (a + b)
-        corners = np.concatenate((np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1)))
+        corners = np.concatenate(
+            (np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1))
+        )
     return np.concatenate(done)

@@ -24,12 +24,13 @@ POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 class PerformanceFunnel(Constraint):
     """Every component of the error to the goal stays in a funnel that narrows with time.
 
-    ±eᵢ/ρ₀ − ρ(t)/ρ₀ ≤ 0 with ρ(t) = (ρ₀ − ρ∞) exp(−l t) + ρ∞ (Bechlioulis, Heshmati-alamdari, Karras and Kyriakopoulos,
-    T-RO 2019), as rows that any law can hold.
+    ±eᵢ/ρ₀ − ρ(t)/ρ₀ ≤ 0 with ρ(t) = (ρ₀ − ρ∞) exp(−l t) + ρ∞ (Bechlioulis, Heshmati-alamdari,
+    Karras and Kyriakopoulos, T-RO 2019), as rows that any law can hold.
 
-    e is the feature less its value at the goal, whatever reference trajectory leads there. t counts from when the goal
-    begins to hold: at a change of the goal the funnel opens again. Angles are those within π. Raises ConfigurationError
-    if a goal is not given as what the funnel is about, or the numbers do not go together.
+    e is the feature less its value at the goal, whatever reference trajectory leads there. t counts
+    from when the goal begins to hold: at a change of the goal the funnel opens again. Angles are
+    those within π. Raises ConfigurationError if a goal is not given as what the funnel is about, or
+    the numbers do not go together.
     """
 
     kind = "funnel"
@@ -44,7 +45,8 @@ class PerformanceFunnel(Constraint):
     translation_m: float | None = None  #: ρ₀ of t of eq. (44) [m]; no rows if None.
     rotation_rad: float | None = None  #: Likewise of θu [rad].
     feature_px: float | None = None  #: ρ₀ of the markers' coordinates in the image instead [px].
-    markers: Sequence[int] | None = None  #: Numbers of those concerned, counted from 1; all if None.
+    #: Numbers of those concerned, counted from 1; all if None.
+    markers: Sequence[int] | None = None
 
     def __post_init__(self) -> None:
         super().__init__(K=self.K, switching_gain=self.switching_gain)
@@ -53,19 +55,24 @@ class PerformanceFunnel(Constraint):
                 setattr(self, name, demand_positive(getattr(self, name), f"{name} of {self.kind}"))
         if self.final > 1.0 or self.K * self.decay >= 1.0:
             raise ConfigurationError(
-                f"{self.kind} must not widen, nor narrow faster than rows approach their boundary: final is at most 1 "
-                f"and decay below 1/K = {1.0 / self.K:g} 1/s, not {self.final:g} and {self.decay:g} 1/s"
+                f"{self.kind} must not widen, nor narrow faster than rows approach their "
+                f"boundary: final is at most 1 "
+                f"and decay below 1/K = {1.0 / self.K:g} 1/s, not {self.final:g} and "
+                f"{self.decay:g} 1/s"
             )
         self.of_image = self.feature_px is not None
         if self.of_image == (self.translation_m is not None or self.rotation_rad is not None):
             raise ConfigurationError(
-                f"{self.kind} is about the image or about the camera's pose: give feature_px, or translation_m, "
+                f"{self.kind} is about the image or about the camera's pose: give feature_px, or "
+                f"translation_m, "
                 "rotation_rad or both"
             )
         if not self.goals:
             raise ConfigurationError(f"{self.kind} is about the error to a goal, and there is none")
         if not self.of_image and any(goal.camera is None for goal in self.goals):
-            raise ConfigurationError(f"{self.kind} of the camera's pose needs goals with one; give feature_px")
+            raise ConfigurationError(
+                f"{self.kind} of the camera's pose needs goals with one; give feature_px"
+            )
         if self.markers is not None and not self.of_image:
             raise ConfigurationError(f"markers of {self.kind} go with feature_px")
         if self.markers is not None:
@@ -76,21 +83,30 @@ class PerformanceFunnel(Constraint):
             numbers = self.markers or range(1, len(self.goals[0].pixels) + 1)
             at = [2 * (i - 1) + c for i in numbers for c in (0, 1)]
             width = [self.feature_px] * (max(at) + 1)
-        self._at, self._both, self._begins = at, at + at, [goal.from_time for goal in self.goals]
+        self._at = at
+        self._both = at + at
+        self._begins = [goal.from_time for goal in self.goals]
         self.start: Array = np.array([width[i] for i in self._both], dtype=np.float64)
         self._side = np.repeat([1.0, -1.0], len(at)) / self.start
 
     def scaled(self, K: float, switching_gain: float) -> PerformanceFunnel:
-        """See :class:`.Constraint`; ConfigurationError if it would narrow faster than its rows approach it."""
+        """See :class:`.Constraint`; ConfigurationError if it would narrow faster than its rows
+        approach it.
+        """
         return replace(self, K=self.K * K, switching_gain=self.switching_gain * switching_gain)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """All upper rows, then all lower ones: ``funnel[x].upper``, ``funnel[marker 1 u].lower``."""
+        """All upper rows, then all lower ones: ``funnel[x].upper``, ``funnel[marker 1
+        u].lower``.
+        """
         if self.of_image and max(self._at) >= 2 * len(scene.markers):
             raise ConfigurationError(
-                f"{self.kind}: there is no marker {max(self._at) // 2 + 1}; the scene has {len(scene.markers)}"
+                f"{self.kind}: there is no marker {max(self._at) // 2 + 1}; the scene has "
+                f"{len(scene.markers)}"
             )
-        names = [f"marker {i // 2 + 1} {'uv'[i % 2]}" if self.of_image else POSE[i] for i in self._at]
+        names = [
+            f"marker {i // 2 + 1} {'uv'[i % 2]}" if self.of_image else POSE[i] for i in self._at
+        ]
         return tuple(f"{self.kind}[{name}].{side}" for side in ("upper", "lower") for name in names)
 
     def units(self, scene: Scene) -> tuple[str, ...]:
@@ -102,10 +118,18 @@ class PerformanceFunnel(Constraint):
         if type(self).rows is not Constraint.rows:
             return None
         wanted: list[Array] = [
-            goal.pixels.ravel() if self.of_image or goal.camera is None else np.append(goal.camera.R, goal.camera.t)
+            goal.pixels.ravel()
+            if self.of_image or goal.camera is None
+            else np.append(goal.camera.R, goal.camera.t)
             for goal in self.goals
         ]
-        numbers = self.final, self.decay, float(len(wanted)), *self._begins, *np.concatenate(wanted).tolist()
+        numbers = (
+            self.final,
+            self.decay,
+            float(len(wanted)),
+            *self._begins,
+            *np.concatenate(wanted).tolist(),
+        )
         rows = "image_funnel_rows" if self.of_image else "pose_funnel_rows"
         return Form(rows, parameters=numbers, which=self._both, offsets=self._side)
 
@@ -114,12 +138,17 @@ class PerformanceFunnel(Constraint):
         which = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
         error: Array = np.zeros((len(which), 6))
         if self.of_image:
-            error = (trace.pixels - np.array([goal.pixels for goal in self.goals])[which]).reshape(len(which), -1)
+            error = (trace.pixels - np.array([goal.pixels for goal in self.goals])[which]).reshape(
+                len(which), -1
+            )
         elif trace.scene is None:
-            raise ConfigurationError(f"clearances of {self.kind} of the camera's pose need the trace's scene")
+            raise ConfigurationError(
+                f"clearances of {self.kind} of the camera's pose need the trace's scene"
+            )
         else:
             for k, i in enumerate(which):
-                camera, wanted = trace.scene.camera_pose(trace.q[k], float(trace.t[k])), self.goals[i].camera
+                camera = trace.scene.camera_pose(trace.q[k], float(trace.t[k]))
+                wanted = self.goals[i].camera
                 assert wanted is not None
                 _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
                 error[k] = (*t, *w)
@@ -134,7 +163,8 @@ class PerformanceFunnel(Constraint):
     def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
         """A funnel holds only what starts inside."""
         outside = [
-            f"{labels[i]} with an error of {(sigma[i] + 1.0) * self.start[i]:.3g}, where ρ₀ is {self.start[i]:g}"
+            f"{labels[i]} with an error of {(sigma[i] + 1.0) * self.start[i]:.3g}, where ρ₀ is "
+            f"{self.start[i]:g}"
             for i in np.flatnonzero(sigma >= 0.0)
         ]
         return f"the start is outside its funnel: {'; '.join(outside)}" if outside else ""

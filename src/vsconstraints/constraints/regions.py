@@ -1,4 +1,6 @@
-"""Where robot points may be: out of a sphere, box, half-space, cylinder or capsule (section 4.3.6), and own ones."""
+"""Where robot points may be: out of a sphere, box, half-space, cylinder or capsule (section 4.3.6),
+and own ones.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,14 @@ from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
-from .base import PositionConstraint, RowBlock, Trace, demand_margin, demand_positive, to_first_order
+from .base import (
+    PositionConstraint,
+    RowBlock,
+    Trace,
+    demand_margin,
+    demand_positive,
+    to_first_order,
+)
 from .by_formula import Form
 from .meshes import Mesh, mesh_of, traced
 
@@ -23,8 +32,8 @@ from .meshes import Mesh, mesh_of, traced
 class PointConstraint(PositionConstraint):
     """A constraint on the position y = p (3,) of robot points, in the base frame [m].
 
-    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`. ``length`` [m] is its characteristic
-    length; ``name`` that of the obstacle, for labels when there are several.
+    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`. ``length`` [m] is its
+    characteristic length; ``name`` that of the obstacle, for labels when there are several.
     """
 
     unit = "m"
@@ -43,7 +52,8 @@ class PointConstraint(PositionConstraint):
         if not points:
             raise ConfigurationError(f"{self.kind} needs at least one robot point")
         self.scale = self.length = demand_positive(length, f"length of {self.kind}")
-        self.name, self.points = name, tuple(points)
+        self.name = name
+        self.points = tuple(points)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """One row per point."""
@@ -52,7 +62,8 @@ class PointConstraint(PositionConstraint):
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
-        robot, J = state.robot, state.robot.point_J[points]
+        robot = state.robot
+        J = state.robot.point_J[points]
         motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
         return self.chain_rule(self.relative(motion, state))
 
@@ -66,7 +77,9 @@ class PointConstraint(PositionConstraint):
         return to_first_order(self.sigma(y), self.gradient(y))
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """What it forbids, in the frame of its formula; see :meth:`.Constraint.meshes`. None: it is not drawn."""
+        """What it forbids, in the frame of its formula; see :meth:`.Constraint.meshes`. None: it is
+        not drawn.
+        """
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
@@ -80,15 +93,17 @@ class PointConstraint(PositionConstraint):
 
 
 class ForbiddenRegion(PointConstraint):
-    """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a region.
+    """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a
+    region.
 
-    d is positive outside and minus the distance to the surface inside, so that a point inside is led out the shortest
-    way. Where several surface points are equally near the gradient is the one that leads to one of them, always the
-    same; it is a unit vector everywhere.
+    d is positive outside and minus the distance to the surface inside, so that a point inside is
+    led out the shortest way. Where several surface points are equally near the gradient is the one
+    that leads to one of them, always the same; it is a unit vector everywhere.
 
-    An own region gives ``kind``, its formula (value and derivatives of the depth −d from x, y and z in its own frame)
-    and if it knows it the formula of the curvature. ``pose`` is that of the region's frame in the base frame,
-    ``margin`` [m] is kept from it; the others are those of :class:`PointConstraint`.
+    An own region gives ``kind``, its formula (value and derivatives of the depth −d from x, y and z
+    in its own frame) and if it knows it the formula of the curvature. ``pose`` is that of the
+    region's frame in the base frame, ``margin`` [m] is kept from it; the others are those of
+    :class:`PointConstraint`.
     """
 
     def __init__(
@@ -102,11 +117,16 @@ class ForbiddenRegion(PointConstraint):
         points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
-        super().__init__(K=K, switching_gain=switching_gain, length=length, points=points, name=name)
-        self.pose, self.margin = pose, demand_margin(margin, f"a {self.kind}")
+        super().__init__(
+            K=K, switching_gain=switching_gain, length=length, points=points, name=name
+        )
+        self.pose = pose
+        self.margin = demand_margin(margin, f"a {self.kind}")
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """Its surface in its own frame: of its solid, or traced from the frame's origin where none is known."""
+        """Its surface in its own frame: of its solid, or traced from the frame's origin where none
+        is known.
+        """
         solid = self.solid()
         if solid is None:
             return traced(lambda points: self.sigma(self.pose.act(points)) - self.margin)
@@ -138,11 +158,19 @@ class KnownRegion(ForbiddenRegion):
     name: str = ""  #: Of the obstacle, for labels when there are several.
 
     def place(self, R: Array, t: Array, length: float, *parameters: float) -> None:
-        """Put the region somewhere: axes R and origin t of its frame, its characteristic length, its parameters."""
+        """Put the region somewhere: axes R and origin t of its frame, its characteristic length,
+        its parameters.
+        """
         self.parameters = parameters
         gains = {"K": self.K, "switching_gain": self.switching_gain}
         ForbiddenRegion.__init__(
-            self, Pose(R, t), length=length, margin=self.margin, points=self.points, name=self.name, **gains
+            self,
+            Pose(R, t),
+            length=length,
+            margin=self.margin,
+            points=self.points,
+            name=self.name,
+            **gains,
         )
 
 
@@ -150,7 +178,8 @@ class KnownRegion(ForbiddenRegion):
 class ForbiddenSphere(KnownRegion):
     """Robot points stay out of a sphere.
 
-    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the very centre the gradient is that of leaving along +z.
+    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the very centre the gradient is that of leaving
+    along +z.
     """
 
     kind = "sphere"
@@ -161,7 +190,9 @@ class ForbiddenSphere(KnownRegion):
 
     def __post_init__(self) -> None:
         self.radius = demand_positive(self.radius, "radius of a sphere")
-        self.place(np.eye(3), vector(self.centre, 3, "centre of a sphere"), self.radius, self.radius)
+        self.place(
+            np.eye(3), vector(self.centre, 3, "centre of a sphere"), self.radius, self.radius
+        )
 
     def solid(self) -> coal.CollisionGeometry:
         """A sphere."""
@@ -172,8 +203,8 @@ class ForbiddenSphere(KnownRegion):
 class ForbiddenBox(KnownRegion):
     """Robot points stay out of a box, also a turned one.
 
-    Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
-    towards + of the shortest one.
+    Inside, where several faces are equally near, the way out is along the first of the box's axes;
+    at the centre towards + of the shortest one.
     """
 
     kind = "box"
@@ -187,7 +218,8 @@ class ForbiddenBox(KnownRegion):
         size = vector(self.size, 3, "size of a box")
         if (size <= 0.0).any():
             raise ConfigurationError(f"size of a box must be three positive lengths, not {size}")
-        half, R = 0.5 * size, Pose.from_xyz_rpy((0.0, 0.0, 0.0), self.rpy).R
+        half = 0.5 * size
+        R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), self.rpy).R
         self.place(R, vector(self.centre, 3, "centre of a box"), float(half.min()), *half.tolist())
 
     def solid(self) -> coal.CollisionGeometry:
@@ -197,7 +229,9 @@ class ForbiddenBox(KnownRegion):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ForbiddenHalfSpace(KnownRegion):
-    """Robot points stay on one side of a plane, margin − n·(p − a) ≤ 0: above a table, before a wall."""
+    """Robot points stay on one side of a plane, margin − n·(p − a) ≤ 0: above a table, before a
+    wall.
+    """
 
     kind = "half-space"
     formula = staticmethod(formulas.half_space)
@@ -211,7 +245,9 @@ class ForbiddenHalfSpace(KnownRegion):
         size = float(np.sqrt(n @ n))
         if size < SMALL:
             raise ConfigurationError(f"normal of a half-space must have a direction, not {n}")
-        self.place(frame_along(n / size), vector(self.point, 3, "point of a half-space"), self.length)
+        self.place(
+            frame_along(n / size), vector(self.point, 3, "point of a half-space"), self.length
+        )
 
     def solid(self) -> coal.CollisionGeometry:
         """What is below z = 0."""
@@ -220,7 +256,9 @@ class ForbiddenHalfSpace(KnownRegion):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class RegionAroundAxis(KnownRegion):
-    """A region of a radius around the axis from one point to another, which is the z axis of its frame."""
+    """A region of a radius around the axis from one point to another, which is the z axis of its
+    frame.
+    """
 
     start: Vector3  #: Ends of the axis in the base frame [m].
     end: Vector3
@@ -228,11 +266,15 @@ class RegionAroundAxis(KnownRegion):
 
     def __post_init__(self) -> None:
         self.radius = demand_positive(self.radius, f"radius of a {self.kind}")
-        start, end = (vector(getattr(self, name), 3, f"{name} of a {self.kind}") for name in ("start", "end"))
+        start, end = (
+            vector(getattr(self, name), 3, f"{name} of a {self.kind}") for name in ("start", "end")
+        )
         along = end - start
         size = float(np.sqrt(along @ along))
         if size < SMALL:
-            raise ConfigurationError(f"start and end of a {self.kind} must be different points, not both {start}")
+            raise ConfigurationError(
+                f"start and end of a {self.kind} must be different points, not both {start}"
+            )
         width = min(self.radius, 0.5 * size) if self.kind == "cylinder" else self.radius
         self.place(frame_along(along / size), 0.5 * (start + end), width, self.radius, 0.5 * size)
 
@@ -240,8 +282,8 @@ class RegionAroundAxis(KnownRegion):
 class ForbiddenCylinder(RegionAroundAxis):
     """Robot points stay out of a cylinder with flat ends.
 
-    Inside, where side and end are equally near, the way out is through the side; on the axis it is a fixed direction
-    across it; in the middle of a flat cylinder, through the end.
+    Inside, where side and end are equally near, the way out is through the side; on the axis it is
+    a fixed direction across it; in the middle of a flat cylinder, through the end.
     """
 
     kind = "cylinder"
@@ -256,8 +298,8 @@ class ForbiddenCylinder(RegionAroundAxis):
 class ForbiddenCapsule(RegionAroundAxis):
     """Robot points stay out of a cylinder with round ends.
 
-    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends. On the segment the gradient is that
-    of leaving along a fixed direction across it.
+    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends. On the segment
+    the gradient is that of leaving along a fixed direction across it.
     """
 
     kind = "capsule"

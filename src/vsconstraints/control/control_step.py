@@ -1,4 +1,6 @@
-"""The control step with a controller: from the state of the joints to a command; rows and task of future states."""
+"""The control step with a controller: from the state of the joints to a command; rows and task of
+future states.
+"""
 
 from __future__ import annotations
 
@@ -28,16 +30,19 @@ ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
 TASK = ("J", "b", "error", "error_rate", "rest")
 FLOAT = np.dtype(np.float64)
 
-#: From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command.
+#: From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to
+#: a command.
 StateToCommand = Callable[..., tuple[Evaluation, Command]]
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Rows and task at N instants, with m rows, n joints, k features and M markers: see :class:`.Rows`, :class:`.Task`.
+    """Rows and task at N instants, with m rows, n joints, k features and M markers: see
+    :class:`.Rows`, :class:`.Task`.
 
-    Of rows phi, sigma, sigma_dot and Lf are (N, m), Lg (N, m, n); of the task J is (N, k, n), b, error and error_rate
-    (N, k), rest (N, n) or (N, 0); pixels (N, M, 2) are markers from the image's centre [px].
+    Of rows phi, sigma, sigma_dot and Lf are (N, m), Lg (N, m, n); of the task J is (N, k, n), b,
+    error and error_rate (N, k), rest (N, n) or (N, 0); pixels (N, M, 2) are markers from the
+    image's centre [px].
     """
 
     phi: Array
@@ -57,14 +62,16 @@ class Prediction:
 
 
 class Model:
-    """Rows and task at future states, as the controller believes them to be; see :meth:`.ControlStep.model`.
+    """Rows and task at future states, as the controller believes them to be; see
+    :meth:`.ControlStep.model`.
 
-    Its evaluator is its own, so that the memory of the one in the loop stays as it is. Where anything moves that
-    controllers do not know, everything is predicted at the present time. J̇_s q̇ and ṡ are exact. ``estimate`` and
-    ``gradient_error`` are what the controller believes of a state, and of its rows, where that is not what the scene
-    says.
+    Its evaluator is its own, so that the memory of the one in the loop stays as it is. Where
+    anything moves that controllers do not know, everything is predicted at the present time. J̇_s
+    q̇ and ṡ are exact. ``estimate`` and ``gradient_error`` are what the controller believes of a
+    state, and of its rows, where that is not what the scene says.
 
-    It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit ``acceleration`` (n,) of
+    It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit
+    ``acceleration`` (n,) of
     |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the robot's ``ranges``; the visual
     ``task``; and the compiled ``step`` that predicts, None where anything runs in NumPy.
     """
@@ -72,10 +79,15 @@ class Model:
     def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:
         self.task: VisualTask = copy(of.visual_task)
         self.task.drift = self.task.velocity = self.task.reference = "exact"
-        self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
+        self._of = of
+        self._estimate = estimate
+        self._gradient_error = gradient_error
         self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
-        self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
-        self.ranges, self.step = of.scene.robot.ranges, self._own.bound()
+        self.K = of.constraints.approach_time
+        self.acceleration = of.acceleration
+        self.labels = of.constraints.labels
+        self.ranges = of.scene.robot.ranges
+        self.step = self._own.bound()
         if estimate is not None:
             estimate.write(self._own.packed.step)
         if gradient_error is not None and self.step is not None:
@@ -105,7 +117,9 @@ class Model:
 
     @property
     def until(self) -> float:
-        """Up to which time [s] the current goal holds and what moves is known; the present where it is not."""
+        """Up to which time [s] the current goal holds and what moves is known; the present where it
+        is not.
+        """
         if self._of.believes:
             return self.present.t
         following = self.task.goals[self.goal + 1 :]
@@ -122,24 +136,32 @@ class Model:
         return self._of.believes
 
     def at(self, t: float, q: Array, qd: Array) -> Evaluation:
-        """Rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,), from the sample in the loop on.
+        """Rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,), from the sample in the
+        loop on.
 
-        Raises SceneError if a marker is not in front of the camera there, InvalidInput if a number is not finite.
+        Raises SceneError if a marker is not in front of the camera there, InvalidInput if a number
+        is not finite.
         """
         self._own.remember(self._of)
         return self._evaluated(t, q, qd)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """Rows, task and pixels at consecutive states: (N,) times t [s], (N, n) coordinates and speeds.
+        """Rows, task and pixels at consecutive states: (N,) times t [s], (N, n) coordinates and
+        speeds.
 
-        A state with a marker that is not in front of the camera, or with a number that is not finite, ends the
-        prediction, which then is shorter.
+        A state with a marker that is not in front of the camera, or with a number that is not
+        finite, ends the prediction, which then is shorter.
         """
         self._own.remember(self._of)
         packed = self._own.packed
-        t = np.full(len(t), self.present.t) if self._of.believes else np.ascontiguousarray(t, dtype=np.float64)
+        t = (
+            np.full(len(t), self.present.t)
+            if self._of.believes
+            else np.ascontiguousarray(t, dtype=np.float64)
+        )
         q, qd = (np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd))
-        out, N = np.empty((len(t), packed.out.size)), 0
+        out = np.empty((len(t), packed.out.size))
+        N = 0
         if self.step is not None:
             N = load("from_state").predict(packed.workspace, t, q, qd, packed.out, out)
         else:
@@ -171,9 +193,11 @@ class ControlStep(Evaluator):
         return Model(self, estimate, gradient_error)
 
     def evaluate(self, t: float, q: Array, qd: Array, **measured: Any) -> Evaluation:
-        """Rows and task, as :meth:`.Evaluator.evaluate`; the first call checks the gradients of own constraints.
+        """Rows and task, as :meth:`.Evaluator.evaluate`; the first call checks the gradients of own
+        constraints.
 
-        Raises ConfigurationError, which names the row and the coordinate, if one is not the derivative of its σ.
+        Raises ConfigurationError, which names the row and the coordinate, if one is not the
+        derivative of its σ.
         """
         evaluation = super().evaluate(t, q, qd, **measured)
         if not self._gradients_checked:
@@ -181,7 +205,9 @@ class ControlStep(Evaluator):
         return evaluation
 
     def _check_gradients(self, t: float, q: Array, qd: Array) -> None:
-        demand_gradients(self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd)))
+        demand_gradients(
+            self.scene, self.constraints, self.visual_task, (t, np.asarray(q), np.asarray(qd))
+        )
         self._gradients_checked = True
 
     def command(
@@ -202,10 +228,12 @@ class ControlStep(Evaluator):
         return self._to_command(t, q, qd, **measured)
 
     def bind(self, controller: Controller) -> StateToCommand:
-        """Make a function for loops that does as :meth:`command`, for this controller with its present options.
+        """Make a function for loops that does as :meth:`command`, for this controller with its
+        present options.
 
-        Where step and law are compiled, they run on arrays that stay where they are, and only results are copied. A law
-        that uses a model is given one, by a reset; it belongs to this step from then on.
+        Where step and law are compiled, they run on arrays that stay where they are, and only
+        results are copied. A law that uses a model is given one, by a reset; it belongs to this
+        step from then on.
         """
         if "model" in controller.uses and controller is not self._controller:
             reset: Callable[..., None] = controller.reset
@@ -213,7 +241,8 @@ class ControlStep(Evaluator):
         in_one = self._in_one_call(controller)
         if in_one is not None and own_constraints(self.constraints):
             in_one = partial(self._after_check, in_one)
-        self._controller, self._to_command = controller, in_one or partial(self._in_two_calls, controller)
+        self._controller = controller
+        self._to_command = in_one or partial(self._in_two_calls, controller)
         # only a law that is bound has options that were read beforehand
         self._options = None if in_one is None else _options_of(controller)
         return self._to_command
@@ -236,7 +265,11 @@ class ControlStep(Evaluator):
 
     def _with_doubts(self, evaluation: Evaluation, command: Command) -> Command:
         doubts = self.doubts(evaluation)
-        return replace(command, remark="; ".join(filter(None, (command.remark, doubts)))) if doubts else command
+        return (
+            replace(command, remark="; ".join(filter(None, (command.remark, doubts))))
+            if doubts
+            else command
+        )
 
     def _in_one_call(self, controller: Controller) -> StateToCommand | None:
         """Step and law in one compiled call; None where either runs in NumPy.
@@ -246,15 +279,23 @@ class ControlStep(Evaluator):
         step = self.bound()
         if step is None:
             return None
-        size, law = step.packed.size, step.bind(controller)
+        size = step.packed.size
+        law = step.bind(controller)
         if law is None:
             return None
-        kernels, packed, measure = load("from_state"), step.packed, step.measure
+        kernels = load("from_state")
+        packed = step.packed
+        measure = step.measure
         both = kernels.command_by.bind(packed.workspace, law.workspace, law.answer)
-        refused, answer, copied, constraints = kernels.REFUSED, law.command, step.out.copy, self.constraints
+        refused = kernels.REFUSED
+        answer = law.command
+        copied = step.out.copy
+        constraints = self.constraints
         doubt = self.innovation[-1:].item
-        undistort, unknown = undistortion(self.scene.camera, size.M), np.full(size.M, np.nan)
-        in_two, with_doubts = partial(self._in_two_calls, controller), self._with_doubts
+        undistort = undistortion(self.scene.camera, size.M)
+        unknown = np.full(size.M, np.nan)
+        in_two = partial(self._in_two_calls, controller)
+        with_doubts = self._with_doubts
 
         def in_one(
             t: float,
@@ -268,14 +309,26 @@ class ControlStep(Evaluator):
         ) -> tuple[Evaluation, Command]:
             code = refused
             try:
-                # compiled functions take type and dimension for granted, look at the rest by themselves, and would
-                # make a number of a string
-                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1 and camera is None
+                # compiled functions take type and dimension for granted, look at the rest by
+                # themselves, and would make a number of a string
+                plain = (
+                    q.dtype is FLOAT
+                    and qd.dtype is FLOAT
+                    and q.ndim == 1
+                    and qd.ndim == 1
+                    and camera is None
+                )
                 if pixels is None:
                     plain = plain and depth is None and taken is None
                 elif plain:
-                    Z, at = unknown if depth is None else depth, t if taken is None else taken
-                    plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
+                    Z = unknown if depth is None else depth
+                    at = t if taken is None else taken
+                    plain = (
+                        pixels.dtype is FLOAT
+                        and Z.dtype is FLOAT
+                        and pixels.ndim == 2
+                        and Z.ndim == 1
+                    )
                     # of a masked array the mask counts, too
                     plain = plain and type(pixels) is np.ndarray and type(Z) is np.ndarray
                     seen = pixels if undistort is None or not plain else undistort(pixels)
@@ -304,10 +357,13 @@ def _options_of(controller: Controller) -> dict[str, Any]:
 
 
 def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None] | None:
-    """Ideal pixels (M, 2) of distorted ones, or None where they cannot be undistorted; None without distortion."""
+    """Ideal pixels (M, 2) of distorted ones, or None where they cannot be undistorted; None without
+    distortion.
+    """
     if camera.distortion is None:
         return None
-    through, eye = load("lenses").through(camera.distortion.model), np.array(camera.eye)
+    through = load("lenses").through(camera.distortion.model)
+    eye = np.array(camera.eye)
     ideal = np.empty((markers, 2))
 
     def undistort(pixels: Array) -> Array | None:

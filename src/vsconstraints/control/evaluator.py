@@ -31,15 +31,18 @@ def _view(name: str) -> property:
 class Evaluation:
     """Result of one step: views into the array that the compiled step writes.
 
-    ``rows`` and ``task`` are as a controller takes them, ``error`` (k,) is that of the visual feature, ``sigma`` (m,)
-    of each row; ``pixels`` (M, 2) are markers from the image's centre [px], ``points`` (p, 3) the scene's robot points
-    in the base frame [m], and ``camera_R`` (3, 3) and ``camera_t`` (3,) [m] the camera's pose in the target's frame.
+    ``rows`` and ``task`` are as a controller takes them, ``error`` (k,) is that of the visual
+    feature, ``sigma`` (m,) of each row; ``pixels`` (M, 2) are markers from the image's centre [px],
+    ``points`` (p, 3) the scene's robot points in the base frame [m], and ``camera_R`` (3, 3) and
+    ``camera_t`` (3,) [m] the camera's pose in the target's frame.
     """
 
     __slots__ = ("_constraints", "_packed", "out")
 
     def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
-        self._packed, self._constraints, self.out = packed, constraints, out
+        self._packed = packed
+        self._constraints = constraints
+        self.out = out
 
     def part(self, name: str) -> Array:
         """An output of the step by its name in :attr:`.Size.outputs`."""
@@ -50,7 +53,8 @@ class Evaluation:
     @property
     def rows(self) -> Rows:
         """The rows, as a controller takes them."""
-        constraints, part = self._constraints, self.part
+        constraints = self._constraints
+        part = self.part
         return Rows(
             part("phi"),
             part("Lg"),
@@ -61,7 +65,11 @@ class Evaluation:
             part("sigma"),
             part("sigma_dot"),
             constraints.approach_time,
-            *((part("qdd_min"), part("qdd_max")) if self._packed.size.limited else (UNKNOWN, UNKNOWN)),
+            *(
+                (part("qdd_min"), part("qdd_max"))
+                if self._packed.size.limited
+                else (UNKNOWN, UNKNOWN)
+            ),
         )
 
     @property
@@ -71,32 +79,44 @@ class Evaluation:
         rest = part("rest") if self._packed.size.rests else UNKNOWN
         return Task(part("J"), part("b"), part("error"), part("error_rate"), rest)
 
-    error, sigma, pixels, points = _view("error"), _view("sigma"), _view("pixels"), _view("points")
-    camera_R, camera_t = _view("camera_R"), _view("camera_t")
+    error = _view("error")
+    sigma = _view("sigma")
+    pixels = _view("pixels")
+    points = _view("points")
+    camera_R = _view("camera_R")
+    camera_t = _view("camera_t")
 
 
 class Bound:
     """The compiled step for loops: every sample overwrites the one before.
 
-    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``), and returns 0 if ``out`` now holds the step, and
-    ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` says what is wrong. ``measure`` takes pixels (M, 2),
-    depths (M,), the time of their image and now, for the next step, and returns 0 if they fit. ``packed`` are the
-    step's arrays.
+    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``), and returns 0 if ``out`` now
+    holds the step, and ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` says what is
+    wrong. ``measure`` takes pixels (M, 2), depths (M,), the time of their image and now, for the
+    next step, and returns 0 if they fit. ``packed`` are the step's arrays.
     """
 
     __slots__ = ("evaluate", "measure", "now", "out", "packed")
 
     def __init__(self, packed: Packed, constraints: ConstraintSet) -> None:
         kernels = load("step")
-        self.packed, self.out = packed, packed.out
+        self.packed = packed
+        self.out = packed.out
         self.now = Evaluation(packed, constraints, self.out)
-        self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(packed.workspace)
-        self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(packed.workspace)
+        self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(
+            packed.workspace
+        )
+        self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(
+            packed.workspace
+        )
 
     def bind(self, controller: Controller) -> BoundLaw | None:
         """The controller on the rows and the task of ``now``; None where it is not compiled."""
-        size, now = self.packed.size, self.now
-        return controller.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+        size = self.packed.size
+        now = self.now
+        return controller.bind(
+            now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n)
+        )
 
 
 class CurrentState(NamedTuple):
@@ -110,16 +130,18 @@ class CurrentState(NamedTuple):
 class Evaluator:
     """Evaluates a scene, its constraints and its task together, in one compiled step.
 
-    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled ones. Constraints
-    and task are compiled with the options that they have when this is made. Threads need one each.
+    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled
+    ones. Constraints and task are compiled with the options that they have when this is made.
+    Threads need one each.
 
-    With ``known``, motions that controllers do not know (section 5.4) count as known; if not, such an object is where
-    it is, but its velocity is taken for zero, and ``believes`` says that there is one. With the actuators' ``limits``
-    and the sampling ``period`` T_s [s] rows state the box of q̈ that is left at each sample; it depends on the command
-    before, ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (8,) is how far the last measurement is from
-    the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`, and the greatest ratio of that to what is
-    ``plausible``: beyond 1 :meth:`doubts` and ``Command.remark`` say so. Raises ConfigurationError or InvalidInput if
-    there are limits, but not one for each joint, or no period.
+    With ``known``, motions that controllers do not know (section 5.4) count as known; if not, such
+    an object is where it is, but its velocity is taken for zero, and ``believes`` says that there
+    is one. With the actuators' ``limits`` and the sampling ``period`` T_s [s] rows state the box of
+    q̈ that is left at each sample; it depends on the command before, ``last_command`` (n,), see
+    :meth:`commanded`. ``innovation`` (8,) is how far the last measurement is from the model, see
+    :data:`vsconstraints.vision.measurement.INNOVATIONS`, and the greatest ratio of that to what is
+    ``plausible``: beyond 1 :meth:`doubts` and ``Command.remark`` say so. Raises ConfigurationError
+    or InvalidInput if there are limits, but not one for each joint, or no period.
     """
 
     def __init__(
@@ -133,14 +155,21 @@ class Evaluator:
         period: float | None = None,
         plausible: Plausible | None = None,
     ) -> None:
-        self.scene, self.constraints, self.visual_task = scene, constraints, task
-        self.known, self.believes = known, not known and constraints.has_unknown_motion(scene)
+        self.scene = scene
+        self.constraints = constraints
+        self.visual_task = task
+        self.known = known
+        self.believes = not known and constraints.has_unknown_motion(scene)
         self._settings = {"known": known, "limits": limits, "period": period}
         self._limits = limits.arrays(scene.robot.ranges, period) if limits.any else None
         self.packed = Packed(scene, constraints, task, known, self._limits)
         step = self.packed.step
-        self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip
-        self.last_command, self.innovation, self._bounds = step.last_command, step.innovation, step.bounds
+        self._now = (step.time, step.q, step.qd)
+        self._correction = step.correction
+        self._slip = step.slip
+        self.last_command = step.last_command
+        self.innovation = step.innovation
+        self._bounds = step.bounds
         self._evaluate_step = load("step").evaluate_step.bind(self.packed.workspace, typed=True)
         self.plausible = plausible or Plausible()
 
@@ -155,10 +184,14 @@ class Evaluator:
         self._bounds[:] = plausible.bounds(self.scene.camera)
 
     def doubts(self, evaluation: Evaluation) -> str:
-        """What of the last measurement cannot be right, as its evaluation shows it; empty if all of it can."""
+        """What of the last measurement cannot be right, as its evaluation shows it; empty if all of
+        it can.
+        """
         if not self.innovation[-1] > 1.0:
             return ""
-        camera, seen, step = self.scene.camera, evaluation.pixels, self.packed.step
+        camera = self.scene.camera
+        seen = evaluation.pixels
+        step = self.packed.step
         beside = Beside(self._correction, self._slip, step.measured[:, 2], step.depth_ratio)
         return doubts_of(self.innovation, self._bounds, camera, seen, beside)
 
@@ -170,10 +203,17 @@ class Evaluator:
     def __getstate__(self) -> dict[str, Any]:
         parts = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task")}
         settings = {**self._settings, "plausible": self.plausible}
-        return {**parts, "settings": settings, "memory": self.packed.remembered(), "views": self.packed.step.views}
+        return {
+            **parts,
+            "settings": settings,
+            "memory": self.packed.remembered(),
+            "views": self.packed.step.views,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["scene"], state["constraints"], state["visual_task"], **state["settings"])  # type: ignore[misc]
+        self.__init__(
+            state["scene"], state["constraints"], state["visual_task"], **state["settings"]
+        )  # type: ignore[misc]
         self.packed.recall(state["memory"])
         self.packed.step.views[:] = state["views"]
 
@@ -183,7 +223,9 @@ class Evaluator:
         self.packed.reset()
 
     def remember(self, other: Evaluator) -> None:
-        """Take over the memory of another one of the same scene, constraints and features, but for past poses."""
+        """Take over the memory of another one of the same scene, constraints and features, but for
+        past poses.
+        """
         self.packed.recall(other.packed.memory)
         self.packed.step.last["views"] = 0
 
@@ -197,7 +239,9 @@ class Evaluator:
     def acceleration(self) -> Array:
         """(n,) limit of |q̈| that is known, infinite where there is none."""
         limits = self._limits
-        return np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
+        return (
+            np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
+        )
 
     def evaluate(
         self,
@@ -212,11 +256,12 @@ class Evaluator:
     ) -> Evaluation:
         """Rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
 
-        The model predicts the image, or takes a camera's measurement: see :class:`.Measurement` for ``pixels``,
-        ``depth``, ``taken`` and ``camera``. Pixels are those on the sensor: where the camera's lens has distortion,
-        they are undistorted first. Raises SceneError if a marker is not in front of the camera; InvalidInput if t is
-        not finite, q or qd are not (n,) finite numbers, a measurement does not fit the scene, or a pixel is where the
-        lens cannot be inverted.
+        The model predicts the image, or takes a camera's measurement: see :class:`.Measurement` for
+        ``pixels``, ``depth``, ``taken`` and ``camera``. Pixels are those on the sensor: where the
+        camera's lens has distortion, they are undistorted first. Raises SceneError if a marker is
+        not in front of the camera; InvalidInput if t is not finite, q or qd are not (n,) finite
+        numbers, a measurement does not fit the scene, or a pixel is where the lens cannot be
+        inverted.
         """
         measured = None
         if any(value is not None for value in (pixels, depth, taken, camera)):
@@ -224,7 +269,9 @@ class Evaluator:
             measured = measured.undistorted(self.scene.camera)
         return self.evaluate_measured(t, q, qd, measured)
 
-    def evaluate_measured(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
+    def evaluate_measured(
+        self, t: float, q: Array, qd: Array, measured: Measurement | None
+    ) -> Evaluation:
         """As :meth:`evaluate`, with a measurement that is checked and has ideal pixels."""
         packed = self.packed
         before = packed.remembered() if packed.others or packed.own_feature else []
@@ -238,7 +285,9 @@ class Evaluator:
         if refused:
             t, q, qd = self._checked(t, q, qd)
             self.scene.project(self.scene.camera_pose(q, t))
-            raise SceneError("a marker is not in front of the camera as the controller believes it to be")
+            raise SceneError(
+                "a marker is not in front of the camera as the controller believes it to be"
+            )
         if before:
             try:
                 self._add_own(t)
@@ -249,21 +298,30 @@ class Evaluator:
         return Evaluation(packed, self.constraints, packed.out.copy())
 
     def _add_own(self, t: float) -> None:
-        packed, state, task = self.packed, self._state(), self.visual_task
+        packed = self.packed
+        state = self._state()
+        task = self.visual_task
         for constraint, rows, points in packed.others:
             packed.insert(rows, constraint, constraint.rows(state, points))
         if packed.own_feature:
-            goal, k = task.goal_at(t), packed.size.k
-            previous = packed.step.last_error[:k].copy() if packed.step.last[0]["goal"] == goal else None
+            goal = task.goal_at(t)
+            k = packed.size.k
+            previous = (
+                packed.step.last_error[:k].copy() if packed.step.last[0]["goal"] == goal else None
+            )
             packed.insert_feature(task.feature.evaluate(state, task.goals[goal], previous))
             load("step").follow(packed.workspace, t)
 
     def _state(self) -> State:
         """What the compiled step has just evaluated, for parts in NumPy."""
         step = self.packed.step
-        eye, seen, F = step.eye[0], step.seen, step.camera[0]["focal"]
+        eye = step.eye[0]
+        seen = step.seen
+        F = step.camera[0]["focal"]
         J = interaction_matrix(seen["xy"], seen["depth"]) @ step.camera_J
-        normalised = PointMotion(seen["xy"].copy(), J, seen["velocity"].copy(), seen["drift"].copy())
+        normalised = PointMotion(
+            seen["xy"].copy(), J, seen["velocity"].copy(), seen["drift"].copy()
+        )
         return State(
             t=float(step.time[0]),
             robot=self.scene.kinematics(step.q, step.qd),
@@ -273,7 +331,9 @@ class Evaluator:
             camera_drift=np.concatenate((eye["acceleration"], eye["angular_acceleration"])),
             depth=seen["depth"].copy(),
             normalised=normalised,
-            pixels=PointMotion(step.pixels.copy(), J * F[:, None], normalised.velocity * F, normalised.drift * F),
+            pixels=PointMotion(
+                step.pixels.copy(), J * F[:, None], normalised.velocity * F, normalised.drift * F
+            ),
             believed=not self.known,
         )
 
@@ -298,12 +358,22 @@ class Evaluator:
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """What can be seen at (N,) times t [s] and (N, n) coordinates q, without its motion.
 
-        Returns (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all
-        markers are in front of the camera; where they are not, the pixels do not count.
+        Returns (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and
+        (N,) whether all markers are in front of the camera; where they are not, the pixels do not
+        count.
         """
-        size, t, q = self.packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
+        size = self.packed.size
+        t = np.ascontiguousarray(t)
+        q = np.ascontiguousarray(q)
         if q.shape != (len(t), size.n):
-            raise InvalidInput(f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not {q.shape}")
-        out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
+            raise InvalidInput(
+                f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not "
+                f"{q.shape}"
+            )
+        out = (
+            np.zeros((len(t), size.M, 2)),
+            np.zeros((len(t), size.P, 3)),
+            np.ones(len(t), dtype=np.bool_),
+        )
         load("step").views(self.packed.workspace, t, q, *out)
         return out

@@ -26,10 +26,11 @@ SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's i
 class Packed:
     """The compiled ``step`` of a scene, the array ``out`` that it writes to, and its ``workspace``.
 
-    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are constraints without a
-    compiled form, with their rows and their robot points: the step leaves those rows out; ``own_feature`` is whether
-    the feature is an own one, evaluated in NumPy. Raises ConfigurationError if the robot is no serial chain, or the
-    scene or the task has parts of own classes that control does not know.
+    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are
+    constraints without a compiled form, with their rows and their robot points: the step leaves
+    those rows out; ``own_feature`` is whether the feature is an own one, evaluated in NumPy. Raises
+    ConfigurationError if the robot is no serial chain, or the scene or the task has parts of own
+    classes that control does not know.
     """
 
     def __init__(
@@ -40,18 +41,31 @@ class Packed:
         known: bool = False,
         limits: JointLimits | None = None,
     ) -> None:
-        for part, kind in ((scene, Scene), (scene.camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
+        for part, kind in (
+            (scene, Scene),
+            (scene.camera, Camera),
+            (task, VisualTask),
+            (task.gains, TrackingGains),
+        ):
             _demand(part, kind)
-        feature, M, n = task.feature, len(scene.markers), scene.robot.n
-        self.own_feature, k = type(feature) not in (CameraPose, ImagePoints), feature.size(M)
+        feature = task.feature
+        M = len(scene.markers)
+        n = scene.robot.n
+        self.own_feature = type(feature) not in (CameraPose, ImagePoints)
+        k = feature.size(M)
         rest = task.rest_of(n, k)
         self.others: list[tuple[Constraint, slice, slice]] = []
-        compiled, first = [], 0
+        compiled = []
+        first = 0
         for constraint, count, points in constraints.blocks():
-            rows, first = slice(first, first + count), first + count
-            form, address = constraint.compiled_form(scene, points), 0
+            rows = slice(first, first + count)
+            first = first + count
+            form = constraint.compiled_form(scene, points)
+            address = 0
             if form is not None and (form.motion is None or type(form.motion) is Motion):
-                address = load("constraint_rows").rows_address(form.rows, form.formulas, len(form.parameters))
+                address = load("constraint_rows").rows_address(
+                    form.rows, form.formulas, len(form.parameters)
+                )
             if form is not None and address:
                 compiled.append((constraint, form, rows, address))
             else:
@@ -72,11 +86,13 @@ class Packed:
         self.step = step = step._replace(evaluate=load("step").EVALUATE)
         _write_scene(step, scene, known)
         _write_task(step, task, rest)
-        step.rows.K[:], step.rows.switching_gain[:] = constraints.approach_time, constraints.switching_gain
+        step.rows.K[:] = constraints.approach_time
+        step.rows.switching_gain[:] = constraints.switching_gain
         step.rows.scale[:] = constraints.scale
         for i, block in enumerate(compiled):
             _write_constraint(step, i, *block, known)
-        self.parts, self.workspace = self.size.outputs, Workspace(step)
+        self.parts = self.size.outputs
+        self.workspace = Workspace(step)
         self.reset()
 
     @property
@@ -98,34 +114,55 @@ class Packed:
     def reset(self) -> None:
         """Forget the last sample."""
         last, *others = self.memory
-        last["goal"], last["time"], last["began"], last["views"] = -1, 0.0, 0.0, 0
+        last["goal"] = -1
+        last["time"] = 0.0
+        last["began"] = 0.0
+        last["views"] = 0
         for array in others:
             array[...] = 0
         self.step.slip[:] = np.nan
 
     def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
-        """Write the rows of a constraint in NumPy between the compiled ones; InvalidInput if they are misshapen."""
-        now, r, n, shapes = self.step.rows, rows.stop - rows.start, self.size.n, [part.shape for part in block]
+        """Write the rows of a constraint in NumPy between the compiled ones; InvalidInput if they
+        are misshapen.
+        """
+        now = self.step.rows
+        r = rows.stop - rows.start
+        n = self.size.n
+        shapes = [part.shape for part in block]
         if shapes != [(r,), (r,), (r, n), (r,)]:
             raise InvalidInput(
-                f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels for {n} joints, but the "
+                f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels "
+                f"for {n} joints, but the "
                 f"shapes {shapes}"
             )
-        now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
+        now.phi[rows] = block.phi
+        now.sigma[rows] = block.sigma
+        now.Lf[rows] = block.Lf
+        now.Lg[rows] = block.Lg
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def insert_feature(self, motion: FeatureMotion) -> None:
         """Write an own feature; raises InvalidInput if it is of the wrong shape."""
-        step, (k, n) = self.step, (self.size.k, self.size.n)
+        step = self.step
+        k = self.size.k
+        n = self.size.n
         if [part.shape for part in motion] != [(k,), (k, n), (k,), (k,), (k,)]:
-            raise InvalidInput(f"own feature of the wrong shapes {[part.shape for part in motion]} for {k} numbers")
-        step.task.error[:], step.task.J[:], step.task.error_rate[:] = motion.error, motion.J, motion.velocity
-        step.drift[:], step.partial[:] = motion.drift, motion.partial
+            raise InvalidInput(
+                f"own feature of the wrong shapes {[part.shape for part in motion]} for {k} numbers"
+            )
+        step.task.error[:] = motion.error
+        step.task.J[:] = motion.J
+        step.task.error_rate[:] = motion.velocity
+        step.drift[:] = motion.drift
+        step.partial[:] = motion.partial
 
     def measure(self, measured: Measurement) -> None:
         """Let the next step take a camera's measurement, which is checked."""
-        pose, record = measured.camera, self.step.measurement
-        record["given"], record["time"] = measured.pixels is not None, measured.taken
+        pose = measured.camera
+        record = self.step.measurement
+        record["given"] = measured.pixels is not None
+        record["time"] = measured.taken
         if measured.pixels is not None:
             self.step.measured[:, :2], self.step.measured[:, 2] = measured.pixels, measured.depth
         record["pose_given"] = pose is not None
@@ -134,9 +171,13 @@ class Packed:
 
 
 def _demand(part: object, kind: type) -> None:
-    """Raise ConfigurationError unless ``part`` is of exactly that class: a subclass may compute anything."""
+    """Raise ConfigurationError unless ``part`` is of exactly that class: a subclass may compute
+    anything.
+    """
     if type(part) is not kind:
-        raise ConfigurationError(f"control takes a {kind.__name__}, not the subclass {type(part).__name__}")
+        raise ConfigurationError(
+            f"control takes a {kind.__name__}, not the subclass {type(part).__name__}"
+        )
 
 
 def _write(record: Any, **values: Any) -> None:
@@ -145,20 +186,31 @@ def _write(record: Any, **values: Any) -> None:
 
 
 def _write_scene(step: Step, scene: Scene, known: bool) -> None:
-    robot, motion = scene.robot, scene.motion
+    robot = scene.robot
+    motion = scene.motion
     placements = list(robot.model.jointPlacements)[1:]
-    _write(step.joints, R=[place.rotation for place in placements], t=[place.translation for place in placements])
+    _write(
+        step.joints,
+        R=[place.rotation for place in placements],
+        t=[place.translation for place in placements],
+    )
     _write(step.joints, axis=robot.axes, prismatic=robot.prismatic, continuous=robot.continuous)
     tip = robot.model.frames[robot.frame_id("tip")]
     if int(tip.parentJoint) != robot.n:
-        raise ConfigurationError(f"control takes a tip that the last joint moves, not the frame {tip.name}")
+        raise ConfigurationError(
+            f"control takes a tip that the last joint moves, not the frame {tip.name}"
+        )
     _write(step.camera[0], tip_R=tip.placement.rotation, tip_t=tip.placement.translation)
     write_camera(step, scene.camera)
     step.markers[:] = scene.markers
     for record, point in zip(step.robot_points, scene.points, strict=True):
         frame = robot.model.frames[robot.frame_id(point.link)]
         placed = Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation))
-        _write(record, body=int(frame.parentJoint), offset=placed.act(np.asarray(point.offset, dtype=np.float64)))
+        _write(
+            record,
+            body=int(frame.parentJoint),
+            offset=placed.act(np.asarray(point.offset, dtype=np.float64)),
+        )
     if motion is not None:
         _demand(motion, TargetMotion)
         _demand(motion.translation, Motion)
@@ -168,15 +220,20 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
 
 
 def write_camera(step: Step, camera: Camera) -> None:
-    """Write the camera's pose and intrinsics; where the tip is in the last body has to be written before."""
+    """Write the camera's pose and intrinsics; where the tip is in the last body has to be written
+    before.
+    """
     record = step.camera[0]
-    eye = camera.fixed or Pose(record["tip_R"].copy(), record["tip_t"].copy()) @ camera.mount.inverse
+    eye = (
+        camera.fixed or Pose(record["tip_R"].copy(), record["tip_t"].copy()) @ camera.mount.inverse
+    )
     _write(record, R=eye.R, t=eye.t, fixed=camera.fixed is not None, depth_factor=1.0)
     _write(record, focal=camera.focal, offset=camera.offset)
 
 
 def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
-    feature, gains = task.feature, task.gains
+    feature = task.feature
+    gains = task.gains
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
     _write(
         step.options[0],
@@ -193,7 +250,11 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
     )
     step.posture[: len(rest.posture)] = rest.posture
     for g, goal in enumerate(task.goals):
-        pose = goal.camera if isinstance(feature, CameraPose) and goal.camera is not None else Pose.identity()
+        pose = (
+            goal.camera
+            if isinstance(feature, CameraPose) and goal.camera is not None
+            else Pose.identity()
+        )
         reach_in = 0.0 if goal.reference is None else goal.reference.duration
         _write(step.goals[g], from_time=goal.from_time, reach_in=reach_in, R=pose.R, t=pose.t)
         step.goal_points[g] = goal.normalised.ravel()
@@ -205,21 +266,34 @@ def _write_constraint(
     step: Step, i: int, constraint: Constraint, form: Any, rows: slice, address: int, known: bool
 ) -> None:
     """Write part ``i``; ``known`` if the motion of what it forbids counts as known."""
-    record, motion = step.parts[i], form.motion
-    _write(record, address=address, first=rows.start, count=rows.stop - rows.start, K=constraint.K, margin=form.margin)
+    record = step.parts[i]
+    motion = form.motion
+    _write(
+        record,
+        address=address,
+        first=rows.start,
+        count=rows.stop - rows.start,
+        K=constraint.K,
+        margin=form.margin,
+    )
     record["R"] = np.eye(3)
     if form.frame is not None:
         R, t = form.frame
-        record["R"][: len(t), : len(t)], record["t"][: len(t)] = R, t
+        record["R"][: len(t), : len(t)] = R
+        record["t"][: len(t)] = t
     if motion is not None:
         _write(record, moves=True, known=known or motion.known)
         _write_motion(record["motion"], motion)
     step.parameters[i, : len(form.parameters)] = form.parameters
-    step.which[rows], step.gradients[rows], step.offsets[rows] = form.which, form.gradients, form.offsets
+    step.which[rows] = form.which
+    step.gradients[rows] = form.gradients
+    step.offsets[rows] = form.offsets
     step.middles[rows] = form.middles
 
 
 def _write_motion(record: Any, motion: Motion) -> None:
     k = motion.size
-    record["velocity"][:k], record["amplitude"][:k] = motion.velocity, motion.amplitude
-    record["rate"], record["phase"] = motion.rate, motion.phase
+    record["velocity"][:k] = motion.velocity
+    record["amplitude"][:k] = motion.amplitude
+    record["rate"] = motion.rate
+    record["phase"] = motion.phase

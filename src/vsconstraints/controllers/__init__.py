@@ -25,7 +25,15 @@ from .path_integral import PathIntegralControl
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolver import Additive, Priority, Resolver
-from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, SaturationExact, Scaling
+from .resolvers import (
+    RESOLVERS,
+    Filter,
+    Hierarchy,
+    Projection,
+    Saturation,
+    SaturationExact,
+    Scaling,
+)
 from .robust_predictive import RobustPredictive
 
 __all__ = [
@@ -52,7 +60,9 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
-    """The controller of a registered name, or of ``"my_laws:Cautious"``, a module that may also be in ``folder``."""
+    """The controller of a registered name, or of ``"my_laws:Cautious"``, a module that may also be
+    in ``folder``.
+    """
     if ":" in name:
         return imported_class(name, Controller, folder)
     if name not in CONTROLLERS:
@@ -60,26 +70,37 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
     return CONTROLLERS[name]
 
 
-def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
+def make_controller(
+    name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None
+) -> Controller:
     """The controller of that name, see :func:`controller_class`, with these keyword arguments.
 
-    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of :class:`.Observed`,
-    ``command_delay`` that of :class:`.DelayCompensated`: options of every law that has none of that name.
-    ConfigurationError names the candidates if name or option is unknown.
+    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of
+    :class:`.Observed`, ``command_delay`` that of :class:`.DelayCompensated`: options of every law
+    that has none of that name. ConfigurationError names the candidates if name or option is
+    unknown.
     """
-    law, options = controller_class(name, folder), dict(options or {})
+    law = controller_class(name, folder)
+    options = dict(options or {})
     parameters = inspect.signature(law).parameters
     factors = {key: options.pop(key) for key in FACTORS if key in options and key not in parameters}
     around = [
-        (wrapper, {key: options.pop(key) for key in keys if key in options and key not in parameters})
+        (
+            wrapper,
+            {key: options.pop(key) for key in keys if key in options and key not in parameters},
+        )
         for wrapper, keys in WRAPPERS.items()
     ]
     if any("dead_time" in given and "observer" not in given for _, given in around):
-        raise ConfigurationError(f"dead_time of {name} is that of an observer: give its time constant [s], too")
+        raise ConfigurationError(
+            f"dead_time of {name} is that of an observer: give its time constant [s], too"
+        )
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         for key in options:
             if key not in parameters:
-                known = dict.fromkeys((*parameters, *FACTORS, *chain.from_iterable(WRAPPERS.values())))
+                known = dict.fromkeys(
+                    (*parameters, *FACTORS, *chain.from_iterable(WRAPPERS.values()))
+                )
                 raise unknown_name(f"option of {name}", key, known)
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
@@ -102,9 +123,10 @@ def law_ranges(
 ) -> dict[str, Range | Choices]:
     """From where to where the options of a law are worth searching; empty if it declares nothing.
 
-    They are those of the law's class and, of a :class:`Law`, of its demand and its resolver. What is given stays as it
-    is, and is not among them; ``law_ranges("law", {"demand": "barrier", "resolver": "filter"})`` are those of a pair.
-    Parameters are those of :func:`make_controller`. ConfigurationError also if the class declares what is no range, or
-    one that does not hold the option's default.
+    They are those of the law's class and, of a :class:`Law`, of its demand and its resolver. What
+    is given stays as it is, and is not among them; ``law_ranges("law", {"demand": "barrier",
+    "resolver": "filter"})`` are those of a pair. Parameters are those of :func:`make_controller`.
+    ConfigurationError also if the class declares what is no range, or one that does not hold the
+    option's default.
     """
     return ranges_of(innermost(make_controller(name, options, folder)), name, options or {})

@@ -1,4 +1,6 @@
-"""Demands of control barrier functions, which use L_fφ; formulas, sources and properties: :doc:`/laws`."""
+"""Demands of control barrier functions, which use L_fφ; formulas, sources and properties:
+:doc:`/laws`.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ class WithRate(Demand):
 
 @dataclass(frozen=True)
 class Barrier(WithRate):
-    """Every row demands −αφ − L_fφ: φ decays exponentially to its bound and never crosses it (Ames et al. 2017)."""
+    """Every row demands −αφ − L_fφ: φ decays exponentially to its bound and never crosses it (Ames
+    et al. 2017).
+    """
 
     name = "barrier"
 
@@ -42,11 +46,14 @@ class Barrier(WithRate):
 
 @dataclass(frozen=True)
 class RobustBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for disturbances of q̈ of up to D in each joint (Jankovic 2018)."""
+    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for disturbances of q̈ of up to D in each
+    joint (Jankovic 2018).
+    """
 
     disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
 
-    name, uses = "robust-barrier", ("Lf", "norm_1")
+    name = "robust-barrier"
+    uses = ("Lf", "norm_1")
 
     @staticmethod
     def formula(row: Row, alpha: float, disturbance: float) -> Any:
@@ -55,41 +62,59 @@ class RobustBarrier(WithRate):
 
 @dataclass(frozen=True)
 class ProbabilisticBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − z s_d: the barrier's condition φ̇ ≤ −αφ is violated with the rate ε at most.
+    """Every row demands −αφ − L_fφ − z s_d: the barrier's condition φ̇ ≤ −αφ is violated with the
+    rate ε at most.
 
-    After the chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), with the normal quantile z of 1 − ε, for any
-    row, linear in the noise, in the present sample: s_d² = (α noise scale)² + (acceleration_noise ‖L_gφ‖)², of measured
-    φ and of each joint's acceleration, all independent. The rate is that of each row in each sample, not of a run; of
-    rows that are not held alone it is less. Errors of L_fφ and L_gφ are not in it.
+    After the chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), with the normal quantile
+    z of 1 − ε, for any row, linear in the noise, in the present sample: s_d² = (α noise scale)² +
+    (acceleration_noise ‖L_gφ‖)², of measured φ and of each joint's acceleration, all independent.
+    The rate is that of each row in each sample, not of a run; of rows that are not held alone it is
+    less. Errors of L_fφ and L_gφ are not in it.
     """
 
     violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
-    noise: float = option(0.01, "standard deviation of measured φ, a fraction of each row's scale", (1e-4, 0.1))
-    acceleration_noise: float = option(0.01, "that of each joint's q̈ [rad/s² or m/s²]", (0.001, 10.0))
+    noise: float = option(
+        0.01, "standard deviation of measured φ, a fraction of each row's scale", (1e-4, 0.1)
+    )
+    acceleration_noise: float = option(
+        0.01, "that of each joint's q̈ [rad/s² or m/s²]", (0.001, 10.0)
+    )
 
-    name, uses = "probabilistic-barrier", ("Lf", "norm")
+    name = "probabilistic-barrier"
+    uses = ("Lf", "norm")
 
     @property
     def parameters(self) -> tuple[float, ...]:
         """See :class:`.Demand`: with the quantile in place of ε."""
-        return self.alpha, NormalDist().inv_cdf(1.0 - self.violation_rate), self.noise, self.acceleration_noise
+        return (
+            self.alpha,
+            NormalDist().inv_cdf(1.0 - self.violation_rate),
+            self.noise,
+            self.acceleration_noise,
+        )
 
     @staticmethod
-    def formula(row: Row, alpha: float, quantile: float, noise: float, acceleration_noise: float) -> Any:
-        measured, moved = alpha * noise * row.scale, acceleration_noise * row.norm
+    def formula(
+        row: Row, alpha: float, quantile: float, noise: float, acceleration_noise: float
+    ) -> Any:
+        measured = alpha * noise * row.scale
+        moved = acceleration_noise * row.norm
         return -alpha * row.phi - row.Lf - quantile * np.sqrt(measured * measured + moved * moved)
 
 
 @dataclass(frozen=True)
 class InputToStateSafeBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
+    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than
+    disturbances are worth.
 
-    Kolathaya and Ames (2019): of a disturbance ‖d_c‖ ≤ d, φ stays below ε s d²/(4α), s being the row's scale.
+    Kolathaya and Ames (2019): of a disturbance ‖d_c‖ ≤ d, φ stays below ε s d²/(4α), s being the
+    row's scale.
     """
 
     epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
 
-    name, uses = "input-to-state-safe-barrier", ("Lf", "norm")
+    name = "input-to-state-safe-barrier"
+    uses = ("Lf", "norm")
 
     @staticmethod
     def formula(row: Row, alpha: float, epsilon: float) -> Any:
@@ -98,15 +123,17 @@ class InputToStateSafeBarrier(WithRate):
 
 @dataclass(frozen=True)
 class GradientRobustBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
+    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong
+    by the fraction c_e.
 
-    Dean, Taylor, Cosner, Recht and Ames (2020), for eq. (49). It is too little where the law commands more than
-    tracking.
+    Dean, Taylor, Cosner, Recht and Ames (2020), for eq. (49). It is too little where the law
+    commands more than tracking.
     """
 
     gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
 
-    name, uses = "gradient-robust-barrier", ("Lf", "norm", "effort")
+    name = "gradient-robust-barrier"
+    uses = ("Lf", "norm", "effort")
 
     @staticmethod
     def formula(row: Row, alpha: float, gradient_error: float) -> Any:
@@ -115,16 +142,21 @@ class GradientRobustBarrier(WithRate):
 
 @dataclass(frozen=True)
 class SampledBarrier(WithRate):
-    """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between samples.
+    """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between
+    samples.
 
-    Breeden, Garg and Panagou (2022): it holds if |φ̈| ≤ ``curvature`` × scale near the boundary. φ rests ν/α inside.
+    Breeden, Garg and Panagou (2022): it holds if |φ̈| ≤ ``curvature`` × scale near the boundary. φ
+    rests ν/α inside.
     """
 
     curvature: float = option(
-        20.0, "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]", (0.1, 1000.0)
+        20.0,
+        "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]",
+        (0.1, 1000.0),
     )
 
-    name, uses = "sampled-barrier", ("Lf", "period")
+    name = "sampled-barrier"
+    uses = ("Lf", "period")
 
     @staticmethod
     def formula(row: Row, alpha: float, curvature: float) -> Any:
@@ -134,7 +166,8 @@ class SampledBarrier(WithRate):
 
 @dataclass(frozen=True)
 class ReciprocalBarrier(WithRate):
-    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
+    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier
+    function −1/φ.
 
     Ames, Xu, Grizzle and Tabuada (2017). Beyond the boundary rows return with −αφ − L_fφ.
     """
@@ -149,9 +182,11 @@ class ReciprocalBarrier(WithRate):
 
 @dataclass(frozen=True)
 class FiniteTimeBarrier(WithRate):
-    """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in finite time.
+    """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in
+    finite time.
 
-    Li, Wang, Pierpaoli and Egerstedt (2018), with the exponent ½. Within |φ| < (α T_s)² s it overshoots, and chatters.
+    Li, Wang, Pierpaoli and Egerstedt (2018), with the exponent ½. Within |φ| < (α T_s)² s it
+    overshoots, and chatters.
     """
 
     alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
@@ -165,32 +200,45 @@ class FiniteTimeBarrier(WithRate):
 
 @dataclass(frozen=True)
 class PrescribedTimeBarrier(WithRate):
-    """Rows demand −αφ − L_fφ, and from outside they are back on the boundary a prescribed time T later at most.
+    """Rows demand −αφ − L_fφ, and from outside they are back on the boundary a prescribed time T
+    later at most.
 
-    The gain α + p/(T − t) of Song, Wang, Holloway and Krstic (2017), with the decrease of a whole period, so that
-    commands are finite; at T the clock starts anew. From afar in a short time commands are large.
+    The gain α + p/(T − t) of Song, Wang, Holloway and Krstic (2017), with the decrease of a whole
+    period, so that commands are finite; at T the clock starts anew. From afar in a short time
+    commands are large.
     """
 
     time: float = option(1.0, "T [s]", (0.1, 10.0))
-    exponent: float = option(2.0, "p; 1 returns straight, larger ones arrive gently", (1.0, 6.0), at_least=1.0)
+    exponent: float = option(
+        2.0, "p; 1 returns straight, larger ones arrive gently", (1.0, 6.0), at_least=1.0
+    )
 
-    name, uses, remembers = "prescribed-time-barrier", ("Lf", "period"), (0.0,)
+    name = "prescribed-time-barrier"
+    uses = ("Lf", "period")
+    remembers = (0.0,)
 
     @staticmethod
     def formula(row: Row, alpha: float, time: float, exponent: float) -> Any:
-        """−αφ − L_fφ inside; outside −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ; t, 0 inside and from T on."""
+        """−αφ − L_fφ inside; outside −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ; t, 0 inside
+        and from T on.
+        """
         share = 1.0 - row.period / np.maximum(time - row.memory[0], row.period)
-        rate = np.where(row.phi > 0.0, (1.0 - np.exp(-alpha * row.period) * share**exponent) / row.period, alpha)
+        rate = np.where(
+            row.phi > 0.0, (1.0 - np.exp(-alpha * row.period) * share**exponent) / row.period, alpha
+        )
         later = row.memory[0] + row.period
         return -rate * row.phi - row.Lf, np.where((row.phi > 0.0) & (later < time), later, 0.0)
 
 
 @dataclass(frozen=True)
 class BackupBarrier(WithRate):
-    """Rows demand that braking by σ̈ = −a can still stop them: the backup barrier function of a braking row.
+    """Rows demand that braking by σ̈ = −a can still stop them: the backup barrier function of a
+    braking row.
 
-    Van Wijk, Das, Molnar, Ames and Burdick (2025). The demand is never more than −a, so that it can always be met if σ̈
-    = −a can and nothing drifts. Rows outside, and those that are φ itself (K = 0), demand −αφ − L_fφ.
+    Van Wijk, Das, Molnar, Ames and Burdick (2025). The demand is never more than −a, so that it can
+    always be met if σ̈
+    = −a can and nothing drifts. Rows outside, and those that are φ itself (K = 0), demand −αφ −
+      L_fφ.
     """
 
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
@@ -200,11 +248,16 @@ class BackupBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, braking: float) -> Any:
-        """σ̇ + K max(−a, σ̈) − L_fφ, with the greatest σ̈ that has H₊ ≤ e^(−αT_s) H; −αφ − L_fφ where K = 0."""
-        a, direct = braking * row.scale, row.K == 0.0
+        """σ̇ + K max(−a, σ̈) − L_fφ, with the greatest σ̈ that has H₊ ≤ e^(−αT_s) H; −αφ − L_fφ
+        where K = 0.
+        """
+        a = braking * row.scale
+        direct = row.K == 0.0
         speed = np.maximum(row.sigma_dot, 0.0)
         farthest = row.sigma + speed * speed / (2.0 * a)
-        second = stopping(np.exp(-alpha * row.period) * farthest - row.sigma, row.sigma_dot, a, row.period)
+        second = stopping(
+            np.exp(-alpha * row.period) * farthest - row.sigma, row.sigma_dot, a, row.period
+        )
         back = (-alpha * row.phi - row.sigma_dot) / (row.K + direct)
         kept = np.maximum(-a, np.where(row.sigma < 0.0, second, np.minimum(second, back)))
         return np.where(direct, -alpha * row.phi, row.sigma_dot + row.K * kept) - row.Lf
@@ -212,17 +265,20 @@ class BackupBarrier(WithRate):
 
 @dataclass(frozen=True)
 class HighOrderBarrier(Demand):
-    """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of h = −σ.
+    """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of
+    h = −σ.
 
-    Xiao and Belta (2019): far from the boundary σ may approach as fast as σ̈ = −a can still stop it, which is no
-    promise where other rows or tracking act as well. Rows that are φ itself (K = 0) demand −αφ − L_fφ.
+    Xiao and Belta (2019): far from the boundary σ may approach as fast as σ̈ = −a can still stop
+    it, which is no promise where other rows or tracking act as well. Rows that are φ itself (K = 0)
+    demand −αφ − L_fφ.
     """
 
     alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
 
     name = "high-order-barrier"
-    uses, ignores = ("sigma", "sigma_dot", "K", "Lf"), GAINS
+    uses = ("sigma", "sigma_dot", "K", "Lf")
+    ignores = GAINS
 
     @staticmethod
     def formula(row: Row, alpha: float, braking: float) -> Any:

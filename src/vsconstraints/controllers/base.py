@@ -23,20 +23,23 @@ if TYPE_CHECKING:
 class Controller(Part, ABC):
     """A law that turns rows and a task into joint accelerations.
 
-    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after: no number that
-    is not finite ever reaches a robot, nor one so large that rounding alone of a row exceeds its switching gain. What
-    is outside the box of the rows is brought into it joint by joint.
+    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer
+    after: no number that is not finite ever reaches a robot, nor one so large that rounding alone
+    of a row exceeds its switching gain. What is outside the box of the rows is brought into it
+    joint by joint.
     """
 
     name: ClassVar[str]  #: In files and reports.
-    #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`; options of every law.
+    #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`;
+    #: options of every law.
     factors: RowFactors = AS_THEY_ARE
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.
 
-        InvalidInput if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
-        the command's status is then ``failed``, with the reason, and its accelerations are zero.
+        InvalidInput if shapes disagree or a number is not finite. What goes wrong inside the law
+        itself does not raise: the command's status is then ``failed``, with the reason, and its
+        accelerations are zero.
         """
         return self.define(rows, task)
 
@@ -59,7 +62,11 @@ class Controller(Part, ABC):
     @in_one_line
     def __repr__(self) -> str:
         parameters = inspect.signature(type(self)).parameters.values()
-        names = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
+        names = [
+            parameter.name
+            for parameter in parameters
+            if parameter.kind is not parameter.VAR_KEYWORD
+        ]
         given = [f"{name}={getattr(self, name)!r}" for name in names if hasattr(self, name)]
         return f"{type(self).__name__}({', '.join(given)})"
 
@@ -68,47 +75,67 @@ class Controller(Part, ABC):
         """Compute the command; rows and task are known to be finite and of matching shapes."""
 
     def reset(self, period: float | None = None) -> None:
-        """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those to come, if known.
+        """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those
+        to come, if known.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.control.Model`, which gives rows and task at predicted states. Control steps and
-        simulations pass it; no other law has one made.
+        :class:`~vsconstraints.control.Model`, which gives rows and task at predicted states.
+        Control steps and simulations pass it; no other law has one made.
         """
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as printed in reports."""
+        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as
+        printed in reports.
+        """
         return ()
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Modules of :mod:`vsconstraints.compiled` that take long to compile, as far as this law needs them."""
+        """Modules of :mod:`vsconstraints.compiled` that take long to compile, as far as this law
+        needs them.
+        """
         return ()
 
     def unused(self) -> str:
-        """Which options are given though this law :attr:`ignores` them, in a sentence; else empty."""
+        """Which options are given though this law :attr:`ignores` them, in a sentence; else
+        empty.
+        """
         observer = [key for key in ("observer", "dead_time") if positive(getattr(self, key, None))]
         given = [*self.factors.options(), *observer]
         used = [key for key in given if key not in self.ignores]
         # what shifts σ is observed
-        names = [key for key in given if key not in used and not (key == "observer" and "dead_time" in used)]
-        return f"no command of the law depends on {' or '.join(names)}, which it is given" if names else ""
+        names = [
+            key
+            for key in given
+            if key not in used and not (key == "observer" and "dead_time" in used)
+        ]
+        return (
+            f"no command of the law depends on {' or '.join(names)}, which it is given"
+            if names
+            else ""
+        )
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        """What a user should know of these options and rows of these labels, though nothing is
+        wrong; else empty.
+        """
         return ""
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
-        """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
+        """The compiled law on arrays that stay where they are: for loops that fill them anew in
+        every sample.
 
-        It writes ``acted`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole, and for a controller
-        whose ``command`` was replaced.
+        It writes ``acted`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole,
+        and for a controller whose ``command`` was replaced.
         """
         return None
 
 
 class Wrapper(Controller):
-    """A law that asks another one, :attr:`law`, with other rows or another task; it has its factors and remarks."""
+    """A law that asks another one, :attr:`law`, with other rows or another task; it has its factors
+    and remarks.
+    """
 
     law: Controller
     period: float | None = None
@@ -120,7 +147,9 @@ class Wrapper(Controller):
         return {**vars(self), "_parts": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Forget everything, and let the law forget; without a period or a model, those of the last reset stay."""
+        """Forget everything, and let the law forget; without a period or a model, those of the last
+        reset stay.
+        """
         if period is not None:
             self.period = positive_number("the sampling period", period)
         self.model = self.model if model is None else model
@@ -159,37 +188,60 @@ def innermost(law: Controller) -> Controller:
 
 def fault_of(command: object, rows: Rows, task: Task) -> str:
     """What is wrong with a law's answer to these rows and this task; empty if nothing is."""
-    n, m = task.J.shape[1], len(rows.labels)
+    n = task.J.shape[1]
+    m = len(rows.labels)
     if not isinstance(command, Command):
         return f"the law gave {shown(command)}, not a Command"
-    for name, array, kind in (("qdd", command.qdd, np.floating), ("acted", command.acted, np.bool_)):
+    for name, array, kind in (
+        ("qdd", command.qdd, np.floating),
+        ("acted", command.acted, np.bool_),
+    ):
         if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
             return f"{name} must be an array of {kind.__name__}, not {shown(array)}"
     if not (isinstance(command.status, str) and command.status in get_args(Status)):
-        return f"the law gave the status {shown(command.status)}, which is none of {', '.join(get_args(Status))}"
+        return (
+            f"the law gave the status {shown(command.status)}, which is none of "
+            f"{', '.join(get_args(Status))}"
+        )
     if command.qdd.shape != (n,) or command.acted.shape != (m,):
         shapes = f"{command.qdd.shape} and {command.acted.shape}"
         return f"the law gave qdd and acted of the shapes {shapes}, not {(n,)} and {(m,)}"
     if not np.isfinite(command.qdd).all():
         return "the law gave accelerations that are not finite"
     slack: object = command.slack
-    if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
+    if not (
+        slack is None
+        or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())
+    ):
         return f"slack must be None or {m} finite numbers, not {shown(slack)}"
     return beyond_rounding(rows, command.qdd)
 
 
 def demand_known(
-    who: str, rows: Rows, uses: Collection[str], period: float | None, remembered: tuple[str, ...] = ()
+    who: str,
+    rows: Rows,
+    uses: Collection[str],
+    period: float | None,
+    remembered: tuple[str, ...] = (),
 ) -> None:
-    """Raise InvalidInput where what it ``uses`` of rows or the sampling period is unknown, or other rows remembered."""
-    lacking = [f"rows.{name}" for name in OPTIONAL if name in uses and len(getattr(rows, name)) != len(rows.labels)]
+    """Raise InvalidInput where what it ``uses`` of rows or the sampling period is unknown, or other
+    rows remembered.
+    """
+    lacking = [
+        f"rows.{name}"
+        for name in OPTIONAL
+        if name in uses and len(getattr(rows, name)) != len(rows.labels)
+    ]
     if lacking:
         raise InvalidInput(f"{who} uses {', '.join(lacking)}, which these rows do not give")
     if "period" in uses and period is None:
-        raise InvalidInput(f"{who} uses the sampling period: tell it by reset(period=...) before the first command")
+        raise InvalidInput(
+            f"{who} uses the sampling period: tell it by reset(period=...) before the first command"
+        )
     if remembered and remembered != rows.labels:
         raise InvalidInput(
-            f"{who} remembers other rows, {shown(remembered)}: reset() the law before it is given those of another "
+            f"{who} remembers other rows, {shown(remembered)}: reset() the law before it is given "
+            f"those of another "
             f"scene, {shown(rows.labels)}"
         )
 
@@ -198,7 +250,8 @@ def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
     """Raise InvalidInput where there is no model, or it is of other rows or of another robot."""
     if model is None:
         raise InvalidInput(
-            f"{who} uses a model: ask it by ControlStep.command, or tell it by reset(model=step.model()) of the "
+            f"{who} uses a model: ask it by ControlStep.command, or tell it by "
+            f"reset(model=step.model()) of the "
             "control step that makes these rows"
         )
     if rows.labels != model.labels or task.J.shape[1] != len(model.present.q):
@@ -206,10 +259,15 @@ def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
 
 
 def restart(controller: Controller, period: float, model: Callable[[], Any] | None = None) -> None:
-    """Reset a controller, with the sampling period [s] and a model if it takes them; users' laws may take less."""
+    """Reset a controller, with the sampling period [s] and a model if it takes them; users' laws
+    may take less.
+    """
     parameters = inspect.signature(controller.reset).parameters.values()
     given: dict[str, Any] = {}
-    if any(parameter.name == "period" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+    if any(
+        parameter.name == "period" or parameter.kind is parameter.VAR_KEYWORD
+        for parameter in parameters
+    ):
         given["period"] = period
     if model is not None and "model" in controller.uses:
         given["model"] = model()

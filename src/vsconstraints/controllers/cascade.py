@@ -1,8 +1,9 @@
-"""The hierarchy level by level, by QP solvers with names: the least violation, then the task, then the acceleration.
+"""The hierarchy level by level, by QP solvers with names: the least violation, then the task, then
+the acceleration.
 
-The descent of :mod:`vsconstraints.compiled.hierarchy` with its QPs answered by any solver. Level 1, and level 2 by
-itself, are no QPs that solvers answer well, and are those of the compiled descent. The test
-``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
+The descent of :mod:`vsconstraints.compiled.hierarchy` with its QPs answered by any solver. Level 1,
+and level 2 by itself, are no QPs that solvers answer well, and are those of the compiled descent.
+The test ``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from .resolver import row_weights, unmet
 
 
 class Target(NamedTuple):
-    """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum with a damping.
+    """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum
+    with a damping.
 
-    ``center`` (n,) is the minimiser without rows, ``directions`` (n, n) orthogonal, ``gains`` (n,) singular values of
-    the task over its norm; zero below the ``tolerance``. ``strict``: level 2 by itself where the damping has cost it
-    something.
+    ``center`` (n,) is the minimiser without rows, ``directions`` (n, n) orthogonal, ``gains`` (n,)
+    singular values of the task over its norm; zero below the ``tolerance``. ``strict``: level 2 by
+    itself where the damping has cost it something.
     """
 
     center: Array
@@ -40,7 +42,9 @@ class Target(NamedTuple):
 
     @classmethod
     def of(cls, tracking: LeastNorm, damping: float, tolerance: float, strict: bool) -> Self:
-        """With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null space of J."""
+        """With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null
+        space of J.
+        """
         size = float(np.linalg.norm(tracking.gains))
         relative = tracking.gains / size if size > 0.0 else tracking.gains
         return cls(tracking.qdd, tracking.directions, relative, damping, tolerance, strict)
@@ -51,7 +55,9 @@ class Target(NamedTuple):
         return np.sqrt(self.gains * self.gains + self.damping)
 
     def damped(self, x: Array) -> bool:
-        """Whether the damping may have cost x a residual that level 2 by itself does not have, and that matters."""
+        """Whether the damping may have cost x a residual that level 2 by itself does not have, and
+        that matters.
+        """
         away = self.directions.T @ (x - self.center)
         allowed = limit.STRICT * float(np.linalg.norm(away)) + limit.MET * float(np.linalg.norm(x))
         redundant = self.strict and bool((self.gains == 0.0).any())
@@ -67,9 +73,10 @@ class Target(NamedTuple):
 class Optimum(NamedTuple):
     """The lexicographic optimum x (n,).
 
-    ``violation`` (m,) is what each row is exceeded by, exactly zero where the rows allow it to be met; ``holding`` (m,)
-    are rows that are exceeded, or at their bound with a positive multiplier. ``shortfall`` says why the levels below
-    the first may be better met than by x, ``fallback`` what failed before; empty if they cannot, or nothing did.
+    ``violation`` (m,) is what each row is exceeded by, exactly zero where the rows allow it to be
+    met; ``holding`` (m,) are rows that are exceeded, or at their bound with a positive multiplier.
+    ``shortfall`` says why the levels below the first may be better met than by x, ``fallback`` what
+    failed before; empty if they cannot, or nothing did.
     """
 
     x: Array
@@ -82,15 +89,21 @@ class Optimum(NamedTuple):
 
 def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
     """The command of a :class:`.Hierarchy` for what rows ask for, c (m,)."""
-    tracking, n = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest), task.J.shape[1]
+    tracking = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest)
+    n = task.J.shape[1]
     box = resolver.box(rows, n)
     center, acted = resolver.center(rows, tracking.qdd, c, box)
-    cost = Target.of(tracking, resolver.damping, resolver.rank_tolerance, resolver.aim == codes.STRICT)
+    cost = Target.of(
+        tracking, resolver.damping, resolver.rank_tolerance, resolver.aim == codes.STRICT
+    )
     if resolver.aim in (codes.NEAREST, codes.SCALED):
-        cost = Target(center, np.eye(n), np.ones(n), resolver.damping, resolver.rank_tolerance, False)
+        cost = Target(
+            center, np.eye(n), np.ones(n), resolver.damping, resolver.rank_tolerance, False
+        )
     which = np.flatnonzero(c < np.inf)
     fixed = np.linalg.norm(rows.Lg[which], axis=1) <= limit.ZERO_GRADIENT * rows.scale[which]
-    free, stuck = which[~fixed], which[fixed]
+    free = which[~fixed]
+    stuck = which[fixed]
     weights = row_weights([rows.labels[i] for i in free], resolver.weights or {})
     try:
         best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
@@ -113,15 +126,20 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
     )
 
 
-def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solvers: SolverChain) -> Optimum:
-    """Of all x in the box (2, n) with the least ‖W max(0, Ax − c)‖, find the one with the least cost.
+def descend(
+    A: Array, c: Array, weights: Array, cost: Target, box: Array, solvers: SolverChain
+) -> Optimum:
+    """Of all x in the box (2, n) with the least ‖W max(0, Ax − c)‖, find the one with the least
+    cost.
 
-    Hard rows are tried first, A (m, n) without a zero one, c and weights (m,). Only if they are incompatible (by the
-    word of an exact solver, or at once for a solver whose word means little) the violated rows become equalities,
-    Ax = c + violation, and the cost is minimised within them. Rows that rounding makes incompatible are relaxed by just
-    that rounding. SolverError if the least violation is not found.
+    Hard rows are tried first, A (m, n) without a zero one, c and weights (m,). Only if they are
+    incompatible (by the word of an exact solver, or at once for a solver whose word means little)
+    the violated rows become equalities, Ax = c + violation, and the cost is minimised within them.
+    Rows that rounding makes incompatible are relaxed by just that rounding. SolverError if the
+    least violation is not found.
     """
-    n, m = cost.center.size, c.size
+    n = cost.center.size
+    m = c.size
     ends = np.concatenate((box[1], -box[0]))
     bounded = np.isfinite(ends)
     walls = np.vstack((A, np.vstack((np.eye(n), -np.eye(n)))[bounded]))
@@ -135,16 +153,22 @@ def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solver
         else:
             if cost.damped(found.x):
                 found = _strictly(found, cost, np.empty((0, n)), walls, sides, solvers)
-            return found._replace(x=np.clip(found.x, *box), violation=np.zeros(m), holding=found.holding[:m])
+            return found._replace(
+                x=np.clip(found.x, *box), violation=np.zeros(m), holding=found.holding[:m]
+            )
 
     x = np.clip(cost.center, *box)
     if load("level_by_level").violate_least(*_contiguous(A, c, weights, box), x) != 0:
-        raise SolverError("the least violation of the rows was not found within the limit of iterations")
+        raise SolverError(
+            "the least violation of the rows was not found within the limit of iterations"
+        )
     excess = A @ x - c
     violated = excess > limit.SIGNIFICANT * _terms(A, c, x)
-    # compatible rows may leave a set without interior (two that are opposite to each other): x is given a little room
+    # compatible rows may leave a set without interior (two that are opposite to each other): x is
+    # given a little room
     sides = _with_room(walls, sides, x, limit.RELAXED)
-    # where the violations pull a coordinate against the box, every point that violates least has it at that bound
+    # where the violations pull a coordinate against the box, every point that violates least has it
+    # at that bound
     forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
     pinned = np.abs(forces.sum(axis=0)) > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
     pinned &= (x <= box[0]) | (x >= box[1])
@@ -154,13 +178,16 @@ def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solver
     others[:m] &= ~violated
     found = Optimum(x, np.empty(0), np.zeros(int(others.sum()), dtype=np.bool_), None)
     if Z.shape[1]:
-        center, reduced = cost.center, T
+        center = cost.center
+        reduced = T
         if len(equal):
             # in x + Z y the cost is ½‖E y + e‖²: center it, and measure distances in its metric
             E = cost.stiffness[:, None] * (cost.directions.T @ Z)
             Q, R = np.linalg.qr(E)
             reduced = Z @ np.linalg.inv(R)
-            center = x - reduced @ (Q.T @ (cost.stiffness * (cost.directions.T @ (x - cost.center))))
+            center = x - reduced @ (
+                Q.T @ (cost.stiffness * (cost.directions.T @ (x - cost.center)))
+            )
         try:
             found = _nearest(center, reduced, walls[others], sides[others], solvers)
         except SolverError as error:
@@ -174,31 +201,49 @@ def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solver
     return found._replace(x=x, violation=violation, holding=violated | holding[:m])
 
 
-def _nearest(center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, *, first_only: bool = False) -> Optimum:
+def _nearest(
+    center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, *, first_only: bool = False
+) -> Optimum:
     """Solve  min ½‖u‖²  subject to  A x ≤ c, x = center + T u."""
     problem = scale(A @ T, c - A @ center)
     if problem.size <= 0.0:
         return Optimum(center, np.empty(0), np.zeros(c.size, dtype=np.bool_), None)
-    p, preferred = T.shape[1], solvers.preferred
+    p = T.shape[1]
+    preferred = solvers.preferred
     data = np.eye(p), np.zeros(p), problem.G, problem.h
-    verified = Verified(preferred.solve(*data), preferred.name) if first_only else solvers.solve(*data)
-    x, multipliers = center + T @ (problem.size * verified.answer.x), verified.answer.multipliers
-    # the solver's check is relative to the way from the minimiser without rows, which may be very long
-    excess, norms = A @ x - c, np.linalg.norm(A, axis=1)
+    verified = (
+        Verified(preferred.solve(*data), preferred.name) if first_only else solvers.solve(*data)
+    )
+    x = center + T @ (problem.size * verified.answer.x)
+    multipliers = verified.answer.multipliers
+    # the solver's check is relative to the way from the minimiser without rows, which may be very
+    # long
+    excess = A @ x - c
+    norms = np.linalg.norm(A, axis=1)
     if (excess > limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms).any():
-        raise SolverError(f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, which is rounding")
+        raise SolverError(
+            f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, which is "
+            f"rounding"
+        )
     holding = multipliers > limit.PULLING * multipliers.max()
     return Optimum(x, np.empty(0), holding, verified, fallback=verified.fallback)
 
 
-def _strictly(found: Optimum, cost: Target, equal: Array, walls: Array, sides: Array, solvers: SolverChain) -> Optimum:
-    """Level 2 by itself, from a point that meets all rows, and level 3 where that leaves a choice."""
+def _strictly(
+    found: Optimum, cost: Target, equal: Array, walls: Array, sides: Array, solvers: SolverChain
+) -> Optimum:
+    """Level 2 by itself, from a point that meets all rows, and level 3 where that leaves a
+    choice.
+    """
     sides = _with_room(walls, sides, found.x, limit.MET)
     G: Array = cost.gains[:, None] * cost.directions.T
-    x, holding = found.x.copy(), found.holding.copy()
+    x = found.x.copy()
+    holding = found.holding.copy()
     given = _contiguous(G, cost.center, equal, walls, sides)
     if not load("level_by_level").track_best(*given, x, holding, cost.cut()):
-        return found._replace(x=x, shortfall=found.shortfall or "level 2 was not found within the limit of iterations")
+        return found._replace(
+            x=x, shortfall=found.shortfall or "level 2 was not found within the limit of iterations"
+        )
     _, N = _split(np.vstack((equal, walls[holding], G[cost.gains > 0.0])))
     free = _seen(walls, N)
     if not N.shape[1]:
@@ -208,7 +253,9 @@ def _strictly(found: Optimum, cost: Target, equal: Array, walls: Array, sides: A
     except SolverError as error:
         return found._replace(x=x, holding=holding, shortfall=f"level 3: {error}")
     holding[free] |= last.holding
-    return found._replace(x=last.x, holding=holding, verified=last.verified or found.verified, shortfall="")
+    return found._replace(
+        x=last.x, holding=holding, verified=last.verified or found.verified, shortfall=""
+    )
 
 
 def _terms(A: Array, c: Array, x: Array) -> Array:
@@ -225,12 +272,16 @@ def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:
 
 def _seen(walls: Array, Z: Array) -> BoolArray:
     """(w,) walls that are not constant along Z (n, p)."""
-    seen: BoolArray = np.linalg.norm(walls @ Z, axis=1) > limit.DEPENDENT * np.linalg.norm(walls, axis=1)
+    seen: BoolArray = np.linalg.norm(walls @ Z, axis=1) > limit.DEPENDENT * np.linalg.norm(
+        walls, axis=1
+    )
     return seen
 
 
 def _split(A: Array) -> tuple[Array, Array]:
-    """Orthonormal bases: (r, n) of what the rows of A (none of them zero) span, and (n, n − r) of what none sees."""
+    """Orthonormal bases: (r, n) of what the rows of A (none of them zero) span, and (n, n − r) of
+    what none sees.
+    """
     if not len(A):
         return A, np.eye(A.shape[1])
     _, s, Vt = svd(A / np.linalg.norm(A, axis=1)[:, None])

@@ -15,10 +15,15 @@ from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, T
 from .demand import Demand
 
 #: Looked up once: that takes a third of the time of making a small array.
-BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
+BOOL = np.dtype(np.bool_)
+COUNT = np.dtype(np.int64)
+EMPTY = np.empty
 #: What is handed to laws that write neither, and remember nothing.
-NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0))
-#: Numbers of scratch of a law for 32 rows: enough for 30 joints and eight features. Beyond that arrays are made.
+NO_SLACK = np.empty(0)
+NO_COUNT = np.zeros(1, COUNT)
+NO_MEMORY = np.empty((0, 0))
+#: Numbers of scratch of a law for 32 rows: enough for 30 joints and eight features. Beyond that
+#: arrays are made.
 SCRATCH = 32768
 
 
@@ -28,28 +33,51 @@ def arrays_of(rows: Rows) -> RowArrays:
 
 
 def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
-    """The function that answers with all that rows and task say, and what it takes before its outputs."""
-    known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
+    """The function that answers with all that rows and task say, and what it takes before its
+    outputs.
+    """
+    known = (
+        rows.sigma,
+        rows.sigma_dot,
+        rows.K,
+        rows.switching_gain,
+        rows.scale,
+        rows.qdd_min,
+        rows.qdd_max,
+    )
     of_task = task.J, task.b, task.error, task.error_rate, task.rest
     return load("laws").follow_whole, workspace, (rows.phi, rows.Lg, rows.Lf, *known), of_task
 
 
 def tracking_of(task: Any, n: int, k: int) -> Array:
-    """(5,) K_p(0), its slope and K_v/√K_p of a visual task; d and (d/2)² of its q̈₀, of n joints and k features."""
-    gains, rest = task.gains, task.rest_of(n, k)
+    """(5,) K_p(0), its slope and K_v/√K_p of a visual task; d and (d/2)² of its q̈₀, of n joints
+    and k features.
+    """
+    gains = task.gains
+    rest = task.rest_of(n, k)
     return np.array([gains.Kp0, gains.Kp_slope, gains.damping, rest.damping, rest.stiffness])
 
 
 class CompiledLaw:
-    """A demand and a resolver for rows of some labels, as compiled functions take them: a ``workspace``.
+    """A demand and a resolver for rows of some labels, as compiled functions take them: a
+    ``workspace``.
 
-    ``arrays`` are the :class:`.LawArrays`, ``remark`` is what is to be said of labels and options; ``complete`` tells
-    whether all of the law is compiled: numba may refuse the demand's formula, and a solver may be asked for by name.
-    ``memory`` (m, f) and ``last_rates`` (m,), what the demand remembers, are written by every answer; ``period`` is T_s
-    [s], if it is known.
+    ``arrays`` are the :class:`.LawArrays`, ``remark`` is what is to be said of labels and options;
+    ``complete`` tells whether all of the law is compiled: numba may refuse the demand's formula,
+    and a solver may be asked for by name. ``memory`` (m, f) and ``last_rates`` (m,), what the
+    demand remembers, are written by every answer; ``period`` is T_s [s], if it is known.
     """
 
-    __slots__ = ("_follow", "_whole", "arrays", "complete", "labels", "measures", "remark", "workspace")
+    __slots__ = (
+        "_follow",
+        "_whole",
+        "arrays",
+        "complete",
+        "labels",
+        "measures",
+        "remark",
+        "workspace",
+    )
 
     def __init__(
         self,
@@ -61,12 +89,20 @@ class CompiledLaw:
         last_rates: Array = UNKNOWN,
         period: float | None = None,
     ) -> None:
-        laws, parts = load("laws"), load("parts")
-        form = len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere, demand.ahead
+        laws = load("laws")
+        parts = load("parts")
+        form = (
+            len(demand.parameters),
+            len(demand.remembers),
+            demand.relative,
+            demand.everywhere,
+            demand.ahead,
+        )
         asks = laws.demand(type(demand).formula, *form)
         self.complete = resolver.compiles and asks is not None
         kernels = [resolver.kernel, resolver.otherwise if resolver.compiles else None]
-        m, (kernel, otherwise) = len(labels), [each and getattr(load(each[0]), each[1]) for each in kernels]
+        m = len(labels)
+        kernel, otherwise = [each and getattr(load(each[0]), each[1]) for each in kernels]
         self.arrays = LawArrays(
             parts.address(kernel),
             parts.address(asks or laws.demand_part(type(demand).formula, *map(int, form))),
@@ -86,24 +122,37 @@ class CompiledLaw:
             np.full(1, math.nan),
             Scratch(np.empty(SCRATCH * (1 + m // 32)), np.zeros(1, COUNT)),
         )
-        self.labels, self.remark, self.measures = labels, resolver.remark(labels), resolver.measures
+        self.labels = labels
+        self.remark = resolver.remark(labels)
+        self.measures = resolver.measures
         self._whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.used})
         self.workspace = Workspace(self.arrays)
-        self._follow = [function.bind(self.workspace, typed=True) for function in (laws.follow, laws.follow_whole)]
+        self._follow = [
+            function.bind(self.workspace, typed=True)
+            for function in (laws.follow, laws.follow_whole)
+        ]
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
-        if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
+        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes
+        before its outputs.
+        """
+        if self._whole or (
+            rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
+        ):
             return whole_call(self.workspace, rows, task)
         of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
         return load("laws").follow, self.workspace, of_rows, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
-        J, m = task.J, len(rows.labels)
-        qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
+        J = task.J
+        m = len(rows.labels)
+        qdd = EMPTY(J.shape[1])
+        acted = EMPTY(m, BOOL)
         slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
-        if self._whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
+        if self._whole or (
+            rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
+        ):
             _, _, *arguments = self.call(rows, task)
             code = self._follow[1](*arguments, qdd, acted, slack, count)
         else:  # as call has it, without a call in between, which takes longer
@@ -112,29 +161,40 @@ class CompiledLaw:
         return code, qdd, acted, slack, count.item() if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
-        """(m,) what rows ask for, by the demand's formula in Python, with the tracking command (n,) if it is used.
+        """(m,) what rows ask for, by the demand's formula in Python, with the tracking command (n,)
+        if it is used.
 
-        What is to be remembered is in ``arrays.after``. See :mod:`vsconstraints.formulas.row` for the purposes.
+        What is to be remembered is in ``arrays.after``. See :mod:`vsconstraints.formulas.row` for
+        the purposes.
         """
-        arrays, parts = self.arrays, load("parts")
+        arrays = self.arrays
+        parts = load("parts")
         arrays.squared[:] = (rows.Lg * rows.Lg).sum(axis=1)
         arrays.effort[0] = math.nan if tracking is None else np.linalg.norm(tracking)
         tracked = UNKNOWN if tracking is None else rows.Lg @ tracking
         outputs = arrays.after, arrays.asked
-        parts.call_int_pointer(arrays.demand, (self.workspace.address, arrays_of(rows), tracked, purpose, *outputs))
+        parts.call_int_pointer(
+            arrays.demand, (self.workspace.address, arrays_of(rows), tracked, purpose, *outputs)
+        )
         c: Array = arrays.asked.copy()
         return c
 
 
 class Wrapped:
-    """A compiled law in place of whose resolver stands a ``function`` with arrays of its ``own``: see the inner one.
+    """A compiled law in place of whose resolver stands a ``function`` with arrays of its ``own``:
+    see the inner one.
 
-    Both stay with it, since compiled functions know their addresses; ``changed`` are other :class:`.LawArrays`.
+    Both stay with it, since compiled functions know their addresses; ``changed`` are other
+    :class:`.LawArrays`.
     """
 
     def __init__(self, inner: Any, own: Any, function: Any, **changed: Any) -> None:
-        self.labels, self.remark, self.measures = inner.labels, inner.remark, inner.measures
-        self.own, self._inner, self._workspace = own, inner, Workspace(own)
+        self.labels = inner.labels
+        self.remark = inner.remark
+        self.measures = inner.measures
+        self.own = own
+        self._inner = inner
+        self._workspace = Workspace(own)
         at = {"resolver": load("parts").address(function), "demand": self._workspace.address}
         self.arrays: LawArrays = inner.arrays._replace(**at, **changed)
         self.workspace = Workspace(self.arrays)
@@ -145,10 +205,21 @@ class Wrapped:
 
 
 def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
-    """The same rows and task in plain contiguous, writable arrays; None if they are so, or if something is wrong."""
+    """The same rows and task in plain contiguous, writable arrays; None if they are so, or if
+    something is wrong.
+    """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
-    arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, rows.sigma, rows.sigma_dot, rows.K]
+    arrays = [
+        rows.phi,
+        rows.Lg,
+        rows.Lf,
+        rows.switching_gain,
+        rows.scale,
+        rows.sigma,
+        rows.sigma_dot,
+        rows.K,
+    ]
     arrays += [rows.qdd_min, rows.qdd_max, task.J, task.b, task.error, task.error_rate, task.rest]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
@@ -159,16 +230,26 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
 
 
 class BoundLaw:
-    """A compiled law on arrays that stay where they are, for loops: every call overwrites what the one before wrote.
+    """A compiled law on arrays that stay where they are, for loops: every call overwrites what the
+    one before wrote.
 
-    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if not, the controller's
-    ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``, with ``slack`` (m,) or (0,) and ``count``
-    (1,) of iterations; ``answer`` is the workspace of what it writes, of :mod:`vsconstraints.compiled.workspace`.
+    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if
+    not, the controller's ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``,
+    with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations; ``answer`` is the workspace of
+    what it writes, of :mod:`vsconstraints.compiled.workspace`.
     """
 
-    def __init__(self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array):
-        self.resolver, self.law, self._rows, self._code = resolver, law, rows, 0
-        self.arrays, self.workspace, self.acted, self.qdd = law.arrays, law.workspace, acted, qdd
+    def __init__(
+        self, resolver: Any, law: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array
+    ):
+        self.resolver = resolver
+        self.law = law
+        self._rows = rows
+        self._code = 0
+        self.arrays = law.arrays
+        self.workspace = law.workspace
+        self.acted = acted
+        self.qdd = qdd
         self.slack = np.empty(len(law.labels)) if law.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
         outputs = (qdd, acted, self.slack, self.count)
@@ -184,8 +265,12 @@ class BoundLaw:
         return 0 if code in self.resolver.answers else code
 
     def command(self, code: int | None = None) -> Command | None:
-        """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
-        law, qdd, acted = self.law, self.qdd.copy(), self.acted.copy()
+        """The last answer, in arrays of its own, by its code if that is known; None if it is
+        none.
+        """
+        law = self.law
+        qdd = self.qdd.copy()
+        acted = self.acted.copy()
         slack, count = (self.slack.copy(), self.count.item()) if law.measures else (NO_SLACK, 0)
         code = self._code if code is None else code
         command: Command | None = self.resolver.command(code, qdd, acted, law.labels, slack, count)

@@ -18,31 +18,39 @@ MAX_PENDING = 100  #: Most commands that may be under way.
 
 
 def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
-    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many commands are under way."""
+    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many
+    commands are under way.
+    """
     periods = delay / Ts
     if not periods <= MAX_PENDING:
         raise InvalidInput(
-            f"{name} must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not {delay} s"
+            f"{name} must not exceed {MAX_PENDING} sampling times, {MAX_PENDING * Ts:g} s, not "
+            f"{delay} s"
         )
     whole = int(np.floor(periods + 1e-9))
     return whole, max(delay - whole * Ts, 0.0) if periods - whole > 1e-9 else 0.0
 
 
 class DelayCompensated(Wrapper):
-    """Any law, on rows and task of the state in which its command begins to act, ``command_delay`` [s] from now.
+    """Any law, on rows and task of the state in which its command begins to act, ``command_delay``
+    [s] from now.
 
-    That state is predicted by the commands under way, each of which moves the joints as double integrators (reduction
-    of an input delay: Artstein, IEEE Transactions on Automatic Control, 1982), and evaluated by a model from the last
-    measurement on. Bounds of q̈ are those of now. Where the model cannot give that state, with a marker behind the
-    camera, the law gets what is given, and ``Command.remark`` says so. What moves unknown to the model is foreseen by
-    an observer around the inner law, whose ``dead_time`` then is the sum of both delays.
+    That state is predicted by the commands under way, each of which moves the joints as double
+    integrators (reduction of an input delay: Artstein, IEEE Transactions on Automatic Control,
+    1982), and evaluated by a model from the last measurement on. Bounds of q̈ are those of now.
+    Where the model cannot give that state, with a marker behind the camera, the law gets what is
+    given, and ``Command.remark`` says so. What moves unknown to the model is foreseen by an
+    observer around the inner law, whose ``dead_time`` then is the sum of both delays.
     """
 
-    name, own_uses = "delay-compensated", ("T_s", "memory", "model")
+    name = "delay-compensated"
+    own_uses = ("T_s", "memory", "model")
 
     def __init__(self, law: Controller, *, command_delay: float) -> None:
-        self.law, self.command_delay = law, command_delay
-        self.factors, self.ignores = law.factors, law.ignores
+        self.law = law
+        self.command_delay = command_delay
+        self.factors = law.factors
+        self.ignores = law.ignores
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name == "command_delay":
@@ -60,16 +68,25 @@ class DelayCompensated(Wrapper):
         return self.model.ahead()
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
-        own, kernels, now, n = self._arrays(rows, task), load("delay"), self.model.present, task.J.shape[1]
-        own.now[0], own.now[1 : 1 + n], own.now[1 + n :] = now.t, now.q, now.qd
+        """See the class; InvalidInput if there is no model or no sampling period, or the model is
+        of other rows.
+        """
+        own = self._arrays(rows, task)
+        kernels = load("delay")
+        now = self.model.present
+        n = task.J.shape[1]
+        own.now[0] = now.t
+        own.now[1 : 1 + n] = now.q
+        own.now[1 + n :] = now.qd
         kernels.foresee(own)
         remark = ""
         try:
             then = self.model.at(own.now[0], own.now[1 : 1 + n].copy(), own.now[1 + n :].copy())
-            ahead, task = replace(then.rows, qdd_min=rows.qdd_min, qdd_max=rows.qdd_max), then.task
+            ahead = replace(then.rows, qdd_min=rows.qdd_min, qdd_max=rows.qdd_max)
+            task = then.task
         except (SceneError, InvalidInput) as error:
-            ahead, remark = rows, f"not foreseen to when it acts: {error}"
+            ahead = rows
+            remark = f"not foreseen to when it acts: {error}"
         command = self.law.command(ahead, task)
         kernels.send(own, arrays_of(rows), command.qdd)
         command.remark = "; ".join(filter(None, (remark, command.remark)))
@@ -77,7 +94,10 @@ class DelayCompensated(Wrapper):
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
-        replaced = type(self).command is not Controller.command or type(self).solve is not DelayCompensated.solve
+        replaced = (
+            type(self).command is not Controller.command
+            or type(self).solve is not DelayCompensated.solve
+        )
         if replaced or getattr(self.model, "step", None) is None or self.model.loop is None:
             return None
         then = self.model.step.now
@@ -97,7 +117,10 @@ class DelayCompensated(Wrapper):
         assert self.period is not None
         if self._parts is None or law not in (0, self._parts.law):
             delay = split_delay("command_delay of a law", self.command_delay, self.period)
-            loop, step = (each.packed.workspace.address if law else 0 for each in (self.model.loop, self.model.step))
+            loop, step = (
+                each.packed.workspace.address if law else 0
+                for each in (self.model.loop, self.model.step)
+            )
             fresh = load("delay").DelayArrays.of(
                 task.J.shape[1], (law, loop, step), self.model.frozen, self.period, delay
             )

@@ -1,7 +1,7 @@
 """Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c, each by an elementwise formula.
 
-One half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand is a formula, a class with its
-options, and a line in :data:`vsconstraints.controllers.demands.DEMANDS`.
+One half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand is a
+formula, a class with its options, and a line in :data:`vsconstraints.controllers.demands.DEMANDS`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 from ..errors import InvalidInput, shown
 from .ranges import ROWS, Part, option, positive, share
 
-#: What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed.
+#: What a demand may use beside φ, u⁺ and the scale: fields of
+#: :class:`vsconstraints.formulas.row.Row`, as printed.
 USES: dict[str, str] = {
     "Lf": "L_fφ",
     "sigma": "σ",
@@ -33,44 +34,56 @@ AHEAD = ("K", "tracked", "period")  #: What looking one period ahead uses.
 
 @dataclass(frozen=True)
 class Demand(Part, ABC):
-    """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for nothing.
+    """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for
+    nothing.
 
     A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
     """
 
     name: ClassVar[str]  #: In reports.
-    #: c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
-    #: :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
+    #: c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second;
+    #: marked by :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be
+    #: remembered.
     formula: ClassVar[Callable[..., Any]]
     uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` the formula uses.
-    #: Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
+    #: Initial memory of each row, one float each; ``row.memory`` has what the formula returned
+    #: last.
     remembers: ClassVar[tuple[float, ...]] = ()
-    #: Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
+    #: Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not
+    #: use.
     relative: ClassVar[bool] = False
-    #: Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
-    #: tracking command exceeds c.
+    #: Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if
+    #: not, only where the tracking command exceeds c.
     everywhere: ClassVar[bool] = False
     owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
     _: KW_ONLY
     ahead: bool = option(
         False,
-        "whether rows that are φ itself, such as speeds, are judged one period ahead, by φ + T_s L_gφ q̈ of tracking, "
+        "whether rows that are φ itself, such as speeds, are judged one period ahead, by φ + T_s "
+        "L_gφ q̈ of tracking, "
         "which may take them beyond their boundary before any law has seen it",
     )
     margin: float = option(
-        0.0, "share of each row's scale by which φ and σ count as greater than they are, for what the law cannot know"
+        0.0,
+        "share of each row's scale by which φ and σ count as greater than they are, for what the "
+        "law cannot know",
     )
     ranges = ROWS
 
     def __post_init__(self) -> None:
         if not isinstance(self.ahead, bool):
             raise self.refusal("ahead", "true or false")
-        object.__setattr__(self, "margin", share(f"margin of {self.owner or self.name}", self.margin))
+        object.__setattr__(
+            self, "margin", share(f"margin of {self.owner or self.name}", self.margin)
+        )
         if self.ahead and "last_rate" in self.uses:
-            raise InvalidInput(f"{self.name} observes what moves φ itself: it takes no ahead = true")
+            raise InvalidInput(
+                f"{self.name} observes what moves φ itself: it takes no ahead = true"
+            )
         for each in self._numbers():
             number = positive(getattr(self, each.name))
-            least, limit = each.metadata.get("at_least", 0.0), each.metadata.get("below", float("inf"))
+            least = each.metadata.get("at_least", 0.0)
+            limit = each.metadata.get("below", float("inf"))
             if number is None:
                 raise self.refusal(each.name)
             if number < least:
@@ -81,7 +94,10 @@ class Demand(Part, ABC):
 
     def refusal(self, name: str, wanted: str = "positive") -> Exception:
         """What is raised for a parameter that is not as wanted."""
-        return InvalidInput(f"{name} of {self.owner or self.name} must be {wanted}, not {shown(getattr(self, name))}")
+        return InvalidInput(
+            f"{name} of {self.owner or self.name} must be {wanted}, not "
+            f"{shown(getattr(self, name))}"
+        )
 
     @property
     def parameters(self) -> tuple[float, ...]:

@@ -1,4 +1,6 @@
-"""The demands that files can name (:doc:`/laws`): sliding modes, layers and potential fields; barriers are beside."""
+"""The demands that files can name (:doc:`/laws`): sliding modes, layers and potential fields;
+barriers are beside.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +32,12 @@ from .ranges import GAINS, ROWS, option
 
 @dataclass(frozen=True)
 class Switch(Demand):
-    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11; Muñoz-Benavent et al. 2018)."""
+    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11; Muñoz-Benavent et al.
+    2018).
+    """
 
-    name, everywhere = "switch", True
+    name = "switch"
+    everywhere = True
 
     @staticmethod
     def formula(row: Row) -> Any:
@@ -41,10 +46,11 @@ class Switch(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSwitch(Demand):
-    """Rows demand that φ is no more than zero p periods from now, and never more than −u⁺: max(−u⁺, −φ/(p T_s)).
+    """Rows demand that φ is no more than zero p periods from now, and never more than −u⁺: max(−u⁺,
+    −φ/(p T_s)).
 
-    The implicit Euler method (Acary and Brogliato 2010). p > 1 averages noise, and suits commands that are followed
-    late; p < 1 would overshoot.
+    The implicit Euler method (Acary and Brogliato 2010). p > 1 averages noise, and suits commands
+    that are followed late; p < 1 would overshoot.
     """
 
     periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
@@ -59,19 +65,26 @@ class ImplicitSwitch(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSwitchWithDrift(ImplicitSwitch):
-    """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the period before.
+    """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the
+    period before.
 
-    Su, Drakunov and Özgüner (2000). v₋ is the L_gφ q̈ that was commanded then; d̂ is kept within ±u⁺, and 0 at first.
+    Su, Drakunov and Özgüner (2000). v₋ is the L_gφ q̈ that was commanded then; d̂ is kept within
+    ±u⁺, and 0 at first.
     """
 
     name = "implicit-switch-with-drift"
-    uses, remembers = ("period", "last_rate"), (np.nan,)
+    uses = ("period", "last_rate")
+    remembers = (np.nan,)
 
     @staticmethod
     def formula(row: Row, periods: float) -> Any:
         """max(−u⁺, −φ/(p T_s) − d̂), d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first; φ."""
         seen = (row.phi - row.memory[0]) / row.period - row.last_rate
-        drift = np.where(np.isnan(seen), 0.0, np.minimum(np.maximum(seen, -row.switching_gain), row.switching_gain))
+        drift = np.where(
+            np.isnan(seen),
+            0.0,
+            np.minimum(np.maximum(seen, -row.switching_gain), row.switching_gain),
+        )
         return np.maximum(-row.switching_gain, -row.phi / (periods * row.period) - drift), row.phi
 
 
@@ -92,13 +105,15 @@ def saturated(row: Row, c: Any, integral: Any) -> Any:
 
 @formula
 def proper_implicit(row: Row, w: Any, rate: float) -> Any:
-    """w₊ + (x − φ)/T_s, where x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ, and w₊ = w − T_s k₂ sign x.
+    """w₊ + (x − φ)/T_s, where x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ, and w₊ = w − T_s k₂ sign
+    x.
 
-    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the
-    square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
+    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves
+    it; else the square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
     """
     k1, k2 = gains(row, rate)
-    step, half = row.period * row.period * k2, 0.5 * row.period * k1
+    step = row.period * row.period * k2
+    half = 0.5 * row.period * k1
     over = np.maximum(np.abs(row.phi) - step, 0.0)
     # y without the difference of two numbers that are nearly equal
     y = over / (half + np.sqrt(half * half + over))
@@ -108,14 +123,17 @@ def proper_implicit(row: Row, w: Any, rate: float) -> Any:
 
 @dataclass(frozen=True)
 class SuperTwisting(Demand):
-    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺ (Levant 1993).
+    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺ (Levant
+    1993).
 
-    w, which is integrated where tracking would exceed c and else 0, learns the drift, anew at each contact.
+    w, which is integrated where tracking would exceed c and else 0, learns the drift, anew at each
+    contact.
     """
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
 
-    name, remembers = "super-twisting", (0.0,)
+    name = "super-twisting"
+    remembers = (0.0,)
     uses: ClassVar[tuple[str, ...]] = ("tracked", "period")
 
     @staticmethod
@@ -129,7 +147,8 @@ class SuperTwisting(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSuperTwisting(SuperTwisting):
-    """Rows demand what :class:`SuperTwisting` does, by the proper implicit Euler method, and never more than −u⁺.
+    """Rows demand what :class:`SuperTwisting` does, by the proper implicit Euler method, and never
+    more than −u⁺.
 
     Seeber and Andritsch (2025): see :func:`proper_implicit`.
     """
@@ -145,20 +164,29 @@ class ImplicitSuperTwisting(SuperTwisting):
 
 @dataclass(frozen=True)
 class ConditionedSuperTwisting(ImplicitSuperTwisting):
-    """Rows demand what :class:`ImplicitSuperTwisting` does, and learn from what was applied: no windup at saturation.
+    """Rows demand what :class:`ImplicitSuperTwisting` does, and learn from what was applied: no
+    windup at saturation.
 
-    The conditioning technique (Seeber and Reichhartinger 2020), with u = L_gφ q̈ of the last sample, in an own form.
+    The conditioning technique (Seeber and Reichhartinger 2020), with u = L_gφ q̈ of the last
+    sample, in an own form.
     """
 
     name = "conditioned-super-twisting"
-    uses, remembers = ("tracked", "last_rate", "period"), (np.nan,)
+    uses = ("tracked", "last_rate", "period")
+    remembers = (np.nan,)
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
-        """That of :class:`ImplicitSuperTwisting` with w = w₋ + clip((u − w₋)/2, ±T_s k₂); w in contact, else NaN."""
+        """That of :class:`ImplicitSuperTwisting` with w = w₋ + clip((u − w₋)/2, ±T_s k₂); w in
+        contact, else NaN.
+        """
         step = row.period * gains(row, rate)[1]
-        w = row.memory[0] + np.minimum(np.maximum(0.5 * (row.last_rate - row.memory[0]), -step), step)
-        w = np.minimum(np.maximum(np.where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain)
+        w = row.memory[0] + np.minimum(
+            np.maximum(0.5 * (row.last_rate - row.memory[0]), -step), step
+        )
+        w = np.minimum(
+            np.maximum(np.where(np.isnan(w), 0.0, w), -row.switching_gain), row.switching_gain
+        )
         bound = np.maximum(-row.switching_gain, proper_implicit(row, w, rate)[0])
         return bound, np.where(row.tracked > bound, w, np.nan)
 
@@ -168,7 +196,9 @@ class ConditionedSuperTwisting(ImplicitSuperTwisting):
 
 @formula
 def grown(row: Row, region: float, exponent: float) -> Any:
-    """ψ = (1 + φ/δ)^exponent where −δ < φ, else 0, with δ = region × scale, which may be zero in floating point."""
+    """ψ = (1 + φ/δ)^exponent where −δ < φ, else 0, with δ = region × scale, which may be zero in
+    floating point.
+    """
     psi = np.maximum(1.0 + row.phi / row.scale / region, 0.0)
     return psi if exponent == 1.0 else psi**exponent
 
@@ -181,14 +211,18 @@ class Field(Demand):
     exponent: float = option(1.0, "how ψ grows; 1 is linear", (0.5, 4.0))
     strength: float = option(1.0, "factor s on every u⁺", (0.1, 10.0))
 
-    owner, everywhere = "a potential field", True
+    owner = "a potential field"
+    everywhere = True
 
 
 @dataclass(frozen=True)
 class RampRepulsion(Field):
-    """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 + φ/δ)^exponent."""
+    """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 +
+    φ/δ)^exponent.
+    """
 
-    name, relative = "ramp-repulsion", True
+    name = "ramp-repulsion"
+    relative = True
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
@@ -198,74 +232,107 @@ class RampRepulsion(Field):
 
 @dataclass(frozen=True)
 class BoundaryLayer(Field):
-    """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
+    """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 +
+    φ/δ)^exponent).
 
-    With exponent 1 and :class:`.Priority` the boundary layer of Slotine and Sastry (1983), inside the boundary.
+    With exponent 1 and :class:`.Priority` the boundary layer of Slotine and Sastry (1983), inside
+    the boundary.
     """
 
-    name, uses = "boundary-layer", ("tracked",)
+    name = "boundary-layer"
+    uses = ("tracked",)
 
     @staticmethod
     def formula(row: Row, region: float, exponent: float, strength: float) -> Any:
         psi = np.minimum(grown(row, region, exponent), 1.0)
-        return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
+        return np.where(
+            psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf
+        )
 
 
 @dataclass(frozen=True)
 class OuterLayer(Demand):
-    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ) (Slotine and Sastry 1983)."""
+    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ) (Slotine and Sastry
+    1983).
+    """
 
     layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
 
-    name, uses, everywhere = "outer-layer", ("tracked",), True
+    name = "outer-layer"
+    uses = ("tracked",)
+    everywhere = True
 
     @staticmethod
     def formula(row: Row, layer: float) -> Any:
         share = np.minimum(row.phi / row.scale / layer, 1.0)
-        return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
+        return np.where(
+            row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf
+        )
 
 
 @dataclass(frozen=True)
 class Firas(Demand):
-    """Rows nearer than ρ₀ demand η (1/ρ − 1/ρ₀)/ρ² less than what tracking does: the force of Khatib's FIRAS function.
+    """Rows nearer than ρ₀ demand η (1/ρ − 1/ρ₀)/ρ² less than what tracking does: the force of
+    Khatib's FIRAS function.
 
-    Khatib (1986), with ρ = −σ as a fraction of the row's scale, at least ``contact`` × ρ₀, and η = ``strength`` × u⁺
-    ρ₀³.
+    Khatib (1986), with ρ = −σ as a fraction of the row's scale, at least ``contact`` × ρ₀, and η =
+    ``strength`` × u⁺ ρ₀³.
     """
 
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
     strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
-    contact: float = option(0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0)
+    contact: float = option(
+        0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0
+    )
 
-    name, uses, ignores = "firas", ("sigma",), ("observer",)
-    relative, everywhere = True, True
+    name = "firas"
+    uses = ("sigma",)
+    ignores = ("observer",)
+    relative = True
+    everywhere = True
 
     @staticmethod
     def formula(row: Row, region: float, strength: float, contact: float) -> Any:
-        """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact × δ at least."""
+        """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact ×
+        δ at least.
+        """
         ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
-        return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
+        return np.where(
+            ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf
+        )
 
 
 @dataclass(frozen=True)
 class PublishedFiras(Demand):
-    """Rows nearer than ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ², less than what tracking does: FIRAS as published.
+    """Rows nearer than ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ², less than what tracking does:
+    FIRAS as published.
 
-    Khatib (1986), with ρ = −σ as a fraction of the row's scale. Rows that are φ itself are pushed by φ̇; at ρ ≤ 0,
-    where the article has no force, ρ counts as ρ₀/1000.
+    Khatib (1986), with ρ = −σ as a fraction of the row's scale. Rows that are φ itself are pushed
+    by φ̇; at ρ ≤ 0, where the article has no force, ρ counts as ρ₀/1000.
     """
 
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
     eta: float = option(0.05, "η, with ρ as a fraction of each row's scale [1/s²]", (0.0001, 10.0))
 
-    name, uses, ignores = "firas-published", ("sigma", "K"), ("K", "observer", *GAINS)
-    relative, everywhere = True, True
+    name = "firas-published"
+    uses = ("sigma", "K")
+    ignores = ("K", "observer", *GAINS)
+    relative = True
+    everywhere = True
 
     @staticmethod
     def formula(row: Row, region: float, eta: float) -> Any:
-        """−K s η (1/ρ − 1/ρ₀)/ρ² below what tracking does, where ρ = −σ/s < ρ₀; with 1 for K where K = 0."""
+        """−K s η (1/ρ − 1/ρ₀)/ρ² below what tracking does, where ρ = −σ/s < ρ₀; with 1 for K where
+        K = 0.
+        """
         rho = np.maximum(-row.sigma / row.scale, 0.001 * region)
-        push = np.where(row.K == 0.0, 1.0, row.K) * row.scale * eta * (1.0 / rho - 1.0 / region) / (rho * rho)
+        push = (
+            np.where(row.K == 0.0, 1.0, row.K)
+            * row.scale
+            * eta
+            * (1.0 / rho - 1.0 / region)
+            / (rho * rho)
+        )
         return np.where(rho < region, -push, np.inf)
 
 
@@ -276,7 +343,9 @@ class PublishedFiras(Demand):
 class Nothing(Demand):
     """No row demands anything."""
 
-    name, everywhere, ignores = "nothing", True, (*ROWS, "observer", "dead_time")
+    name = "nothing"
+    everywhere = True
+    ignores = (*ROWS, "observer", "dead_time")
 
     @staticmethod
     def formula(row: Row) -> Any:

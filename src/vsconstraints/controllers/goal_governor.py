@@ -1,4 +1,6 @@
-"""The goal governor: what is tracked is a reference that moves to the goal only as far as rows allow."""
+"""The goal governor: what is tracked is a reference that moves to the goal only as far as rows
+allow.
+"""
 
 from __future__ import annotations
 
@@ -20,36 +22,44 @@ from .ranges import Choices, Declared, Range, positive
 from .resolver import Priority
 
 #: How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first.
-STEPS, GROWTH = 40, 3.5
-TIME_CONSTANTS = 4.0  #: Of the tracking law's slowest motion, which are predicted before it comes to rest.
-NEAR = 1e-2  #: From which distance of the reference to the goal, in units of the error, a remark says what holds it.
+STEPS = 40
+GROWTH = 3.5
+#: Of the tracking law's slowest motion, which are predicted before it comes to rest.
+TIME_CONSTANTS = 4.0
+#: From which distance of the reference to the goal, in units of the error, a remark says what holds
+#: it.
+NEAR = 1e-2
 
 
 class GoalGovernor(Controller):
     """An explicit reference governor: moves the goal of the tracking law, and nothing else.
 
-    Garone and Nicotra, IEEE Transactions on Automatic Control, 2016; formulas: :doc:`/laws`. The dynamic safety margin
-    d is the least −σ, by the row's scale, of all rows along the motion that the tracking law would make with the
-    reference s_ref at rest, and at its end. No step of the reference is made after which d would be less than δ/2.
+    Garone and Nicotra, IEEE Transactions on Automatic Control, 2016; formulas: :doc:`/laws`. The
+    dynamic safety margin d is the least −σ, by the row's scale, of all rows along the motion that
+    the tracking law would make with the reference s_ref at rest, and at its end. No step of the
+    reference is made after which d would be less than δ/2.
 
-    No row is violated if the motion is the one that the model predicts, which holds its accelerations longer and
-    longer; if it comes to rest at s_ref; and if it starts where rows are met with s_ref = s at rest. A start that is
-    outside holds s_ref where it is. Of rows it uses σ and L_gφ, no u⁺ and no L_fφ. What goes on underneath may be any
-    law, which gets the task with s_ref for its goal; predictions are those of tracking.
+    No row is violated if the motion is the one that the model predicts, which holds its
+    accelerations longer and longer; if it comes to rest at s_ref; and if it starts where rows are
+    met with s_ref = s at rest. A start that is outside holds s_ref where it is. Of rows it uses σ
+    and L_gφ, no u⁺ and no L_fφ. What goes on underneath may be any law, which gets the task with
+    s_ref for its goal; predictions are those of tracking.
 
     Parameters
     ----------
     speed
         v, the greatest speed of the reference [units of the error per second].
     margin
-        δ, what is kept of each row's scale, by what ends at rest there and, by half of it, on the way.
+        δ, what is kept of each row's scale, by what ends at rest there and, by half of it, on the
+        way.
     influence
         ζ > δ, from where on rows slow the reference and repel it, by the row's scale.
     horizon
-        How long a response is predicted before it comes to rest [s], from the next reset on; None for four time
-        constants of the tracking law.
+        How long a response is predicted before it comes to rest [s], from the next reset on; None
+        for four time constants of the tracking law.
     options
-        ``demand``, ``resolver`` and theirs, of the law underneath: see :class:`.Pair`; tracking if not given.
+        ``demand``, ``resolver`` and theirs, of the law underneath: see :class:`.Pair`; tracking if
+        not given.
     """
 
     name = "goal-governor"
@@ -61,7 +71,8 @@ class GoalGovernor(Controller):
     }
 
     model: Any
-    alpha, sharpness = 0.0, 0.0  #: Of the barrier, where there is one.
+    alpha = 0.0  #: Of the barrier, where there is one.
+    sharpness = 0.0
 
     def __init__(
         self,
@@ -72,7 +83,10 @@ class GoalGovernor(Controller):
         horizon: float | None = None,
         **options: Any,
     ) -> None:
-        self.speed, self.margin, self.influence, self.horizon = speed, margin, influence, horizon
+        self.speed = speed
+        self.margin = margin
+        self.influence = influence
+        self.horizon = horizon
         self.law = Pair(**{"demand": "nothing", **options})
         self.ignores = self.law.ignores
         self.model = None
@@ -85,7 +99,8 @@ class GoalGovernor(Controller):
             own = {**vars(self), name: value}
             if {"margin", "influence"} <= own.keys() and own["influence"] <= own["margin"]:
                 raise ConfigurationError(
-                    f"influence of {self.name} must be above its margin {own['margin']:g}, not {own['influence']:g}"
+                    f"influence of {self.name} must be above its margin {own['margin']:g}, not "
+                    f"{own['influence']:g}"
                 )
         super().__setattr__(name, value)
 
@@ -96,14 +111,19 @@ class GoalGovernor(Controller):
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
 
     def _forget(self) -> None:
-        self.periods: Array = np.empty(0)  #: (N,) how long each of the predicted accelerations lasts [s].
+        #: (N,) how long each of the predicted accelerations lasts [s].
+        self.periods: Array = np.empty(0)
         self.governor: Governor | None = None
 
     @property
     def reference(self) -> Array | None:
         """(k,) s_ref less the feature's value at the goal; None before the first command."""
         own: Any = self.governor and self.governor.own
-        return None if own is None or own.counts[load("goal_governor").GOAL] < 0 else own.reference.copy()
+        return (
+            None
+            if own is None or own.counts[load("goal_governor").GOAL] < 0
+            else own.reference.copy()
+        )
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -118,11 +138,14 @@ class GoalGovernor(Controller):
     def reset(self, period: float | None = None, model: Any = None) -> None:
         """Begin again at the first sample; see :class:`.Controller`.
 
-        ConfigurationError if the goals have reference trajectories of their own, or tracking never comes to rest.
+        ConfigurationError if the goals have reference trajectories of their own, or tracking never
+        comes to rest.
         """
         if model is not None:
             if any(goal.reference is not None for goal in model.task.goals):
-                raise ConfigurationError(f"{self.name} moves the reference itself: leave reach_in out of the goals")
+                raise ConfigurationError(
+                    f"{self.name} moves the reference itself: leave reach_in out of the goals"
+                )
             self.model = model
         self._forget()
         restart(self.law, period) if period is not None else self.law.reset()
@@ -136,29 +159,41 @@ class GoalGovernor(Controller):
         Kp, Kv = model.task.gains.at(np.zeros(1))
         slowest = 0.5 * (Kv - np.sqrt(max(Kv * Kv - 4.0 * Kp, 0.0)))
         if not slowest > 0.0:
-            raise ConfigurationError(f"without damping tracking never comes to rest: give {self.name} a horizon")
+            raise ConfigurationError(
+                f"without damping tracking never comes to rest: give {self.name} a horizon"
+            )
         return float(TIME_CONSTANTS / slowest)
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """Where the reference stopped, and at which row."""
         own: Any = self.governor and self.governor.own
-        said, known = self.law.remark(labels), own is not None and own.times[load("goal_governor").KNOWN] > 0.0
+        said = self.law.remark(labels)
+        known = own is not None and own.times[load("goal_governor").KNOWN] > 0.0
         if not (known and labels) or np.linalg.norm(own.reference) < NEAR:
             return said
         row = labels[int(np.argmin(own.least))]
-        left = f"the governor's goal is {np.linalg.norm(own.reference):.3g} from the task's, held by {row}"
+        left = (
+            f"the governor's goal is {np.linalg.norm(own.reference):.3g} from the task's, held "
+            f"by {row}"
+        )
         return "; ".join(filter(None, (said, left)))
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
         rows, task = in_usual_layout(rows, task) or (rows, task)
         own = self._ready(rows, task).decide(self.model, rows, task)
-        return self.law.command(rows, Task(task.J, own.b.copy(), own.error.copy(), task.error_rate, task.rest))
+        return self.law.command(
+            rows, Task(task.J, own.b.copy(), own.error.copy(), task.error_rate, task.rest)
+        )
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         inner = self.law.bind(rows, task, acted, qdd)
-        if inner is None or type(self).command is not Controller.command or type(self).solve is not GoalGovernor.solve:
+        if (
+            inner is None
+            or type(self).command is not Controller.command
+            or type(self).solve is not GoalGovernor.solve
+        ):
             return None
         governor = self._ready(rows, task)
         if not governor.own.step:
@@ -167,10 +202,15 @@ class GoalGovernor(Controller):
         return BoundLaw(inner.resolver, Governor(over, inner.law), rows, task, acted, qdd)
 
     def _ready(self, rows: Rows, task: Task) -> Governor:
-        """What governs these rows, with the present options; raises InvalidInput if there is no model of them."""
-        model, (k, n) = self.model, task.J.shape
+        """What governs these rows, with the present options; raises InvalidInput if there is no
+        model of them.
+        """
+        model = self.model
+        k, n = task.J.shape
         if len(task.error) != len(task.b) or len(task.error_rate) != len(task.b):
-            raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
+            raise InvalidInput(
+                f"{self.name} uses task.error and task.error_rate, which this task does not give"
+            )
         demand_model(self.name, rows, task, model)
         made = self.governor or Governor.of(model, self.periods, (k, n))
         if made.own.Jt.shape != (n, k):
@@ -183,9 +223,10 @@ class GoalGovernor(Controller):
 class BarrierGovernor(GoalGovernor):
     """The reference governor by control barrier functions, in closed form.
 
-    After Nakano, Garone and Notomista (arXiv:2604.04001, 2026); formulas and differences: :doc:`/laws`. It predicts
-    what :class:`GoalGovernor` does. The barrier h is a softmin of the predicted margins of rows less δ; the reference
-    moves as nearly as possible to the goal with ∇h ṡ_ref ≥ −α h. Where h < 0 it returns, by v at most.
+    After Nakano, Garone and Notomista (arXiv:2604.04001, 2026); formulas and differences:
+    :doc:`/laws`. It predicts what :class:`GoalGovernor` does. The barrier h is a softmin of the
+    predicted margins of rows less δ; the reference moves as nearly as possible to the goal with ∇h
+    ṡ_ref ≥ −α h. Where h < 0 it returns, by v at most.
 
     Parameters
     ----------
@@ -195,8 +236,12 @@ class BarrierGovernor(GoalGovernor):
         As of :class:`GoalGovernor`.
     """
 
-    name, ignores = "barrier-governor", ("influence",)
-    ranges: ClassVar[Mapping[str, Declared]] = {"alpha": Range(0.5, 20.0), "sharpness": Range(30.0, 1000.0)}
+    name = "barrier-governor"
+    ignores = ("influence",)
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "alpha": Range(0.5, 20.0),
+        "sharpness": Range(30.0, 1000.0),
+    }
 
     def __init__(
         self,
@@ -208,8 +253,11 @@ class BarrierGovernor(GoalGovernor):
         horizon: float | None = None,
         **options: Any,
     ) -> None:
-        self.alpha, self.sharpness = alpha, sharpness
-        super().__init__(speed=speed, margin=margin, influence=float("inf"), horizon=horizon, **options)
+        self.alpha = alpha
+        self.sharpness = sharpness
+        super().__init__(
+            speed=speed, margin=margin, influence=float("inf"), horizon=horizon, **options
+        )
 
 
 class Governor(Wrapped):
@@ -217,32 +265,51 @@ class Governor(Wrapped):
 
     def __init__(self, own: Any, inner: CompiledLaw) -> None:
         kernels = load("goal_governor")
-        super().__init__(inner, own, kernels.govern, options=np.array([RANK_TOLERANCE, kernels.ALL]))
+        super().__init__(
+            inner, own, kernels.govern, options=np.array([RANK_TOLERANCE, kernels.ALL])
+        )
 
     @classmethod
     def of(cls, model: Any, periods: Array, shape: tuple[int, int]) -> Governor:
         """One without a law underneath, for the rows of a model and a task of that shape (k, n)."""
-        step, loop, (k, n) = getattr(model, "step", None), getattr(model, "loop", None), shape
+        step = getattr(model, "step", None)
+        loop = getattr(model, "loop", None)
+        k, n = shape
         both = (loop, step) if step is not None and loop is not None else ()
-        known = dict(zip(("loop", "step"), (each.packed.workspace.address for each in both), strict=False))
-        known |= {"frozen": int(bool(both) and model.frozen), "tracking": tracking_of(model.task, n, k)}
+        known = dict(
+            zip(("loop", "step"), (each.packed.workspace.address for each in both), strict=False)
+        )
+        known |= {
+            "frozen": int(bool(both) and model.frozen),
+            "tracking": tracking_of(model.task, n, k),
+        }
         known |= {"K": np.array(model.K), "periods": periods}
         lengths = {"k": k, "n": n, "m": len(model.labels), "1 + 2n": 1 + 2 * n}
         own = zeros(load("goal_governor").GovernorArrays, lengths, known)
-        own.counts[:], own.times[-1] = -1, -np.inf  # there is no reference, and no response is known
+        # there is no reference, and no response is known
+        own.counts[:] = -1
+        own.times[-1] = -np.inf
         return cls(own, CompiledLaw(Nothing(), Priority(), model.labels))
 
     def decide(self, model: Any, rows: Rows, task: Task) -> Any:
         """The arrays with the reference moved; Python predicts where the model is not compiled."""
-        kernels, own, counts, now = load("goal_governor"), self.own, self.own.counts, model.present
+        kernels = load("goal_governor")
+        own = self.own
+        counts = self.own.counts
+        now = model.present
         if counts[kernels.GOAL] not in (-1, model.goal):
-            old, new = model.task.goals[counts[kernels.GOAL]], model.task.goals[model.goal]
-            own.reference[:] = model.task.feature.carried(own.reference.copy(), old, new, task.error)
-            counts[kernels.GOAL], own.times[kernels.LAST] = model.goal, now.t
+            old = model.task.goals[counts[kernels.GOAL]]
+            new = model.task.goals[model.goal]
+            own.reference[:] = model.task.feature.carried(
+                own.reference.copy(), old, new, task.error
+            )
+            counts[kernels.GOAL] = model.goal
+            own.times[kernels.LAST] = now.t
         if own.step:
             self._ask(kernels.ALL, rows, task)
             return own
-        counts[kernels.PRESENT], own.times[kernels.UNTIL] = model.goal, model.until
+        counts[kernels.PRESENT] = model.goal
+        own.times[kernels.UNTIL] = model.until
         own.now[:] = np.concatenate(([now.t], now.q, now.qd))
         self._ask(kernels.BEGIN, rows, task)
         while counts[kernels.NEXT] >= 0:
@@ -255,9 +322,21 @@ class Governor(Wrapped):
         return own
 
     def _ask(self, stage: int, rows: Rows, task: Task) -> None:
-        """One stage of the decision; raises InvalidInput where the sizes of rows or task are others."""
+        """One stage of the decision; raises InvalidInput where the sizes of rows or task are
+        others.
+        """
         follow, workspace, *arguments = self.call(rows, task)
         self.arrays.options[1] = stage
-        n, m = len(self.own.rest), len(self.labels)
-        if follow(workspace, *arguments, np.empty(n), np.empty(m, np.bool_), np.empty(0), np.zeros(1, COUNT)):
-            raise InvalidInput(f"{GoalGovernor.name} predicts other rows and another task than these")
+        n = len(self.own.rest)
+        m = len(self.labels)
+        if follow(
+            workspace,
+            *arguments,
+            np.empty(n),
+            np.empty(m, np.bool_),
+            np.empty(0),
+            np.zeros(1, COUNT),
+        ):
+            raise InvalidInput(
+                f"{GoalGovernor.name} predicts other rows and another task than these"
+            )

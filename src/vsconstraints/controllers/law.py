@@ -30,22 +30,25 @@ def _options_of(part: Any) -> frozenset[str]:
 class Law(Controller):
     """Rows ask L_gφ q̈ ≤ c by a demand; a resolver shares q̈ among them and the task.
 
-    The parameters of the demand and the options of the resolver are attributes of the law too: set there, they are
-    checked, and the part is made anew. A subclass with a ``solve`` of its own is a controller like any other.
+    The parameters of the demand and the options of the resolver are attributes of the law too: set
+    there, they are checked, and the part is made anew. A subclass with a ``solve`` of its own is a
+    controller like any other.
     """
 
     name = "law"
 
     demand: Demand
     resolver: Resolver
-    period: float | None  #: The sampling period [s] of the last :meth:`reset` with one; None before.
-    #: (m, f) what the demand remembers of each row, (m,) L_gφ q̈ of the last call, or (0,) if the demand does not use
-    #: it, and the labels of these rows; () if there are none. :meth:`reset` clears them.
+    #: The sampling period [s] of the last :meth:`reset` with one; None before.
+    period: float | None
+    #: (m, f) what the demand remembers of each row, (m,) L_gφ q̈ of the last call, or (0,) if the
+    #: demand does not use it, and the labels of these rows; () if there are none. :meth:`reset`
+    #: clears them.
     memory: Array
     last_rates: Array
     remembered: tuple[str, ...]
-    #: The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
-    #: needs any; :meth:`reset` clears both.
+    #: The QP solver asked and those behind it, with their warm starts and the count of their
+    #: failures, if the resolver needs any; :meth:`reset` clears both.
     solvers: SolverChain | None
 
     def __init__(self, demand: Demand, resolver: Resolver) -> None:
@@ -53,12 +56,15 @@ class Law(Controller):
             if not isinstance(part, kind):
                 raise ConfigurationError(f"a law needs a {kind.__name__}, not {shown(part)}")
         self.period = None
-        self.demand, self.resolver = demand, resolver
+        self.demand = demand
+        self.resolver = resolver
 
     def __getattr__(self, name: str) -> Any:
         part = self._part_of(name)
         if part is None:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+            raise AttributeError(
+                f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self
+            )
         return getattr(vars(self)[part], name)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -76,22 +82,29 @@ class Law(Controller):
     def _part_of(self, option: str) -> str | None:
         """Which of the two parts has an option of that name, if any has."""
         parts = [part for part in ("demand", "resolver") if part in vars(self)]
-        return next((part for part in parts if option in _options_of(vars(self)[part].__class__)), None)
+        return next(
+            (part for part in parts if option in _options_of(vars(self)[part].__class__)), None
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_compiled": None}
 
     def _forget(self) -> None:
-        self.memory, self.last_rates = np.empty((0, 0)), np.empty(0)
+        self.memory = np.empty((0, 0))
+        self.last_rates = np.empty(0)
         self.remembered = ()
         self._compiled: CompiledLaw | None = None
 
     def reset(self, period: float | None = None) -> None:
-        """Forget what demand and solvers remember; without a sampling period T_s [s], that of the last reset stays."""
+        """Forget what demand and solvers remember; without a sampling period T_s [s], that of the
+        last reset stays.
+        """
         if period is not None:
             number = positive(period)
             if number is None:
-                raise InvalidInput(f"the sampling period must be a positive number of seconds, not {shown(period)}")
+                raise InvalidInput(
+                    f"the sampling period must be a positive number of seconds, not {shown(period)}"
+                )
             self.period = number
         self._forget()
         if self.solvers is not None:
@@ -100,7 +113,9 @@ class Law(Controller):
     @property
     def uses(self) -> tuple[str, ...]:
         """See :class:`.Controller`."""
-        known = [USES[name] for name in self.demand.used] + [OF_TASK[name] for name in self.resolver.uses]
+        known = [USES[name] for name in self.demand.used] + [
+            OF_TASK[name] for name in self.resolver.uses
+        ]
         return (*known, "memory") if self.demand.remembers else tuple(known)
 
     @property
@@ -113,16 +128,24 @@ class Law(Controller):
         return self.resolver.remark(labels)
 
     def command(self, rows: Rows, task: Task) -> Command:
-        """See :class:`.Controller`; InvalidInput also if the demand uses what is not given, or remembers other rows."""
+        """See :class:`.Controller`; InvalidInput also if the demand uses what is not given, or
+        remembers other rows.
+        """
         command = self.compute(rows, task)
         return self.define(rows, task) if command is None else command
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The command with the demand's formula in Python, and by QP solvers where they are asked or needed."""
-        demand, resolver = self.demand, self.resolver
+        """The command with the demand's formula in Python, and by QP solvers where they are asked
+        or needed.
+        """
+        demand = self.demand
+        resolver = self.resolver
         for name in resolver.uses:
             if getattr(task, name).shape != task.b.shape:
-                raise InvalidInput(f"the resolver {resolver.name!r} uses task.{name}, which this task does not give")
+                raise InvalidInput(
+                    f"the resolver {resolver.name!r} uses task.{name}, which this task does not "
+                    f"give"
+                )
         rows, task = in_usual_layout(rows, task) or (rows, task)
         law = self._compile(rows)
         tracking = track(task, self.rank_tolerance) if resolver.tracks(demand) else None
@@ -139,7 +162,8 @@ class Law(Controller):
     def compute(self, rows: Rows, task: Task) -> Command | None:
         """The command by compiled functions alone; None where :meth:`define` has to be asked.
 
-        That is for input that is refused, at a loss of rank, for a formula that does not compile and a solver by name.
+        That is for input that is refused, at a loss of rank, for a formula that does not compile
+        and a solver by name.
         """
         try:
             labels = rows.labels
@@ -152,7 +176,8 @@ class Law(Controller):
                 return None
             code, qdd, acted, slack, iterations = law(rows, task)
             command = self.resolver.command(code, qdd, acted, labels, slack, iterations)
-        except Exception:  # arrays of other types or layouts, and labels that are no names: numba raises anything
+        # arrays of other types or layouts, and labels that are no names: numba raises anything
+        except Exception:
             usual = in_usual_layout(rows, task)
             return usual and self.compute(*usual)
         if command is not None:
@@ -170,7 +195,9 @@ class Law(Controller):
 
     def _compile(self, rows: Rows) -> CompiledLaw:
         """The law for these rows, with room for what it remembers."""
-        law, demand, m = self._compiled, self.demand, len(rows.labels)
+        law = self._compiled
+        demand = self.demand
+        m = len(rows.labels)
         demand_known(f"the demand {demand.name!r}", rows, demand.used, self.period, self.remembered)
         if law is not None and law.labels == rows.labels:
             law.labels = rows.labels
@@ -180,13 +207,19 @@ class Law(Controller):
             self.last_rates = np.full(m if "last_rate" in demand.used else 0, math.nan)
             self.remembered = rows.labels
         memory = {"memory": self.memory, "last_rates": self.last_rates}
-        self._compiled = law = CompiledLaw(demand, self.resolver, rows.labels, period=self.period, **memory)
+        self._compiled = law = CompiledLaw(
+            demand, self.resolver, rows.labels, period=self.period, **memory
+        )
         law.complete &= type(self).solve is Law.solve
         return law
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
-        if type(self).command is not Law.command or "command" in vars(self) or type(self).solve is not Law.solve:
+        if (
+            type(self).command is not Law.command
+            or "command" in vars(self)
+            or type(self).solve is not Law.solve
+        ):
             return None
         law = self._compile(rows)
         return BoundLaw(self.resolver, law, rows, task, acted, qdd) if law.complete else None

@@ -23,9 +23,9 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
-    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀. In a singular
-    configuration directions below the tolerance are left alone, so that the command stays finite and its status ``ok``;
-    next to one it can be large.
+    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's
+    q̈₀. In a singular configuration directions below the tolerance are left alone, so that the
+    command stays finite and its status ``ok``; next to one it can be large.
     """
 
     name = "tracking"
@@ -37,10 +37,10 @@ class Tracking(Law):
 class SlidingMode(Law):
     """The paper's law: a sliding mode on the active rows, tracking in their null space.
 
-    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁. If the
-    active rows have lost full row rank the status is ``rank-loss``: the command then meets their demands in the
-    least-squares sense, and section 5.2 advises to abort. Of all q̈ that do as well for rows and task it is the nearest
-    to q̈₀.
+    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null
+    space of A₁. If the active rows have lost full row rank the status is ``rank-loss``: the command
+    then meets their demands in the least-squares sense, and section 5.2 advises to abort. Of all q̈
+    that do as well for rows and task it is the nearest to q̈₀.
     """
 
     name = "sliding-mode"
@@ -59,10 +59,10 @@ BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = 
 class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
-    ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale, and 1 on the boundary.
-    ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the demand :class:`.RampRepulsion`: rows can
-    be violated. ``priority`` gives the rows the place they have in the paper's law, with the demand
-    :class:`.BoundaryLayer`.
+    ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale,
+    and 1 on the boundary. ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the
+    demand :class:`.RampRepulsion`: rows can be violated. ``priority`` gives the rows the place they
+    have in the paper's law, with the demand :class:`.BoundaryLayer`.
 
     Parameters
     ----------
@@ -93,7 +93,9 @@ class PotentialField(Law):
 
     @blend.setter
     def blend(self, blend: Any) -> None:
-        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.demand.common, self.rank_tolerance)
+        self.demand, self.resolver = _blended(
+            blend, self.demand.parameters, self.demand.common, self.rank_tolerance
+        )
 
 
 def _blended(
@@ -104,7 +106,8 @@ def _blended(
 
 
 class HierarchicalQP(Law):
-    """Strict priorities: (1) rows, (2) task, (3) the acceleration nearest to q̈₀: the resolver :class:`.Hierarchy`.
+    """Strict priorities: (1) rows, (2) task, (3) the acceleration nearest to q̈₀: the resolver
+    :class:`.Hierarchy`.
 
     With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
 
@@ -112,16 +115,17 @@ class HierarchicalQP(Law):
     2. of these, those with the least ‖J q̈ − b‖;
     3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
-    Where no row resists, the command is that of :class:`Tracking`, bit by bit. Where rows contradict each other it has
-    the status ``relaxed`` and says which demands are unmet and by how much. Level 1 measures every demand in the unit
-    of its φ per second; ``weights`` change how rows of different kinds share a violation. ConfigurationError if an
-    option cannot be used, or the solver is unknown or not installed.
+    Where no row resists, the command is that of :class:`Tracking`, bit by bit. Where rows
+    contradict each other it has the status ``relaxed`` and says which demands are unmet and by how
+    much. Level 1 measures every demand in the unit of its φ per second; ``weights`` change how rows
+    of different kinds share a violation. ConfigurationError if an option cannot be used, or the
+    solver is unknown or not installed.
 
     Parameters
     ----------
     rows
-        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row. ``"active"``: L_gφ q̈ ≤ −u⁺ for the rows with
-        φ ≥ 0 only, the inequality twin of eq. (15).
+        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row. ``"active"``: L_gφ q̈ ≤ −u⁺
+        for the rows with φ ≥ 0 only, the inequality twin of eq. (15).
     """
 
     name = "hierarchical-qp"
@@ -138,9 +142,16 @@ class HierarchicalQP(Law):
         damping: float = 1e-8,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        demand, self._alpha = _demand(rows, alpha, {"margin": margin}), alpha
-        options: dict[str, Any] = {"solver": solver, "weights": weights, "max_acceleration": max_acceleration}
-        super().__init__(demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options))
+        demand = _demand(rows, alpha, {"margin": margin})
+        self._alpha = alpha
+        options: dict[str, Any] = {
+            "solver": solver,
+            "weights": weights,
+            "max_acceleration": max_acceleration,
+        }
+        super().__init__(
+            demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options)
+        )
 
     @property
     def rows(self) -> str:
@@ -158,7 +169,8 @@ class HierarchicalQP(Law):
 
     @alpha.setter
     def alpha(self, alpha: float) -> None:
-        self.demand, self._alpha = _demand(self.rows, alpha, self.demand.common), Barrier(alpha).alpha
+        self.demand = _demand(self.rows, alpha, self.demand.common)
+        self._alpha = Barrier(alpha).alpha
 
 
 def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
@@ -169,11 +181,13 @@ def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
 class Pair(Law):
     """Any demand with any resolver, by their names: the paper's, unless others are named.
 
-    ``options`` are the parameters of the demand and the options of the resolver: of :data:`.DEMANDS` and
-    :data:`.RESOLVERS`.
+    ``options`` are the parameters of the demand and the options of the resolver: of
+    :data:`.DEMANDS` and :data:`.RESOLVERS`.
     """
 
-    def __init__(self, *, demand: str = "switch", resolver: str = "priority", **options: Any) -> None:
+    def __init__(
+        self, *, demand: str = "switch", resolver: str = "priority", **options: Any
+    ) -> None:
         asks = one_of("demand", demand, {part.name: part for part in DEMANDS})
         shares = one_of("resolver", resolver, {part.name: part for part in RESOLVERS})
         super().__init__(*split_options(self.name, (asks, shares), options))
@@ -202,28 +216,43 @@ def named(
 ) -> type[Named]:
     """A law of that name: a class whose constructor takes the options of both parts.
 
-    ``line`` says what it is; ``defaults`` are options that differ from those of the parts, ``factors`` those of rows.
+    ``line`` says what it is; ``defaults`` are options that differ from those of the parts,
+    ``factors`` those of rows.
     """
     options = [
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
         for key, default in options_of(demand, resolver).items()
     ]
-    body = {"name": name, "parts": (demand, resolver), "defaults": defaults, "factors": factors, "__doc__": line}
+    body = {
+        "name": name,
+        "parts": (demand, resolver),
+        "defaults": defaults,
+        "factors": factors,
+        "__doc__": line,
+    }
     return type(name, (Named,), {**body, "__signature__": inspect.Signature(options)})
 
 
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
-    """The options of a demand and a resolver, with their defaults; those that every part has come last."""
+    """The options of a demand and a resolver, with their defaults; those that every part has come
+    last.
+    """
     every = [field for part in parts for field in fields(part)]
-    return {field.name: field.default for field in sorted(every, key=lambda field: field.kw_only is True)}
+    return {
+        field.name: field.default
+        for field in sorted(every, key=lambda field: field.kw_only is True)
+    }
 
 
 def split_options(
     law: str, parts: tuple[type[Demand], type[Resolver]], options: Mapping[str, Any]
 ) -> tuple[Demand, Resolver]:
-    """A demand and a resolver, each made with those options that are its own; names the candidates if one is none's."""
+    """A demand and a resolver, each made with those options that are its own; names the candidates
+    if one is none's.
+    """
     demand, resolver = parts
-    known, own = options_of(demand, resolver), options_of(demand)
+    known = options_of(demand, resolver)
+    own = options_of(demand)
     for key in options:
         if key not in known:
             raise unknown_name(f"option of {law}", key, known)
@@ -241,9 +270,11 @@ def _without_state(name: str) -> Named:
 #: Laws that have a name of their own, beside those that are classes.
 NAMED: tuple[type[Named], ...] = (
     named("sliding-mode-ahead", Switch, Priority,
-          "The paper's law, with speeds judged one period ahead: before tracking takes them beyond.", ahead=True),
+          "The paper's law, with speeds judged one period ahead: before tracking takes them "
+          "beyond.", ahead=True),
     named("implicit-switch", demands.ImplicitSwitch, Hierarchy,
-          "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
+          "The paper's switch without its chattering: solved for the end of the period, with "
+          "strict priorities.",
           periods=5.0),
     named("implicit-switch-with-drift", demands.ImplicitSwitchWithDrift, Hierarchy,
           "The implicit switch, less the drift that was seen a sample ago.", periods=5.0),
@@ -252,10 +283,13 @@ NAMED: tuple[type[Named], ...] = (
     named("super-twisting", demands.SuperTwisting, Priority,
           "Sliding mode of second order, which learns the drift."),
     named("implicit-super-twisting", demands.ImplicitSuperTwisting, Hierarchy,
-          "Sliding mode of second order by the proper implicit Euler method, with strict priorities."),
+          "Sliding mode of second order by the proper implicit Euler method, with strict "
+          "priorities."),
     named("robust-hierarchical-qp", Barrier, Hierarchy,
-          "The hierarchical QP for noise, delay and wrong models: rows act early, from a margin on.",
+          "The hierarchical QP for noise, delay and wrong models: rows act early, from a margin "
+          "on.",
           RowFactors(K=3.0), alpha=12.0, margin=0.06),
     named("cbf-filter", Barrier, Filter,
-          "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier."),
+          "The safety filter of control barrier functions: the command nearest to tracking that "
+          "meets the barrier."),
 )  # fmt: skip

@@ -1,4 +1,6 @@
-"""The tracking command by singular values, for QP solvers and formulas in Python; and dependence of rows."""
+"""The tracking command by singular values, for QP solvers and formulas in Python; and dependence of
+rows.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ RANK_TOLERANCE = 1e-6  #: Singular values below this fraction of the largest one
 class LeastNorm(NamedTuple):
     """Q̈ = q̈₀ + J† (b − J q̈₀) (n,), and the decomposition it was read from.
 
-    ``directions`` (n, n) are the right singular vectors of J, one a column: an orthonormal basis of the joint space;
-    ``gains`` (n,) their singular values, with exact zeros for the directions that count as the null space of J.
+    ``directions`` (n, n) are the right singular vectors of J, one a column: an orthonormal basis of
+    the joint space; ``gains`` (n,) their singular values, with exact zeros for the directions that
+    count as the null space of J.
     """
 
     qdd: Array
@@ -27,10 +30,12 @@ class LeastNorm(NamedTuple):
 
 
 def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN) -> LeastNorm:
-    """Of all q̈ with the least ‖J q̈ − b‖, the one with the least ‖q̈ − q̈₀‖; ``rest`` is q̈₀ (n,), or (0,) for zero.
+    """Of all q̈ with the least ‖J q̈ − b‖, the one with the least ‖q̈ − q̈₀‖; ``rest`` is q̈₀ (n,),
+    or (0,) for zero.
 
-    Directions whose singular value is below ``rank_tolerance`` times the largest count as null space, and only q̈₀
-    moves them: without it ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no rows.
+    Directions whose singular value is below ``rank_tolerance`` times the largest count as null
+    space, and only q̈₀ moves them: without it ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every
+    configuration. J may be zero, or have no rows.
     """
     if len(rest):
         step = least_norm(J, b - J @ rest, rank_tolerance)
@@ -52,7 +57,8 @@ def track(task: Task, rank_tolerance: float) -> Array:
 
 
 def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array]:
-    """L_gφ (b, n) and demands (b,) of some rows, divided by ‖L_gφ‖: dependence must not depend on units.
+    """L_gφ (b, n) and demands (b,) of some rows, divided by ‖L_gφ‖: dependence must not depend on
+    units.
 
     A row that no acceleration influences (``ZERO_GRADIENT``) becomes zero.
     """
@@ -76,9 +82,15 @@ def dependent_rows(A: Array, rank_tolerance: float) -> Array:
 
 
 def rank_loss(rows: Rows, command: Command, rank_tolerance: float) -> Command:
-    """The command with the status ``rank-loss``, and the reason: which of the rows with φ ≥ 0 depend on each other."""
+    """The command with the status ``rank-loss``, and the reason: which of the rows with φ ≥ 0
+    depend on each other.
+    """
     reached = command.acted & (rows.phi >= 0.0)
     dependent = dependent_rows(unit_rows(rows, rows.phi, reached)[0], rank_tolerance)
     involved = np.flatnonzero(reached)[np.abs(dependent).max(axis=1, initial=0.0) > 1e-3]
     names = ", ".join(rows.labels[i] for i in involved)
-    return replace(command, status="rank-loss", reason=f"the active rows have lost full row rank; dependent: {names}")
+    return replace(
+        command,
+        status="rank-loss",
+        reason=f"the active rows have lost full row rank; dependent: {names}",
+    )

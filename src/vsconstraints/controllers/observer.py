@@ -14,22 +14,29 @@ from .ranges import duration, positive_number
 
 
 class Observed(Wrapper):
-    """Any law, on rows whose drift is observed: targets and obstacles that move unknown to the model.
+    """Any law, on rows whose drift is observed: targets and obstacles that move unknown to the
+    model.
 
-    Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by :func:`.observed_drift`: an extended state
-    observer of first order (Han, IEEE Transactions on Industrial Electronics, 2009) with the time constant ``observer``
-    [s]. The law gets σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂, and φ accordingly, T_d being ``dead_time`` [s]: how late what rows
-    depend on is measured. Rows on φ itself, such as speeds, the task and all scores stay as they are.
+    Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by
+    :func:`.observed_drift`: an extended state observer of first order (Han, IEEE Transactions on
+    Industrial Electronics, 2009) with the time constant ``observer`` [s]. The law gets σ + d̂ T_d,
+    σ̇ + d̂, L_fφ + d̂, and φ accordingly, T_d being ``dead_time`` [s]: how late what rows depend on
+    is measured. Rows on φ itself, such as speeds, the task and all scores stay as they are.
 
-    Wrong gradients and noise are taken for drift too. :class:`.PredictiveControl` takes the drift to fade along its
-    plan; another law that looks ahead by a model of its own takes only the shift by the dead time.
+    Wrong gradients and noise are taken for drift too. :class:`.PredictiveControl` takes the drift
+    to fade along its plan; another law that looks ahead by a model of its own takes only the shift
+    by the dead time.
     """
 
-    name, own_uses = "observed", ("σ", "σ̇", "K", "T_s", "memory")
+    name = "observed"
+    own_uses = ("σ", "σ̇", "K", "T_s", "memory")
 
     def __init__(self, law: Controller, *, observer: float = 0.1, dead_time: float = 0.0) -> None:
-        self.law, self.observer, self.dead_time = law, observer, dead_time
-        self.factors, self.ignores = law.factors, law.ignores
+        self.law = law
+        self.observer = observer
+        self.dead_time = dead_time
+        self.factors = law.factors
+        self.ignores = law.ignores
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name == "observer":
@@ -39,7 +46,11 @@ class Observed(Wrapper):
         elif name == "law" and hasattr(value, "fading"):
             value = copy(value)  # by itself, the law that is given observes nothing
         super().__setattr__(name, value)
-        if name in ("law", "observer") and hasattr(self, "observer") and hasattr(self.law, "fading"):
+        if (
+            name in ("law", "observer")
+            and hasattr(self, "observer")
+            and hasattr(self.law, "fading")
+        ):
             self.law.fading = self.observer
         if name in ("observer", "dead_time", "law", "period"):
             self._parts = None
@@ -47,27 +58,38 @@ class Observed(Wrapper):
     def solve(self, rows: Rows, task: Task) -> Command:
         """The law's command on the corrected rows.
 
-        InvalidInput if there is no sampling period, rows lack σ, σ̇ or K, or they are others than those that were
-        observed.
+        InvalidInput if there is no sampling period, rows lack σ, σ̇ or K, or they are others than
+        those that were observed.
         """
-        own, kernels = self._arrays(rows), load("observer")
+        own = self._arrays(rows)
+        kernels = load("observer")
         kernels.correct(own, arrays_of(rows))
-        phi, Lf, sigma, sigma_dot = (part.copy() for part in (own.phi, own.Lf, own.sigma, own.sigma_dot))
-        command = self.law.command(replace(rows, phi=phi, Lf=Lf, sigma=sigma, sigma_dot=sigma_dot), task)
+        phi, Lf, sigma, sigma_dot = (
+            part.copy() for part in (own.phi, own.Lf, own.sigma, own.sigma_dot)
+        )
+        command = self.law.command(
+            replace(rows, phi=phi, Lf=Lf, sigma=sigma, sigma_dot=sigma_dot), task
+        )
         own.seen[:] = own.after
         return command
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
         inner = self.law.bind(rows, task, acted, qdd)
-        if inner is None or type(self).command is not Controller.command or type(self).solve is not Observed.solve:
+        if (
+            inner is None
+            or type(self).command is not Controller.command
+            or type(self).solve is not Observed.solve
+        ):
             return None
         own = self._arrays(rows, inner.workspace.address)
         law = Wrapped(inner.law, own, load("observer").observe)
         return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, law: int = 0) -> Any:
-        """The observer of these rows; of its own law by the address, which is asked for where all is compiled."""
+        """The observer of these rows; of its own law by the address, which is asked for where all
+        is compiled.
+        """
         remembered, made = self._parts or ((), None)
         uses = "sigma", "sigma_dot", "K", "period"
         demand_known("a law with an observer", rows, uses, self.period, remembered)

@@ -18,23 +18,29 @@ SEEN = ("phi", "sigma", "J", "b", "rest")  #: What is used of predictions.
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class PathIntegralControl(PredictiveControl):
-    """Model predictive path integral control (MPPI): samples plans around the last one, and takes their weighted mean.
+    """Model predictive path integral control (MPPI): samples plans around the last one, and takes
+    their weighted mean.
 
-    Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; formulas: :doc:`/laws`. S
-    plans around the last one, the first without noise, are predicted without linearisation, and cost what
-    :class:`.PredictiveControl` minimises, with a penalty of rows. Few samples leave noise in the command; rows are not
-    kept for certain; plans that the model cannot predict to their end do not count. Every reset begins with the seed,
-    so that runs repeat bit by bit.
+    Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; formulas:
+    :doc:`/laws`. S plans around the last one, the first without noise, are predicted without
+    linearisation, and cost what :class:`.PredictiveControl` minimises, with a penalty of rows. Few
+    samples leave noise in the command; rows are not kept for certain; plans that the model cannot
+    predict to their end do not count. Every reset begins with the seed, so that runs repeat bit by
+    bit.
     """
 
-    name, ignores, kernels = "mppi", (*PredictiveControl.ignores, "observer"), ()
+    name = "mppi"
+    ignores = (*PredictiveControl.ignores, "observer")
+    kernels = ()
 
     samples: int = option(64, "S, from 1 to 100,000", Range(16, 512, integer=True))
     horizon: int = option(3, "H, from 1 to 100", Range(2, 20, integer=True))
     approach: float = option(5.0, "κ in blocks")
     damping: float = option(1e-3, "that of the cost")
     temperature: float = option(1.0, "the lower, the more the best plans count", (0.1, 10.0))
-    noise: float = option(0.2, "standard deviation of q̈ in every block [rad/s² or m/s²]", (0.02, 2.0))
+    noise: float = option(
+        0.2, "standard deviation of q̈ in every block [rad/s² or m/s²]", (0.02, 2.0)
+    )
     penalty: float = option(1.0, "weight of rows", (0.01, 100.0))
     seed: int = option(1, "of the random numbers, from 1 to 100,000")
 
@@ -56,28 +62,40 @@ class Sampler:
     compiled = False
 
     def __init__(self, law: PathIntegralControl, shape: tuple[int, int]) -> None:
-        self.law, self.shape, self.rng = law, shape, np.random.default_rng(law.seed)
-        self.mean, self.made = np.zeros((law.horizon, shape[1])), np.nan
+        self.law = law
+        self.shape = shape
+        self.rng = np.random.default_rng(law.seed)
+        self.mean = np.zeros((law.horizon, shape[1]))
+        self.made = np.nan
         self.length = law.block * (law.period or np.nan)
 
     @property
     def plan(self) -> Plan | None:
         """The last plan, if there is one; its last block is repeated."""
-        return None if np.isnan(self.made) else Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
+        return (
+            None if np.isnan(self.made) else Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
+        )
 
     def carry_on(self, t: float) -> Array:
-        """(H, n) the last plan moved on to the time t [s], by means over the new blocks; zero if there is none."""
-        H, after = len(self.mean), (t - self.made) / self.length
+        """(H, n) the last plan moved on to the time t [s], by means over the new blocks; zero if
+        there is none.
+        """
+        H = len(self.mean)
+        after = (t - self.made) / self.length
         if not 0.0 <= after < H:
             return np.zeros_like(self.mean)
-        share, k = after % 1.0, np.minimum(np.arange(H + 1) + int(after), H - 1)
+        share = after % 1.0
+        k = np.minimum(np.arange(H + 1) + int(after), H - 1)
         moved: Array = (1.0 - share) * self.mean[k[:-1]] + share * self.mean[k[1:]]
         return moved
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The command: see :class:`PathIntegralControl`."""
-        law, now = self.law, self.law.model.present
-        most = np.minimum(law.model.acceleration, np.inf if law.max_acceleration is None else law.max_acceleration)
+        law = self.law
+        now = self.law.model.present
+        most = np.minimum(
+            law.model.acceleration, np.inf if law.max_acceleration is None else law.max_acceleration
+        )
         high = most * np.ones_like(self.mean)
         low = -high
         if len(rows.qdd_max):
@@ -85,24 +103,39 @@ class Sampler:
         u = self.carry_on(now.t) + np.zeros((law.samples, 1, 1))
         u[1:] += law.noise * self.rng.standard_normal(u[1:].shape)
         cost, exceeded = self.costs(np.clip(u, low, high, out=u), rows, task)
-        known, remark = np.isfinite(cost), law.remark(rows.labels)
+        known = np.isfinite(cost)
+        remark = law.remark(rows.labels)
         if not known.any():
             self.made = np.nan
             why = "braking: no plan is predicted, since a marker is then not in front of the camera"
             qdd = np.clip(-now.qd / self.length, low[0], high[0])
             return Command(qdd, "suboptimal", exceeded, rows.labels, reason=why, remark=remark)
-        w = np.where(known, np.exp((cost[known].min() - cost) / (2.0 * law.temperature * law.noise**2)), 0.0)
-        self.mean, self.made = np.clip(np.einsum("s,skj->kj", w / w.sum(), u), low, high), now.t
+        w = np.where(
+            known, np.exp((cost[known].min() - cost) / (2.0 * law.temperature * law.noise**2)), 0.0
+        )
+        self.mean = np.clip(np.einsum("s,skj->kj", w / w.sum(), u), low, high)
+        self.made = now.t
         return Command(self.mean[0].copy(), "ok", exceeded, rows.labels, remark=remark)
 
     def costs(self, u: Array, rows: Rows, task: Task) -> tuple[Array, BoolArray]:
-        """(S,) c of plans (S, H, n), infinite where the model cannot predict; (m,) which rows any of them exceeds."""
-        law, model, T, (t, q, qd) = self.law, self.law.model, self.length, self.law.model.present
+        """(S,) c of plans (S, H, n), infinite where the model cannot predict; (m,) which rows any
+        of them exceeds.
+        """
+        law = self.law
+        model = self.law.model
+        T = self.length
+        t, q, qd = self.law.model.present
         S, H, n = u.shape
         speeds = qd + T * np.cumsum(u, axis=1)
         places = q + np.cumsum(T * speeds - 0.5 * T * T * u, axis=1)
-        states = np.tile(t + T * np.arange(1, H + 1), S), places.reshape(-1, n), speeds.reshape(-1, n)
-        now, whole, at = model.along(np.array([t]), q[None], qd[None]), np.ones(S, dtype=np.bool_), 0
+        states = (
+            np.tile(t + T * np.arange(1, H + 1), S),
+            places.reshape(-1, n),
+            speeds.reshape(-1, n),
+        )
+        now = model.along(np.array([t]), q[None], qd[None])
+        whole = np.ones(S, dtype=np.bool_)
+        at = 0
         seen = {name: np.zeros((S * H, *getattr(now, name).shape[1:])) for name in SEEN}
         while at < S * H:
             part = model.along(*(each[at:] for each in states))
@@ -110,20 +143,36 @@ class Sampler:
                 array[at : at + len(part)] = getattr(part, name)
             # the first state that has none ends its plan
             end = (at + len(part)) // H
-            whole[end : end + 1], at = False, H * (end + 1)
+            whole[end : end + 1] = False
+            at = H * (end + 1)
 
         def along(name: str, present: Array) -> Array:
-            """(S, H + 1, …) from now on: what the model says otherwise of now than rows and task do stays so."""
+            """(S, H + 1, …) from now on: what the model says otherwise of now than rows and task do
+            stays so.
+            """
             moved = (seen[name] + (present - getattr(now, name)[0])).reshape(S, H, *present.shape)
             return np.concatenate((np.broadcast_to(present, (S, 1, *present.shape)), moved), axis=1)
 
         on_phi = np.asarray(model.K) == 0.0
         sigma = rows.sigma if len(rows.sigma) else now.sigma[0] + rows.phi - now.phi[0]
-        x = np.where(on_phi, along("phi", rows.phi), along("sigma", sigma)) + law.margin * rows.scale
+        x = (
+            np.where(on_phi, along("phi", rows.phi), along("sigma", sigma))
+            + law.margin * rows.scale
+        )
         over = np.maximum(x[:, 1:] - np.exp(-1.0 / law.approach) * x[:, :-1], 0.0)
-        over *= np.sqrt(row_weights(rows.labels, law.weights or {})) / (rows.scale * np.where(on_phi, T, T * T))
-        residual = np.einsum("skij,skj->ski", along("J", task.J)[:, :-1], u) - along("b", task.b)[:, :-1]
+        over *= np.sqrt(row_weights(rows.labels, law.weights or {})) / (
+            rows.scale * np.where(on_phi, T, T * T)
+        )
+        residual = (
+            np.einsum("skij,skj->ski", along("J", task.J)[:, :-1], u) - along("b", task.b)[:, :-1]
+        )
         free = u - along("rest", task.rest)[:, :-1] if len(task.rest) else u
-        parts = (1.0 / (float((task.J**2).sum()) or 1.0), residual), (law.damping, free), (law.penalty, over)
-        cost: Array = sum((weight * (each**2).sum(axis=(1, 2)) for weight, each in parts), np.zeros(S))
+        parts = (
+            (1.0 / (float((task.J**2).sum()) or 1.0), residual),
+            (law.damping, free),
+            (law.penalty, over),
+        )
+        cost: Array = sum(
+            (weight * (each**2).sum(axis=(1, 2)) for weight, each in parts), np.zeros(S)
+        )
         return np.where(whole, cost, np.inf), (over[whole] > 0.0).any(axis=(0, 1))

@@ -1,4 +1,6 @@
-"""A predictive safety filter: of all plans that satisfy the rows, the one nearest to what the tracking law would do."""
+"""A predictive safety filter: of all plans that satisfy the rows, the one nearest to what the
+tracking law would do.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,17 @@ from .ranges import GAINS, ROWS, Range, option, positive_number, share
 from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
-MAX_BLOCKS, MAX_PERIODS = 100, 10_000  #: Of a horizon, and of a block.
+MAX_BLOCKS = 100  #: Of a horizon, and of a block.
+MAX_PERIODS = 10_000
 #: What a model gives along a plan, in the order of the compiled law.
 PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
 CHECKED = "ok", "relaxed"  #: Statuses of commands that the compiled law has checked.
 
 
 class Plan(NamedTuple):
-    """What was planned: q̈ of the blocks (H, n), what comes after them (n,), and when it was made [s]."""
+    """What was planned: q̈ of the blocks (H, n), what comes after them (n,), and when it was made
+    [s].
+    """
 
     qdd: Array
     then: Array
@@ -37,33 +42,49 @@ class Plan(NamedTuple):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class PredictiveControl(Controller):
-    """A predictive safety filter: minimise the tracking law's residual along a plan whose states keep all rows.
+    """A predictive safety filter: minimise the tracking law's residual along a plan whose states
+    keep all rows.
 
-    Wabersich and Zeilinger, Automatica 129, 2021; formulas, sources and differences: :doc:`/laws`. The plan has H
-    blocks of constant q̈; the first one's is the command. Along the plan of the sample before, rows and task are
-    linearised in every sample. After the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0
-    meanwhile; without bounds of all q̈ there is no such row.
+    Wabersich and Zeilinger, Automatica 129, 2021; formulas, sources and differences: :doc:`/laws`.
+    The plan has H blocks of constant q̈; the first one's is the command. Along the plan of the
+    sample before, rows and task are linearised in every sample. After the plan all joints brake
+    together, as fast as their bounds allow, with σ ≤ 0 meanwhile; without bounds of all q̈ there is
+    no such row.
 
-    What the model says otherwise of now than rows and task do is taken to stay so. Where rows contradict each other, Σ
-    wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by (where it is steep, divided by its slope), the
-    status is ``relaxed`` and the reason names the rows. States that the model cannot give, with a marker behind the
-    camera, shorten the horizon, and ``Command.remark`` says so. Plans are local: around what is not convex, a plan may
-    come to lie beyond it.
+    What the model says otherwise of now than rows and task do is taken to stay so. Where rows
+    contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by
+    (where it is steep, divided by its slope), the status is ``relaxed`` and the reason names the
+    rows. States that the model cannot give, with a marker behind the camera, shorten the horizon,
+    and ``Command.remark`` says so. Plans are local: around what is not convex, a plan may come to
+    lie beyond it.
 
     Attributes ``period`` and ``model`` are those of the last :meth:`reset`.
     """
 
-    name, ignores = "predictive", ("K", *GAINS)
+    name = "predictive"
+    ignores = ("K", *GAINS)
     kernels: ClassVar[tuple[str, ...]] = ("predictive",)
-    fading = 0.0  #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an observer's.
+    #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an
+    #: observer's.
+    fading = 0.0
 
     horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
-    block: int = option(10, "length of a block in sampling periods, from 1 to 10,000", Range(5, 25, integer=True))
+    block: int = option(
+        10, "length of a block in sampling periods, from 1 to 10,000", Range(5, 25, integer=True)
+    )
     approach: float = option(5.0, "κ in blocks", (1.5, 10.0))
-    damping: float = option(1e-6, "λ relative to the mean of ‖J‖² in the Frobenius norm", (1e-8, 1e-4))
-    margin: float = option(0.0, "share of each row's scale by which it counts as greater than it is", ROWS["margin"])
-    weights: Mapping[str, float] | None = option(None, "w by the beginning of the label, as of ``hierarchical-qp``")
-    max_acceleration: float | None = option(None, "bound of every |q̈| beside the box of the rows [rad/s² or m/s²]")
+    damping: float = option(
+        1e-6, "λ relative to the mean of ‖J‖² in the Frobenius norm", (1e-8, 1e-4)
+    )
+    margin: float = option(
+        0.0, "share of each row's scale by which it counts as greater than it is", ROWS["margin"]
+    )
+    weights: Mapping[str, float] | None = option(
+        None, "w by the beginning of the label, as of ``hierarchical-qp``"
+    )
+    max_acceleration: float | None = option(
+        None, "bound of every |q̈| beside the box of the rows [rad/s² or m/s²]"
+    )
 
     period: float | None = field(default=None, init=False)
     model: Any = field(default=None, init=False)
@@ -108,7 +129,9 @@ class PredictiveControl(Controller):
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def command(self, rows: Rows, task: Task) -> Command:
-        """See :class:`.Controller`; what the compiled law has checked by itself is not checked again."""
+        """See :class:`.Controller`; what the compiled law has checked by itself is not checked
+        again.
+        """
         try:
             planner = self._ready(rows, task)
             if planner.compiled and type(self).solve is PredictiveControl.solve:
@@ -121,19 +144,26 @@ class PredictiveControl(Controller):
         return self.define(rows, task)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
+        """See the class; InvalidInput if there is no model or no sampling period, or the model is
+        of other rows.
+        """
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
-        if type(self).command is not PredictiveControl.command or type(self).solve is not PredictiveControl.solve:
+        if (
+            type(self).command is not PredictiveControl.command
+            or type(self).solve is not PredictiveControl.solve
+        ):
             return None
         planner = self._ready(rows, task)
         return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
 
     def _ready(self, rows: Rows, task: Task) -> Any:
-        """What plans for these rows; raises InvalidInput if there is no model of them, or no sampling period."""
+        """What plans for these rows; raises InvalidInput if there is no model of them, or no
+        sampling period.
+        """
         who = f"the law {self.name!r}"
         demand_model(who, rows, task, self.model)
         demand_known(who, rows, ("period",), self.period)
@@ -149,19 +179,26 @@ class PredictiveControl(Controller):
 class Planner(Wrapped):
     """The compiled law for the rows of a model: see :mod:`vsconstraints.compiled.predictive`.
 
-    ``compiled`` says whether the model is: otherwise Python predicts, between two calls of the compiled law.
+    ``compiled`` says whether the model is: otherwise Python predicts, between two calls of the
+    compiled law.
     """
 
     answers = SOLVED, RELAXED_ROWS
 
-    def __init__(self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]) -> None:
+    def __init__(
+        self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]
+    ) -> None:
         kernels = load("predictive")
-        (k, n), m, H, T = shape, len(model.labels), law.horizon, law.block * period
+        k, n = shape
+        m = len(model.labels)
+        H = law.horizon
+        T = law.block * period
         times = T * np.arange(H + 1)
         if not np.isclose(period, T):
             times = np.sort(np.append(times, period))
         block = np.maximum(np.ceil(times / T - 1e-9).astype(np.int64) - 1, 0)
-        times, block = np.append(times, np.nan), np.append(block, H)
+        times = np.append(times, np.nan)
+        block = np.append(block, H)
         N = len(times)
         step: Any = getattr(model, "step", None)
         loop: Any = getattr(model, "loop", None)
@@ -172,9 +209,12 @@ class Planner(Wrapped):
             begins = [part.start if part.stop > part.start else -1 for part in where.values()]
             out = step.out
         else:
-            begins, out = [0, *np.cumsum([*sizes.values()])[:-1].tolist()], np.empty(sum(sizes.values()))
+            begins = [0, *np.cumsum([*sizes.values()])[:-1].tolist()]
+            out = np.empty(sum(sizes.values()))
         own = np.inf if law.max_acceleration is None else law.max_acceleration
-        self.model, self.shape, self._begins = model, shape, begins
+        self.model = model
+        self.shape = shape
+        self._begins = begins
         self.plans = kernels.PlanArrays(
             loop.packed.workspace.address if self.compiled else 0,
             step.packed.workspace.address if self.compiled else 0,
@@ -200,19 +240,30 @@ class Planner(Wrapped):
             **kernels.plan_space(H, N, n, m),
         )
         inner = CompiledLaw(Nothing(), Priority(), model.labels)
-        super().__init__(inner, self.plans, kernels.look_ahead, options=np.array([RANK_TOLERANCE, kernels.ALL]))
-        self.remark, self.measures = law.remark(model.labels), True
+        super().__init__(
+            inner, self.plans, kernels.look_ahead, options=np.array([RANK_TOLERANCE, kernels.ALL])
+        )
+        self.remark = law.remark(model.labels)
+        self.measures = True
 
     @property
     def plan(self) -> Plan | None:
         """The last plan, if there is one."""
         plans = self.plans
-        return None if np.isnan(plans.made[0]) else Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
+        return (
+            None
+            if np.isnan(plans.made[0])
+            else Plan(plans.plan.copy(), plans.then.copy(), float(plans.made[0]))
+        )
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The command; raises SolverError where numbers leave the range of floating point."""
-        kernels, plans, m = load("predictive"), self.plans, len(self.labels)
-        acted, qdd, slack = np.zeros(m, dtype=np.bool_), np.zeros(self.shape[1]), np.zeros(m)
+        kernels = load("predictive")
+        plans = self.plans
+        m = len(self.labels)
+        acted = np.zeros(m, dtype=np.bool_)
+        qdd = np.zeros(self.shape[1])
+        slack = np.zeros(m)
         follow, *arguments = self.call(rows, task)
 
         def ask(stage: int) -> int:
@@ -238,22 +289,32 @@ class Planner(Wrapped):
         if code == NEEDS_PYTHON:
             raise SolverError("numbers are beyond the range of floating point")
         if predicted >= 2 and outcome == RANK_LOSS:
-            raise SolverError(f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}")
+            raise SolverError(
+                f"the plan has no unique optimum: rounding exceeds the damping {plans.damping:g}"
+            )
         short = ""
         if predicted < asked:
             ahead = plans.times[predicted]
-            short = f"no more than {ahead:.3g} s are predicted, since a marker is then not in front of the camera"
+            short = (
+                f"no more than {ahead:.3g} s are predicted, since a marker is then not in "
+                f"front of the camera"
+            )
         if predicted >= 2 and outcome != FAILED:
             command = self._answer(qdd, acted, slack)
         else:
-            why = f"braking: {short}" if predicted < 2 else "the plan goes on as it was: no better one passes the check"
+            why = (
+                f"braking: {short}"
+                if predicted < 2
+                else "the plan goes on as it was: no better one passes the check"
+            )
             command = Command(qdd, "suboptimal", acted, self.labels, reason=why)
         command.remark = "; ".join(filter(None, (short, self.remark)))
         return command
 
     def _predict(self) -> int:
         """Let the model predict along the plan; at how many instants it can."""
-        plans, now = self.plans, self.model.present
+        plans = self.plans
+        now = self.model.present
         asked = int(plans.outcome[load("predictive").ASKED])
         seen = self.model.along(now.t + plans.times[:asked], *plans.states[:, :asked])
         for name, begin in zip(PREDICTED, self._begins, strict=True):
@@ -265,7 +326,13 @@ class Planner(Wrapped):
         return len(seen)
 
     def command(
-        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+        self,
+        code: int,
+        qdd: Array,
+        acted: BoolArray,
+        labels: tuple[str, ...],
+        slack: Array,
+        iterations: int,
     ) -> Command | None:
         """See :meth:`.Resolver.command`: None where something is to be said that is no slack."""
         if code not in self.answers:
@@ -275,7 +342,9 @@ class Planner(Wrapped):
         return command
 
     def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
-        """The command of a plan; its reason names rows that no plan satisfies, and by how much they are exceeded."""
+        """The command of a plan; its reason names rows that no plan satisfies, and by how much they
+        are exceeded.
+        """
         if not slack.any():
             return Command(qdd, "ok", acted, self.labels)
         amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))

@@ -1,4 +1,6 @@
-"""Options of laws: default, meaning, range of search and limits, stated once; how they are checked."""
+"""Options of laws: default, meaning, range of search and limits, stated once; how they are
+checked.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def share(name: str, value: object) -> float:
 
 
 def positive_number(name: str, value: object) -> float:
-    """Return the value as a float; raise ConfigurationError unless it is a positive, finite number."""
+    """Return the value as a float; raise ConfigurationError unless it is a positive, finite
+    number.
+    """
     number = positive(value)
     if number is None:
         raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
@@ -57,10 +61,14 @@ def positive_number(name: str, value: object) -> float:
 
 
 def duration(name: str, value: object) -> float:
-    """Return the value as a float; raise ConfigurationError unless it is a number of seconds, 0 or more."""
+    """Return the value as a float; raise ConfigurationError unless it is a number of seconds, 0 or
+    more.
+    """
     number = 0.0 if value == 0.0 and value is not False else positive(value)
     if number is None:
-        raise ConfigurationError(f"{name} must be a number of seconds, 0 or more, not {shown(value)}")
+        raise ConfigurationError(
+            f"{name} must be a number of seconds, 0 or more, not {shown(value)}"
+        )
     return number
 
 
@@ -76,7 +84,9 @@ class Fixed(dict[str, float]):
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         """Raise TypeError."""
-        raise TypeError("the options of a controller cannot be changed in parts: make one with others")
+        raise TypeError(
+            "the options of a controller cannot be changed in parts: make one with others"
+        )
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
 
@@ -86,7 +96,8 @@ class Fixed(dict[str, float]):
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers from ``least`` to ``greatest``, both included, integers only or all; ConfigurationError if it is empty.
+    """Numbers from ``least`` to ``greatest``, both included, integers only or all;
+    ConfigurationError if it is empty.
 
     Where it is ``logarithmic`` factors count, not differences; then ``least`` is positive.
     """
@@ -99,7 +110,9 @@ class Range:
     def __post_init__(self) -> None:
         ends = (*self,)
         if not (all(map(_finite, ends)) and self.least < self.greatest):
-            raise ConfigurationError(f"a range goes from a number to a greater one, not {shown(ends)}")
+            raise ConfigurationError(
+                f"a range goes from a number to a greater one, not {shown(ends)}"
+            )
         if self.logarithmic and self.least <= 0.0:
             raise ConfigurationError(f"a logarithmic range is above zero, not {shown(ends)}")
         if self.integer and not all(isinstance(end, Integral) for end in ends):
@@ -109,7 +122,9 @@ class Range:
         yield from (self.least, self.greatest)
 
     def __contains__(self, value: object) -> bool:
-        number = not isinstance(value, bool) and isinstance(value, Integral if self.integer else Real)
+        number = not isinstance(value, bool) and isinstance(
+            value, Integral if self.integer else Real
+        )
         return number and self.least <= float(value) <= self.greatest  # type: ignore[arg-type]
 
     def __str__(self) -> str:
@@ -124,7 +139,9 @@ class Choices:
 
     def __post_init__(self) -> None:
         if not isinstance(self.values, tuple) or len(set(map(repr, self.values))) < 2:
-            raise ConfigurationError(f"choices are a tuple of two values or more, not {shown(self.values)}")
+            raise ConfigurationError(
+                f"choices are a tuple of two values or more, not {shown(self.values)}"
+            )
 
     def __iter__(self) -> Iterator[Any]:
         yield from self.values
@@ -150,33 +167,56 @@ Declared = Range | Choices | tuple[float, float]
 
 
 def option(
-    default: Any, meaning: str, search: Declared | None = None, at_least: float = 0.0, below: float = math.inf
+    default: Any,
+    meaning: str,
+    search: Declared | None = None,
+    at_least: float = 0.0,
+    below: float = math.inf,
 ) -> Any:
-    """An option of a demand or resolver: a dataclass field with its meaning, range of search and hard limits."""
+    """An option of a demand or resolver: a dataclass field with its meaning, range of search and
+    hard limits.
+    """
     search = Range(*search) if isinstance(search, tuple) else search
-    return field(default=default, metadata={"meaning": meaning, "range": search, "at_least": at_least, "below": below})
+    return field(
+        default=default,
+        metadata={"meaning": meaning, "range": search, "at_least": at_least, "below": below},
+    )
 
 
 class Part:
-    """A law, demand or resolver: where it is a dataclass, its fields are options (:func:`option`)."""
+    """A law, demand or resolver: where it is a dataclass, its fields are options
+    (:func:`option`).
+    """
 
-    #: From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
+    #: From where to where options are worth searching; see
+    #: :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
-    #: Which options of every law, factors on rows and those of the observer, change no command; none is searched.
+    #: Which options of every law, factors on rows and those of the observer, change no command;
+    #: none is searched.
     ignores: tuple[str, ...] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        own = {key: each.metadata.get("range") for key, each in vars(cls).items() if isinstance(each, Field)}
+        own = {
+            key: each.metadata.get("range")
+            for key, each in vars(cls).items()
+            if isinstance(each, Field)
+        }
         ranges = {**super(cls, cls).ranges, **own, **vars(cls).get("ranges", {})}  # type: ignore[misc]
-        cls.ranges = {key: search for key, search in ranges.items() if search is not None and key not in cls.ignores}
+        cls.ranges = {
+            key: search
+            for key, search in ranges.items()
+            if search is not None and key not in cls.ignores
+        }
 
 
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
-    """The ranges that a law's class declares, and those of its demand and resolver as far as its constructor has them.
+    """The ranges that a law's class declares, and those of its demand and resolver as far as its
+    constructor has them.
 
-    ``name`` is what messages call the law; options that the user has ``fixed`` are not searched. ConfigurationError if
-    what is declared is no range, of no option, or does not contain the option's default.
+    ``name`` is what messages call the law; options that the user has ``fixed`` are not searched.
+    ConfigurationError if what is declared is no range, of no option, or does not contain the
+    option's default.
     """
     parameters = inspect.signature(type(law)).parameters
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
@@ -184,7 +224,11 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
     for part in ("demand", "resolver"):
         # the constructor of a user's law need not have the options of its parts
         searched = getattr(getattr(law, part, None), "ranges", {})
-        declared |= {key: each for key, each in searched.items() if anything or key in (*parameters, *FACTORS)}
+        declared |= {
+            key: each
+            for key, each in searched.items()
+            if anything or key in (*parameters, *FACTORS)
+        }
     declared |= getattr(type(law), "ranges", {})
     ranges = {}
     for key, each in declared.items():
@@ -199,17 +243,25 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         if not isinstance(search, Range | Choices):
-            raise ConfigurationError(f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(search)}")
+            raise ConfigurationError(
+                f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(search)}"
+            )
         if default not in search:
-            raise ConfigurationError(f"{where} that does not hold its default {shown(default)}: {search}")
+            raise ConfigurationError(
+                f"{where} that does not hold its default {shown(default)}: {search}"
+            )
         ranges[key] = search
     return ranges
 
 
 def default_of(law: object, option: str) -> Any:
-    """The value of an option of a law as constructed; None where neither the law nor its constructor has one."""
+    """The value of an option of a law as constructed; None where neither the law nor its
+    constructor has one.
+    """
     parameter = inspect.signature(type(law)).parameters.get(option)
     if option in FACTORS and parameter is None:
         return getattr(law.factors, option) or 1.0  # type: ignore[attr-defined]
-    default = None if parameter is None or parameter.default is parameter.empty else parameter.default
+    default = (
+        None if parameter is None or parameter.default is parameter.empty else parameter.default
+    )
     return getattr(law, option, default)

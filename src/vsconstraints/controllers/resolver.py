@@ -1,7 +1,8 @@
 """Resolvers: ways to share q̈ among demands and task.
 
-One half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new resolver is a compiled function, a class
-with its options, and an entry in :data:`vsconstraints.controllers.resolvers.RESOLVERS`.
+One half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new resolver is a
+compiled function, a class with its options, and an entry in
+:data:`vsconstraints.controllers.resolvers.RESOLVERS`.
 """
 
 from __future__ import annotations
@@ -39,7 +40,10 @@ def remembered(row: Row) -> Any:
 class Known(Demand):
     """Bounds that were computed beforehand and stand in the law's memory."""
 
-    name, formula, remembers, everywhere = "known", staticmethod(remembered), (np.inf,), True
+    name = "known"
+    formula = staticmethod(remembered)
+    remembers = (np.inf,)
+    everywhere = True
 
 
 class KnownPush(Known):
@@ -50,20 +54,29 @@ class KnownPush(Known):
 
 @dataclass(frozen=True)
 class Resolver(Part, ABC):
-    """A way to share q̈ among the demands of rows and a task: a frozen dataclass, whose fields are options."""
+    """A way to share q̈ among the demands of rows and a task: a frozen dataclass, whose fields are
+    options.
+    """
 
     name: ClassVar[str]  #: In reports.
-    #: Module and name of its compiled form, see :class:`vsconstraints.compiled.workspace.LawArrays`.
+    #: Module and name of its compiled form, see
+    #: :class:`vsconstraints.compiled.workspace.LawArrays`.
     kernel: ClassVar[tuple[str, str]]
-    otherwise: ClassVar[tuple[str, str] | None] = None  #: Of what answers, with the same options, where that does not.
-    purpose: ClassVar[int] = BOUND  #: What it asks of demands: see :mod:`vsconstraints.formulas.row`.
+    #: Of what answers, with the same options, where that does not.
+    otherwise: ClassVar[tuple[str, str] | None] = None
+    #: What it asks of demands: see :mod:`vsconstraints.formulas.row`.
+    purpose: ClassVar[int] = BOUND
     uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` it uses.
-    compiles: ClassVar[bool] = True  #: Whether the compiled form is asked first; if not, a QP solver by name.
+    #: Whether the compiled form is asked first; if not, a QP solver by name.
+    compiles: ClassVar[bool] = True
     measures: ClassVar[bool] = False  #: Whether its commands report what they leave unmet.
-    answers: ClassVar[Collection[int]] = (SOLVED,)  #: Codes with which the compiled form has an answer.
+    #: Codes with which the compiled form has an answer.
+    answers: ClassVar[Collection[int]] = (SOLVED,)
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
-        """The command for what rows ask for, c (m,), see :attr:`purpose`; SolverError if numbers leave the range."""
+        """The command for what rows ask for, c (m,), see :attr:`purpose`; SolverError if numbers
+        leave the range.
+        """
         command = self.share(rows, task, c)
         if command is None:
             raise SolverError("squares of L_gφ, J or q̈ are beyond the range of floating point")
@@ -71,9 +84,12 @@ class Resolver(Part, ABC):
 
     def share(self, rows: Rows, task: Task, c: Array) -> Command | None:
         """The same by the compiled form alone; None if it has no answer."""
-        demand, memory = (KnownPush if self.purpose == PUSH else Known)(), np.array(c[:, None], dtype=np.float64)
-        qdd, acted = np.full(task.J.shape[1], np.nan), np.zeros(len(c), dtype=np.bool_)
-        slack, count = np.zeros(len(c) if self.measures else 0), np.zeros(1, dtype=np.int64)
+        demand = (KnownPush if self.purpose == PUSH else Known)()
+        memory = np.array(c[:, None], dtype=np.float64)
+        qdd = np.full(task.J.shape[1], np.nan)
+        acted = np.zeros(len(c), dtype=np.bool_)
+        slack = np.zeros(len(c) if self.measures else 0)
+        count = np.zeros(1, dtype=np.int64)
         law = CompiledLaw(demand, self, rows.labels, memory=memory)
         function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
         code = function(*arguments, qdd, acted, slack, count)
@@ -104,11 +120,19 @@ class Resolver(Part, ABC):
         return NO_SLACK
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        """What a user should know of these options and rows of these labels, though nothing is
+        wrong; else empty.
+        """
         return ""
 
     def command(
-        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+        self,
+        code: int,
+        qdd: Array,
+        acted: BoolArray,
+        labels: tuple[str, ...],
+        slack: Array,
+        iterations: int,
     ) -> Command | None:
         """The command of the compiled form's answer; None if the code says that there is none."""
         return Command(qdd, "ok", acted, labels) if code in self.answers else None
@@ -116,19 +140,23 @@ class Resolver(Part, ABC):
 
 @dataclass(frozen=True)
 class Priority(Resolver):
-    """Rows that act meet their demands with equality, L_gφ q̈ = c; the task acts in their null space (eq. 15).
+    """Rows that act meet their demands with equality, L_gφ q̈ = c; the task acts in their null
+    space (eq. 15).
 
-    If rows with φ ≥ 0 depend on each other the status is ``rank-loss`` (section 5.2), and demands are met in the
-    least-squares sense.
+    If rows with φ ≥ 0 depend on each other the status is ``rank-loss`` (section 5.2), and demands
+    are met in the least-squares sense.
     """
 
     rank_tolerance: float = option(
         RANK_TOLERANCE,
-        "singular values below this fraction of the largest one count as zero, of the active rows once each is divided "
+        "singular values below this fraction of the largest one count as zero, of the active rows "
+        "once each is divided "
         "by its length",
     )
 
-    name, kernel, purpose = "priority", ("task_priority", "priority"), EQUAL
+    name = "priority"
+    kernel = ("task_priority", "priority")
+    purpose = EQUAL
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
@@ -140,11 +168,15 @@ class Additive(Priority):
     The singular values of J below ``rank_tolerance`` times the largest one count as zero.
     """
 
-    name, kernel, purpose = "additive", ("task_priority", "additive"), PUSH
+    name = "additive"
+    kernel = ("task_priority", "additive")
+    purpose = PUSH
 
 
 def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
+    """Which demands are unmet and by how much, and which rows nothing influences; empty if all are
+    met.
+    """
     exceeded = np.flatnonzero(slack > 0.0)
     if not exceeded.size:
         return ""
@@ -156,5 +188,8 @@ def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
 
 def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
     """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
-    keys = (max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None) for label in labels)
+    keys = (
+        max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None)
+        for label in labels
+    )
     return np.array([1.0 if key is None else weights[key] for key in keys])

@@ -1,4 +1,6 @@
-"""The resolvers that files can name: projections, and those by quadratic programs; formulas: :doc:`/laws`."""
+"""The resolvers that files can name: projections, and those by quadratic programs; formulas:
+:doc:`/laws`.
+"""
 
 from __future__ import annotations
 
@@ -25,86 +27,117 @@ from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 @dataclass(frozen=True)
 class Projection(Additive):
-    """q̈ = q̈_track + P z with the pushes z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† of :class:`Additive`.
+    """q̈ = q̈_track + P z with the pushes z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† of
+    :class:`Additive`.
 
-    P is the large projection operator of Marey and Chaumette (IROS 2010), I where Jᵀe = 0: z changes nothing in d²/dt²
-    ½‖e‖². Where the error is small, rows are not kept for certain.
+    P is the large projection operator of Marey and Chaumette (IROS 2010), I where Jᵀe = 0: z
+    changes nothing in d²/dt² ½‖e‖². Where the error is small, rows are not kept for certain.
     """
 
     closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
     opened: float = option(0.7, "‖e‖ above which λ is 1", Range(0.4, 4.0))
 
-    name, kernel, uses = "projection", ("projection", "projection"), ("error",)
+    name = "projection"
+    kernel = ("projection", "projection")
+    uses = ("error",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("closed", "opened"):
             object.__setattr__(self, name, positive_number(name, getattr(self, name)))
         if self.closed >= self.opened:
-            raise ConfigurationError(f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}")
+            raise ConfigurationError(
+                f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}"
+            )
 
 
-AUTO, DEFAULT = "auto", "daqp"  #: The compiled descent; and who is asked where its answer fails the check.
-MAX_WEIGHT = 1e10  #: Largest weight of a row, and the inverse of the least: those without one have 1.
+AUTO = "auto"  #: The compiled descent; and who is asked where its answer fails the check.
+DEFAULT = "daqp"
+#: Largest weight of a row, and the inverse of the least: those without one have 1.
+MAX_WEIGHT = 1e10
 #: Codes of answers with demands unmet, and of those with levels 2 and 3 maybe so.
-RELAXED, SHORT = (codes.RELAXED_ROWS, codes.RELAXED_SHORT), (codes.SHORT, codes.RELAXED_SHORT)
+RELAXED = (codes.RELAXED_ROWS, codes.RELAXED_SHORT)
+SHORT = (codes.SHORT, codes.RELAXED_SHORT)
 
-UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
+UNPROVED = (
+    "rounding does not allow to prove that the task and the accelerations are the least "
+    "that the rows allow"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hierarchy(Resolver):
-    """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic program.
+    """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic
+    program.
 
     What the levels are, and the options: see :class:`vsconstraints.controllers.HierarchicalQP`.
 
-    Levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the coordinates v = Vᵀ(q̈ − q̈_track) of the
-    singular vectors of J with relative gains g, with hard rows. Only if these are incompatible is level 1 computed,
-    exactly; the violated rows then become equalities. A large weight or soft rows in place of this were measured to be
-    wrong.
+    Levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the coordinates v =
+    Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if
+    these are incompatible is level 1 computed, exactly; the violated rows then become equalities. A
+    large weight or soft rows in place of this were measured to be wrong.
 
-    Where J leaves directions free and the damping has cost the task more than a residual of 1e-6 ‖J‖‖q̈ − q̈_track‖,
-    level 2 is solved separately, and level 3 within it, with every direction whose gain is above ``rank_tolerance``
-    relative to J. Two exceptions tame tasks that are nearly singular: where J has a relative gain below 1e-3, level 2
-    uses directions only above √damping; and where J leaves no direction free, the QP's minimiser is the answer. If
-    rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met, and no
-    known point that meets them has a smaller residual.
+    Where J leaves directions free and the damping has cost the task more than a residual of 1e-6
+    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately, and level 3 within it, with every direction
+    whose gain is above ``rank_tolerance`` relative to J. Two exceptions tame tasks that are nearly
+    singular: where J has a relative gain below 1e-3, level 2 uses directions only above √damping;
+    and where J leaves no direction free, the QP's minimiser is the answer. If rounding does not
+    allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met, and
+    no known point that meets them has a smaller residual.
     """
 
     solver: str = option(
         AUTO,
-        "auto, the compiled dual active-set method; or a QP solver by name: ``vsconstraints list solvers``. If an "
-        "answer fails the check of the optimality conditions, others are asked, and the command says so",
+        "auto, the compiled dual active-set method; or a QP solver by name: ``vsconstraints list "
+        "solvers``. If an "
+        "answer fails the check of the optimality conditions, others are asked, and the command "
+        "says so",
     )
     weights: Mapping[str, float] | None = option(
         None,
-        'diagonal of W, 1e-10 to 1e10, by the beginning of the label, such as {"fov": 2.0, "range[joint 6]": 5.0}; the '
-        "longest that matches counts, 1 where none does; one that begins no label is told of in Command.remark",
+        'diagonal of W, 1e-10 to 1e10, by the beginning of the label, such as {"fov": 2.0, '
+        '"range[joint 6]": 5.0}; the '
+        "longest that matches counts, 1 where none does; one that begins no label is told of in "
+        "Command.remark",
     )
     max_acceleration: float | None = option(None, "q̈_max [rad/s² or m/s²]; none for no box")
-    damping: float = option(1e-8, "weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm")
+    damping: float = option(
+        1e-8, "weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm"
+    )
     rank_tolerance: float = option(
         RANK_TOLERANCE, "singular values of J below this fraction of the largest one count as zero"
     )
 
-    name, kernel, measures = "hierarchy", ("hierarchical_qp", "descend"), True
+    name = "hierarchy"
+    kernel = ("hierarchical_qp", "descend")
+    measures = True
     answers = codes.SOLVED, *RELAXED, codes.SHORT
-    #: What the levels below the rows are, of :mod:`vsconstraints.compiled.workspace`; half the width of the box.
+    #: What the levels below the rows are, of :mod:`vsconstraints.compiled.workspace`; half the
+    #: width of the box.
     aim: ClassVar[int] = codes.STRICT
     bound: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
-        for name in ("damping", *(("max_acceleration",) if self.max_acceleration is not None else ())):
+        for name in (
+            "damping",
+            *(("max_acceleration",) if self.max_acceleration is not None else ()),
+        ):
             object.__setattr__(self, name, positive_number(name, getattr(self, name)))
         if self.weights is not None:
             weights: object = self.weights
-            if not (isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)):
-                raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {shown(weights)}")
+            if not (
+                isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)
+            ):
+                raise ConfigurationError(
+                    f"weights must map beginnings of labels to numbers, not {shown(weights)}"
+                )
             fixed = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
             object.__setattr__(self, "weights", fixed)
         object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
         object.__setattr__(self, "compiles", self.solver == AUTO)
-        object.__setattr__(self, "bound", math.inf if self.max_acceleration is None else self.max_acceleration)
+        object.__setattr__(
+            self, "bound", math.inf if self.max_acceleration is None else self.max_acceleration
+        )
 
     @property
     def options(self) -> Array:
@@ -122,16 +155,28 @@ class Hierarchy(Resolver):
     def remark(self, labels: tuple[str, ...]) -> str:
         """Which weights concern no label."""
         weights = self.weights or {}
-        idle = [shown(prefix) for prefix in weights if not any(label.startswith(prefix) for label in labels)]
+        idle = [
+            shown(prefix)
+            for prefix in weights
+            if not any(label.startswith(prefix) for label in labels)
+        ]
         return f"weights that begin no row's label: {', '.join(idle)}" if idle and labels else ""
 
     def command(
-        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+        self,
+        code: int,
+        qdd: Array,
+        acted: BoolArray,
+        labels: tuple[str, ...],
+        slack: Array,
+        iterations: int,
     ) -> Command | None:
         """See :class:`.Resolver`."""
         if code not in self.answers:
             return None
-        command = Command(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+        command = Command(
+            qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations
+        )
         if code:
             command.status = "relaxed" if code in RELAXED else "suboptimal"
             why = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
@@ -139,38 +184,52 @@ class Hierarchy(Resolver):
         return command
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`: compiled, or by a solver that is asked for by name, or where that has no answer."""
+        """See :class:`.Resolver`: compiled, or by a solver that is asked for by name, or where that
+        has no answer.
+        """
         command = self.share(rows, task, c)
-        # without iterations no row resists, or they leave no choice: there is nothing to ask a solver
+        # without iterations no row resists, or they leave no choice: there is nothing to ask a
+        # solver
         if command is not None and (self.compiles or not command.iterations):
             return command
         assert solvers is not None
         return by_solvers(self, rows, task, c, solvers)
 
     def box(self, rows: Rows, n: int) -> Array:
-        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
+        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or
+        what is nearest.
+        """
         box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
         return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
-        """q̈ (n,) that the levels below the rows are to stay near to, and the (m,) rows that have shaped it."""
+        """q̈ (n,) that the levels below the rows are to stay near to, and the (m,) rows that have
+        shaped it.
+        """
         return tracking, np.zeros(c.size, dtype=np.bool_)
 
 
-METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}  #: What the distance to the tracking command is measured in.
+#: What the distance to the tracking command is measured in.
+METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filter(Hierarchy):
-    """Of all q̈ in the box that violate the demands least, the one nearest to the command that tracks.
+    """Of all q̈ in the box that violate the demands least, the one nearest to the command that
+    tracks.
 
-    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017), in the metric ``joint``, or
-    that of task-consistent filters (Morton and Pavone 2025), ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖² with
-    the Frobenius norm. Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017), in the
+    metric ``joint``, or that of task-consistent filters (Morton and Pavone 2025), ‖J(q̈ −
+    q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖² with the Frobenius norm. Other options: see
+    :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
-    damping: float = option(1e-8, "weight of the joints in the metric task, relative to ‖J‖²", Range(1e-8, 1.0))
-    metric: Literal["joint", "task"] = option("joint", "what distance is measured in", Choices(tuple(METRICS)))
+    damping: float = option(
+        1e-8, "weight of the joints in the metric task, relative to ‖J‖²", Range(1e-8, 1.0)
+    )
+    metric: Literal["joint", "task"] = option(
+        "joint", "what distance is measured in", Choices(tuple(METRICS))
+    )
 
     name = "filter"
 
@@ -181,13 +240,16 @@ class Filter(Hierarchy):
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling(Hierarchy):
-    """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
+    """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ
+    q̈_track ≤ c.
 
-    A baseline. Where c < 0 of a row, κ is the largest that no row would by itself have smaller, and the least
-    correction that meets all demands, or violates them least, is added. The box limits κ as rows do.
+    A baseline. Where c < 0 of a row, κ is the largest that no row would by itself have smaller, and
+    the least correction that meets all demands, or violates them least, is added. The box limits κ
+    as rows do.
     """
 
-    name, aim = "scaling", codes.SCALED
+    name = "scaling"
+    aim = codes.SCALED
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
@@ -197,7 +259,9 @@ class Scaling(Hierarchy):
         """See :class:`.Hierarchy`."""
         influenced = np.linalg.norm(rows.Lg, axis=1) > ZERO_GRADIENT * rows.scale
         shares = np.where(influenced, share(c, rows.Lg @ tracking), 1.0)
-        kappa = min(shares.min(initial=1.0), share(box[1], tracking).min(), share(-box[0], -tracking).min())
+        kappa = min(
+            shares.min(initial=1.0), share(box[1], tracking).min(), share(-box[0], -tracking).min()
+        )
         return kappa * tracking, (shares <= kappa) & (shares < 1.0)
 
 
@@ -205,17 +269,23 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
 
-    Whatever would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the side of the box, and never let go again; the
-    task, scaled by s, has the null space that is left. Of all sets on the way, the one that allows the largest s in [0,
-    1] is taken; where none allows any, the command is that of :class:`Hierarchy`. With ``scales=False`` the task is met
-    in the least-squares sense instead, and loses its direction.
+    Whatever would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the side of the box, and
+    never let go again; the task, scaled by s, has the null space that is left. Of all sets on the
+    way, the one that allows the largest s in [0, 1] is taken; where none allows any, the command is
+    that of :class:`Hierarchy`. With ``scales=False`` the task is met in the least-squares sense
+    instead, and loses its direction.
 
-    Flacco, De Luca, Khatib, IEEE Transactions on Robotics 31(3), 2015; at the level of accelerations also ICRA 2012.
+    Flacco, De Luca, Khatib, IEEE Transactions on Robotics 31(3), 2015; at the level of
+    accelerations also ICRA 2012.
     """
 
-    scales: bool = option(True, "whether a task that cannot be met whole any more is scaled, as published")
+    scales: bool = option(
+        True, "whether a task that cannot be met whole any more is scaled, as published"
+    )
 
-    name, kernel, otherwise = "saturation", ("saturation", "saturation"), ("hierarchical_qp", "descend")
+    name = "saturation"
+    kernel = ("saturation", "saturation")
+    otherwise = ("hierarchical_qp", "descend")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -230,13 +300,16 @@ class Saturation(Hierarchy):
 
 @dataclass(frozen=True, kw_only=True)
 class SaturationExact(Hierarchy):
-    """Of all q̈ with J q̈ = s J J†b that meet all demands in the box: the largest s in [0, 1], then least ‖q̈ − q̈₀‖.
+    """Of all q̈ with J q̈ = s J J†b that meet all demands in the box: the largest s in [0, 1], then
+    least ‖q̈ − q̈₀‖.
 
-    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), by the levels of
-    :class:`Hierarchy` in the coordinates q̈ = s J†b + N z. Where no s is possible, that answers, with its statuses.
+    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), by the
+    levels of :class:`Hierarchy` in the coordinates q̈ = s J†b + N z. Where no s is possible, that
+    answers, with its statuses.
     """
 
-    name, otherwise = "saturation-exact", ("hierarchical_qp", "descend")
+    name = "saturation-exact"
+    otherwise = ("hierarchical_qp", "descend")
     kernel = ("saturation_exact", "saturation_exact")
 
 
@@ -247,11 +320,14 @@ RESOLVERS: tuple[type[Resolver], ...] = (
 
 
 def _weight(prefix: str, value: object) -> float:
-    """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it and of 1."""
+    """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it
+    and of 1.
+    """
     weight = positive_number(f"weights[{prefix!r}]", value)
     if not 1.0 / MAX_WEIGHT <= weight <= MAX_WEIGHT:
         raise ConfigurationError(
-            f"weights[{prefix!r}] must be between {1.0 / MAX_WEIGHT:g} and {MAX_WEIGHT:g}, not {shown(value)}: beside "
+            f"weights[{prefix!r}] must be between {1.0 / MAX_WEIGHT:g} and {MAX_WEIGHT:g}, not "
+            f"{shown(value)}: beside "
             "rows of so much more weight, light ones are lost in rounding"
         )
     return weight

@@ -1,4 +1,6 @@
-"""Implicit curves in the image: value and derivatives at pixels (u, v), and second derivative along (u̇, v̇)."""
+"""Implicit curves in the image: value and derivatives at pixels (u, v), and second derivative along
+(u̇, v̇).
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,18 @@ def power(x: Any, n: float) -> Any:
 @formula
 def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
-    x, y = np.abs(u) / a, np.abs(v) / b
-    X, Y = power(x, n - 1.0), power(y, n - 1.0)
+    x = np.abs(u) / a
+    y = np.abs(v) / b
+    X = power(x, n - 1.0)
+    Y = power(y, n - 1.0)
     return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
 
 
 @formula
 def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
-    X, Y = power(np.abs(u) / a, n - 2.0), power(np.abs(v) / b, n - 2.0)
+    X = power(np.abs(u) / a, n - 2.0)
+    Y = power(np.abs(v) / b, n - 2.0)
     return n * (n - 1.0) * (X * (u_dot / a) ** 2 + Y * (v_dot / b) ** 2)
 
 
@@ -67,21 +72,26 @@ def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
 @formula
 def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
-    d, s = v - u * u, -2.0 / (r * r)
+    d = v - u * u
+    s = -2.0 / (r * r)
     return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - 2.0 * u * d), s * d
 
 
 @formula
 def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
     """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
-    d, d_dot = v - u * u, v_dot - 2.0 * u * u_dot
+    d = v - u * u
+    d_dot = v_dot - 2.0 * u * u_dot
     return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot)
 
 
 @formula
 def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
-    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq. 46)."""
-    d, s = v - np.abs(u), -2.0 / (r * r)
+    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq.
+    46).
+    """
+    d = v - np.abs(u)
+    s = -2.0 / (r * r)
     return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - np.sign(u) * d), s * d
 
 

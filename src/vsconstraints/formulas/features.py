@@ -1,4 +1,6 @@
-"""What a camera sees of points, how that moves, and visual features: its pose relative to a goal's, and markers."""
+"""What a camera sees of points, how that moves, and visual features: its pose relative to a goal's,
+and markers.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ MINIMUM_DEPTH = 1e-3  #: Depth [m] in front of the camera below which a marker c
 def pose_error(
     goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool
 ) -> tuple[Matrix, Vector, Vector]:
-    """c*R_C, c*t_C and θu of eq. (44) of two poses in the target's frame; see :func:`.rotation_vector` for ``near``."""
+    """c*R_C, c*t_C and θu of eq. (44) of two poses in the target's frame; see
+    :func:`.rotation_vector` for ``near``.
+    """
     E = transposed_product(goal_R, R)
     return E, turned_back(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
 
@@ -24,14 +28,20 @@ def pose_error(
 def pose_rates(
     E: Matrix, L: Matrix, L_dot: Matrix, v: Any, omega: Any, v_dot: Any, omega_dot: Any
 ) -> tuple[Vector, Vector, Vector]:
-    """First and second derivative of c*t_C and second of θu with q̈ = 0, from the camera's motion in its own axes."""
+    """First and second derivative of c*t_C and second of θu with q̈ = 0, from the camera's motion
+    in its own axes.
+    """
     return turned(E, v), turned(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
 
 
 @formula
 def pair(A: Matrix, x: Any, B: Matrix, y: Any) -> Vector:
     """A x + B y, summed column by column."""
-    return pair_of_rows(A[0], x, B[0], y), pair_of_rows(A[1], x, B[1], y), pair_of_rows(A[2], x, B[2], y)
+    return (
+        pair_of_rows(A[0], x, B[0], y),
+        pair_of_rows(A[1], x, B[1], y),
+        pair_of_rows(A[2], x, B[2], y),
+    )
 
 
 @formula
@@ -48,15 +58,22 @@ def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, 
 
 
 @formula
-def image_motion(P: Any, v: Any, omega: Any, v_dot: Any, omega_dot: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) of a point P in the camera frame, relative to which the camera moves."""
+def image_motion(
+    P: Any, v: Any, omega: Any, v_dot: Any, omega_dot: Any
+) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) of a point P in the camera frame, relative to which the camera
+    moves.
+    """
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
     swung = cross(P, omega)
     rate = (swung[0] - v[0], swung[1] - v[1], swung[2] - v[2])
-    bent, turn = cross(P, omega_dot), cross(rate, omega)
+    bent = cross(P, omega_dot)
+    turn = cross(rate, omega)
     Z = P[2]
-    x, y = P[0] / Z, P[1] / Z
-    x_dot, y_dot = (rate[0] - x * rate[2]) / Z, (rate[1] - y * rate[2]) / Z
+    x = P[0] / Z
+    y = P[1] / Z
+    x_dot = (rate[0] - x * rate[2]) / Z
+    y_dot = (rate[1] - y * rate[2]) / Z
     depth_drift = bent[2] + turn[2] - v_dot[2]
     # twice the derivative of x Z = X
     x_ddot = (bent[0] + turn[0] - v_dot[0] - x * depth_drift - 2.0 * x_dot * rate[2]) / Z

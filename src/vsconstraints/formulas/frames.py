@@ -1,4 +1,6 @@
-"""Formulas in frames of their own in the image, and curvature along a motion, in the image and in space."""
+"""Formulas in frames of their own in the image, and curvature along a motion, in the image and in
+space.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import numpy as np
 
 from . import formula
 
-IN_IMAGE, IN_SPACE = 1e-4, 1e-6  #: How far differences look along a velocity [px, m].
+IN_IMAGE = 1e-4  #: How far differences look along a velocity [px, m].
+IN_SPACE = 1e-6
 TINY = 1e-300  #: Speed below which a motion counts as none, so that nothing is divided by zero.
 
 
@@ -27,7 +30,9 @@ def turned_back_in_image(R: Any, x: Any) -> tuple[Any, Any]:
 
 @formula
 def differences_in_image(function: Callable[..., Any], parameters: Any, y: Any, v: Any) -> Any:
-    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a formula's gradient along ẏ."""
+    """ẏᵀ H ẏ at y = (u, v), ẏ = (u̇, v̇), by central differences of a formula's gradient along
+    ẏ.
+    """
     h = IN_IMAGE / np.maximum(np.sqrt(v[0] * v[0] + v[1] * v[1]), TINY)
     ahead = function(y[0] + h * v[0], y[1] + h * v[1], *parameters)
     behind = function(y[0] - h * v[0], y[1] - h * v[1], *parameters)
@@ -40,5 +45,9 @@ def differences_in_space(function: Callable[..., Any], parameters: Any, y: Any, 
     h = IN_SPACE / np.maximum(np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), TINY)
     ahead = function(y[0] + h * v[0], y[1] + h * v[1], y[2] + h * v[2], *parameters)
     behind = function(y[0] - h * v[0], y[1] - h * v[1], y[2] - h * v[2], *parameters)
-    change = (ahead[1] - behind[1]) * v[0] + (ahead[2] - behind[2]) * v[1] + (ahead[3] - behind[3]) * v[2]
+    change = (
+        (ahead[1] - behind[1]) * v[0]
+        + (ahead[2] - behind[2]) * v[1]
+        + (ahead[3] - behind[3]) * v[2]
+    )
     return change / (2.0 * h)

@@ -1,7 +1,9 @@
-"""Lenses: where a pinhole's image of a point really is, and how fast that changes with where it should be.
+"""Lenses: where a pinhole's image of a point really is, and how fast that changes with where it
+should be.
 
-A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and a tuple of all its coefficients, and gives (x_d, y_d), then
-∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both are as OpenCV defines them: modules calib3d and calib3d/fisheye.
+A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and a tuple of all its coefficients, and
+gives (x_d, y_d), then ∂x_d/∂x, ∂x_d/∂y, ∂y_d/∂x and ∂y_d/∂y. Both are as OpenCV defines them:
+modules calib3d and calib3d/fisheye.
 """
 
 from __future__ import annotations
@@ -16,20 +18,25 @@ from .curves import superellipse
 
 Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
 
-#: Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted.
-ITERATIONS, TOLERANCE, ACCURACY = 50, 1e-14, 1e-12
+#: Of Newton's method at most; the error in normalised coordinates at which it ends, and the one
+#: that is accepted.
+ITERATIONS = 50
+TOLERANCE = 1e-14
+ACCURACY = 1e-12
 INSIDE = 0.999  #: Share of the reach within which it starts: there is a kink.
 
 
 @formula
 def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Radial and tangential distortion: x c + 2 p₁xy + p₂(r² + 2x²) and y c + p₁(r² + 2y²) + 2 p₂xy.
+    """Radial and tangential distortion: x c + 2 p₁xy + p₂(r² + 2x²) and y c + p₁(r² + 2y²) + 2
+    p₂xy.
 
     There, c = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶).
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     s = x * x + y * y
-    over, under = 1.0 + s * (k1 + s * (k2 + s * k3)), 1.0 + s * (k4 + s * (k5 + s * k6))
+    over = 1.0 + s * (k1 + s * (k2 + s * k3))
+    under = 1.0 + s * (k4 + s * (k5 + s * k6))
     c = over / under
     # dc/d(r²)
     slope = (k1 + s * (2.0 * k2 + s * 3.0 * k3) - c * (k4 + s * (2.0 * k5 + s * 3.0 * k6))) / under
@@ -46,72 +53,102 @@ def brown_conrady(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any
 
 @formula
 def fisheye(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Distortion of the angle from the axis: (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸)."""
-    (k1, k2, k3, k4), squared = coefficients, x * x + y * y
+    """Distortion of the angle from the axis: (x, y) θ_d/r with r = tan θ and θ_d = θ(1 + k₁θ² +
+    k₂θ⁴ + k₃θ⁶ + k₄θ⁸).
+    """
+    k1, k2, k3, k4 = coefficients
+    squared = x * x + y * y
     r = np.sqrt(squared)
     centre = 1.0 * (r <= 0.0)
     angle = np.arctan(r)
     s = angle * angle
     c = angle / (r + centre) * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)))) + centre
-    along = (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))) / (1.0 + squared)
+    along = (1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))) / (
+        1.0 + squared
+    )
     bend = (along - c) / (squared + centre)
     return x * c, y * c, c + bend * x * x, bend * x * y, bend * x * y, c + bend * y * y
 
 
 @formula
-def extended(lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """A lens which from the radius ``reach`` on goes on along straight lines from the centre, as one to one.
+def extended(
+    lens: Lens, x: Any, y: Any, reach: Any, coefficients: Any
+) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """A lens which from the radius ``reach`` on goes on along straight lines from the centre, as
+    one to one.
 
-    So it can be inverted everywhere, if it can be up to that radius: farther out polynomials may turn back.
+    So it can be inverted everywhere, if it can be up to that radius: farther out polynomials may
+    turn back.
     """
     r = np.sqrt(x * x + y * y)
     beyond = 1.0 * (r > reach)
     share = np.where(r > reach, reach / np.maximum(r, reach), 1.0)
     X, Y, a, b, c, d = lens(share * x, share * y, coefficients)
-    X, Y = X / share, Y / share
+    X = X / share
+    Y = Y / share
     per = beyond / (r * r + (1.0 - beyond))
-    u, v = per * (X - (a * x + b * y)), per * (Y - (c * x + d * y))
+    u = per * (X - (a * x + b * y))
+    v = per * (Y - (c * x + d * y))
     return X, Y, a + u * x, b + u * y, c + v * x, d + v * y
 
 
 @formula
 def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tuple[Any, Any, Any]:
-    """The step from (x, y) to the point whose image is (X, Y), and how far off the image of (x, y) is."""
+    """The step from (x, y) to the point whose image is (X, Y), and how far off the image of (x, y)
+    is.
+    """
     X, Y, a, b, c, d = extended(lens, at[0], at[1], reach, coefficients)
-    u, v, determinant = image[0] - X, image[1] - Y, a * d - b * c
-    return (d * u - b * v) / determinant, (a * v - c * u) / determinant, np.maximum(np.abs(u), np.abs(v))
+    u = image[0] - X
+    v = image[1] - Y
+    determinant = a * d - b * c
+    return (
+        (d * u - b * v) / determinant,
+        (a * v - c * u) / determinant,
+        np.maximum(np.abs(u), np.abs(v)),
+    )
 
 
 @formula
 def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Pixels on the sensor, and their derivatives, of ideal pixels; ``eye`` is what a camera has by that name."""
-    F, G = eye[0], eye[1]
+    """Pixels on the sensor, and their derivatives, of ideal pixels; ``eye`` is what a camera has by
+    that name.
+    """
+    F = eye[0]
+    G = eye[1]
     X, Y, a, b, c, d = extended(lens, (u - eye[2]) / F, (v - eye[3]) / G, eye[4], eye[5:])
     return F * X + eye[2], G * Y + eye[3], a, b * F / G, c * G / F, d
 
 
 @formula
 def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> tuple[Any, Any, Any]:
-    """A superellipse of half axes (a, b) on the sensor, and its derivatives, at ideal pixels y = (u, v)."""
+    """A superellipse of half axes (a, b) on the sensor, and its derivatives, at ideal pixels y =
+    (u, v).
+    """
     u, v, a, b, c, d = on_sensor(lens, y[0], y[1], eye)
     value, du, dv = superellipse(u, v, half[0], half[1], n)
     return value, du * a + dv * c, du * b + dv * d
 
 
 @formula
-def superellipse_by_brown_conrady(u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any) -> tuple[Any, Any, Any]:
+def superellipse_by_brown_conrady(
+    u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
+) -> tuple[Any, Any, Any]:
     """:func:`superellipse_on_sensor` with that lens."""
     return superellipse_on_sensor(brown_conrady, (u, v), (a, b), n, eye)
 
 
 @formula
-def superellipse_by_fisheye(u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any) -> tuple[Any, Any, Any]:
+def superellipse_by_fisheye(
+    u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any
+) -> tuple[Any, Any, Any]:
     """:func:`superellipse_on_sensor` with that lens."""
     return superellipse_on_sensor(fisheye, (u, v), (a, b), n, eye)
 
 
 class LensModel(NamedTuple):
-    """A kind of lens: its formula, a superellipse on the sensor seen through it, how many coefficients it may have."""
+    """A kind of lens: its formula, a superellipse on the sensor seen through it, how many
+    coefficients it may have.
+    """
 
     lens: Lens
     superellipse: Callable[..., Any]

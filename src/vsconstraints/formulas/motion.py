@@ -1,4 +1,6 @@
-"""How things move, a point carried by a body, a camera relative to a target; and how far poses are from each other."""
+"""How things move, a point carried by a body, a camera relative to a target; and how far poses are
+from each other.
+"""
 
 from __future__ import annotations
 
@@ -12,26 +14,44 @@ from .vectors import Matrix, Vector, cross, minus, plus, turned
 
 
 @formula
-def displacement(t: Any, velocity: Any, amplitude: Any, rate: Any, phase: Any) -> tuple[Any, Any, Any]:
+def displacement(
+    t: Any, velocity: Any, amplitude: Any, rate: Any, phase: Any
+) -> tuple[Any, Any, Any]:
     """D = v t + A (sin(ωt + ψ) − sin ψ) of one coordinate, and its first and second derivative."""
     angle = rate * t + phase
-    s, c, s0 = np.sin(angle), np.cos(angle), np.sin(phase)
-    return velocity * t + amplitude * (s - s0), velocity + amplitude * rate * c, -amplitude * rate * rate * s
+    s = np.sin(angle)
+    c = np.cos(angle)
+    s0 = np.sin(phase)
+    return (
+        velocity * t + amplitude * (s - s0),
+        velocity + amplitude * rate * c,
+        -amplitude * rate * rate * s,
+    )
 
 
 @formula
 def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tuple[Matrix, Vector]:
-    """R and t of the target's frame at time t: x ↦ R(x − c) + c + d, with R the turn by ω t about c."""
+    """R and t of the target's frame at time t: x ↦ R(x − c) + c + d, with R the turn by ω t about
+    c.
+    """
     rate = length(angular_velocity)
     turning = rate if rate > 0.0 else 1.0
-    axis = (angular_velocity[0] / turning, angular_velocity[1] / turning, angular_velocity[2] / turning)
+    axis = (
+        angular_velocity[0] / turning,
+        angular_velocity[1] / turning,
+        angular_velocity[2] / turning,
+    )
     R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
     return R, plus(minus(centre, turned(R, centre)), moved)
 
 
 @formula
-def carried(r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any) -> tuple[Vector, Vector]:
-    """Velocity and acceleration of a point at r from a body's origin, which moves with v, ω, v̇ and ω̇."""
+def carried(
+    r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any
+) -> tuple[Vector, Vector]:
+    """Velocity and acceleration of a point at r from a body's origin, which moves with v, ω, v̇ and
+    ω̇.
+    """
     s = cross(omega, r)
     inwards = cross(omega, s)
     return (
@@ -48,25 +68,30 @@ def carried(r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any) ->
 def relative_twist(
     velocity: Any, acceleration: Any, omega: Any, alpha: Any, target_omega: Any, away: Any
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """v, ω, v̇ and ω̇ of a camera relative to a target, as seen by who turns with the camera, in the base frame.
+    """v, ω, v̇ and ω̇ of a camera relative to a target, as seen by who turns with the camera, in
+    the base frame.
 
-    Of the camera ω, ω̇ and the motion of its origin, less that of the target's displacement; of the target its constant
-    ω, and the camera's origin ``away`` from its centre.
+    Of the camera ω, ω̇ and the motion of its origin, less that of the target's displacement; of the
+    target its constant ω, and the camera's origin ``away`` from its centre.
     """
-    v, turning = minus(velocity, cross(target_omega, away)), cross(target_omega, velocity)
+    v = minus(velocity, cross(target_omega, away))
+    turning = cross(target_omega, velocity)
     linear = minus(minus(acceleration, turning), cross(omega, v))
     return v, minus(omega, target_omega), linear, plus(cross(omega, target_omega), alpha)
 
 
 @formula
 def angle(squared_difference: Any) -> Any:
-    """Angle between two rotations [rad], from the sum of the squared differences of their matrices."""
+    """Angle between two rotations [rad], from the sum of the squared differences of their
+    matrices.
+    """
     return 2.0 * np.arcsin(np.minimum(1.0, np.sqrt(squared_difference / 8.0)))
 
 
 @formula
 def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
-    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px] alone; and at rest.
+    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px]
+    alone; and at rest.
 
     ``speed`` is that of the fastest joint [rad/s or m/s]; ``tolerance`` (4,) are those of all four.
     """

@@ -1,4 +1,6 @@
-"""Distances of many points to polylines: loops, which take some hundred times as long where nothing compiles them."""
+"""Distances of many points to polylines: loops, which take some hundred times as long where nothing
+compiles them.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,18 @@ BLOCK = 8  #: Vertices that are looked at together, blocks of them, and groups o
 SLACK = 1.0 + 1e-9  #: For the rounding of bounds.
 
 
-def prepared(lines: Sequence[Array]) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:
+def prepared(
+    lines: Sequence[Array],
+) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:
     """What :func:`search` needs of polylines (p, 2).
 
-    All vertices; chords of blocks, groups and regions of them; the vertices before and after each, itself at an end;
-    and a quarter of the longest segment, squared (1,).
+    All vertices; chords of blocks, groups and regions of them; the vertices before and after each,
+    itself at an end; and a quarter of the longest segment, squared (1,).
     """
     vertices = np.ascontiguousarray(np.concatenate(lines), dtype=np.float64)
     ends = np.cumsum([len(line) for line in lines])
-    after, before = np.arange(1, len(vertices) + 1), np.arange(-1, len(vertices) - 1)
+    after = np.arange(1, len(vertices) + 1)
+    before = np.arange(-1, len(vertices) - 1)
     after[ends - 1] = ends - 1
     starts = np.concatenate(([0], ends[:-1]))
     before[starts] = starts
@@ -32,14 +37,17 @@ def prepared(lines: Sequence[Array]) -> tuple[Array, Array, Array, Array, IntArr
 
 
 def _chords(vertices: Array, size: int) -> Array:
-    """(b, 6) of each block of that size: its first vertex, the way to its last, and how far from that chord it gets.
+    """(b, 6) of each block of that size: its first vertex, the way to its last, and how far from
+    that chord it gets.
 
     The last but one is 1/length² of the chord.
     """
     starts = np.arange(0, len(vertices), size)
-    first, last = vertices[starts], vertices[np.minimum(starts + size, len(vertices)) - 1]
+    first = vertices[starts]
+    last = vertices[np.minimum(starts + size, len(vertices)) - 1]
     block = np.arange(len(vertices)) // size
-    a, along = first[block], (last - first)[block]
+    a = first[block]
+    along = (last - first)[block]
     inverse = 1.0 / np.maximum(((last - first) ** 2).sum(axis=1), 1e-300)
     share = ((vertices - a) * along).sum(axis=1) * inverse[block]
     away = np.sqrt(((vertices - a - np.clip(share, 0.0, 1.0)[:, None] * along) ** 2).sum(axis=1))
@@ -49,10 +57,12 @@ def _chords(vertices: Array, size: int) -> Array:
 @formula
 def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> float:
     """Squared distance of (u, v) to the segment from (a, b) to (c, d)."""
-    x, y = c - a, d - b
+    x = c - a
+    y = d - b
     s = ((u - a) * x + (v - b) * y) / max(x * x + y * y, 1e-300)
     s = min(max(s, 0.0), 1.0)
-    x, y = u - a - s * x, v - b - s * y
+    x = u - a - s * x
+    y = v - b - s * y
     return x * x + y * y
 
 
@@ -60,34 +70,48 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """Whether a block may hold a vertex within the bound."""
     limit = (bound + chords[i, 5]) * SLACK
-    x, y, dx, dy = u - chords[i, 0], v - chords[i, 1], chords[i, 2], chords[i, 3]
+    x = u - chords[i, 0]
+    y = v - chords[i, 1]
+    dx = chords[i, 2]
+    dy = chords[i, 3]
     s = min(max((x * dx + y * dy) * chords[i, 4], 0.0), 1.0)
-    x, y = x - s * dx, y - s * dy
+    x = x - s * dx
+    y = y - s * dy
     return bool(x * x + y * y <= limit * limit)
 
 
 @formula
-def to_neighbours(vertices: Array, before: IntArray, after: IntArray, k: int, u: float, v: float) -> float:
+def to_neighbours(
+    vertices: Array, before: IntArray, after: IntArray, k: int, u: float, v: float
+) -> float:
     """Squared distance of (u, v) to the two segments at a vertex."""
-    x, y, i, j = vertices[k, 0], vertices[k, 1], before[k], after[k]
+    x = vertices[k, 0]
+    y = vertices[k, 1]
+    i = before[k]
+    j = after[k]
     squared = to_segment(u, v, x, y, vertices[i, 0], vertices[i, 1])
     return min(squared, to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1]))
 
 
 @formula
-def search(points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray, found: Array) -> None:
-    """Write the distance of points (k, 2) to lines of :func:`prepared` to ``found`` (k,), a vertex near to ``nearest``.
+def search(
+    points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray, found: Array
+) -> None:
+    """Write the distance of points (k, 2) to lines of :func:`prepared` to ``found`` (k,), a vertex
+    near to ``nearest``.
 
-    A segment that is nearest to a point has one of its ends no farther than √(distance² + (length/2)²), so that with
-    the longest segment only vertices up to there matter, with the segments at them. Consecutive vertices form blocks
-    along chords; only blocks that may hold such a vertex are looked at one by one. The search starts at the vertex
-    found ``stride`` points before: that of the same marker.
+    A segment that is nearest to a point has one of its ends no farther than √(distance² +
+    (length/2)²), so that with the longest segment only vertices up to there matter, with the
+    segments at them. Consecutive vertices form blocks along chords; only blocks that may hold such
+    a vertex are looked at one by one. The search starts at the vertex found ``stride`` points
+    before: that of the same marker.
     """
     vertices, blocks, groups, regions, before, after, longest = lines
     beyond = longest[0]
     count = len(vertices)
     for i in range(len(points)):
-        u, v = points[i, 0], points[i, 1]
+        u = points[i, 0]
+        v = points[i, 1]
         at = nearest[i - stride] if i >= stride else 0
         least = to_neighbours(vertices, before, after, at, u, v)
         reach = (least + beyond) * SLACK
@@ -106,7 +130,8 @@ def search(points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray
                             continue
                         squared = to_neighbours(vertices, before, after, k, u, v)
                         if squared < least:
-                            least, at = squared, k
+                            least = squared
+                            at = k
                             reach = (least + beyond) * SLACK
                             bound = np.sqrt(reach)
         nearest[i] = at

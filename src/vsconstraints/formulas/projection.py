@@ -11,9 +11,11 @@ from . import formula
 
 @formula
 def opening(error: Any, closed: float, opened: float) -> Any:
-    """λ of the error's size: 0 below ``closed``, 1 above ``opened``, 1/(1 + exp(6 − 12 r)) at the share r between.
+    """λ of the error's size: 0 below ``closed``, 1 above ``opened``, 1/(1 + exp(6 − 12 r)) at the
+    share r between.
 
-    Marey and Chaumette, "New strategies for avoiding robot joint limits", IROS 2010, with the ends as in ViSP.
+    Marey and Chaumette, "New strategies for avoiding robot joint limits", IROS 2010, with the ends
+    as in ViSP.
     """
     r = (error - closed) / (opened - closed)
     between = 1.0 / (1.0 + np.exp(6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)))

@@ -1,4 +1,5 @@
-"""Regions in space, in frames of their own: depth below the surface, its derivatives, and the curvature along a motion.
+"""Regions in space, in frames of their own: depth below the surface, its derivatives, and the
+curvature along a motion.
 
 The depth is positive inside; its derivatives lead in, the shortest way.
 """
@@ -11,7 +12,8 @@ import numpy as np
 
 from . import formula
 
-#: Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite.
+#: Distance [m] below which a direction or a curvature is taken as that at this distance, so that it
+#: stays finite.
 SMALL = 1e-9
 
 Depth = tuple[Any, Any, Any, Any]
@@ -19,7 +21,9 @@ Depth = tuple[Any, Any, Any, Any]
 
 @formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
-    """Depth in a sphere r − ‖p‖ and its derivatives (eqs. 47 and 48); at the centre the direction out is +z."""
+    """Depth in a sphere r − ‖p‖ and its derivatives (eqs. 47 and 48); at the centre the direction
+    out is +z.
+    """
     d = np.sqrt(x * x + y * y + z * z)
     at_centre = 1.0 * (d <= 0.0)
     whole = d + at_centre
@@ -51,14 +55,22 @@ def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: 
 def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
     """Depth in the box |x| ≤ h = (a, b, c): −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside.
 
-    n leads out to the nearest face: along the first axis of those equally near, and towards + in the middle.
+    n leads out to the nearest face: along the first axis of those equally near, and towards + in
+    the middle.
     """
-    sx, sy, sz = 1.0 - 2.0 * (x < 0.0), 1.0 - 2.0 * (y < 0.0), 1.0 - 2.0 * (z < 0.0)
-    beyond_x, beyond_y, beyond_z = np.abs(x) - a, np.abs(y) - b, np.abs(z) - c
-    ox, oy, oz = np.maximum(beyond_x, 0.0), np.maximum(beyond_y, 0.0), np.maximum(beyond_z, 0.0)
+    sx = 1.0 - 2.0 * (x < 0.0)
+    sy = 1.0 - 2.0 * (y < 0.0)
+    sz = 1.0 - 2.0 * (z < 0.0)
+    beyond_x = np.abs(x) - a
+    beyond_y = np.abs(y) - b
+    beyond_z = np.abs(z) - c
+    ox = np.maximum(beyond_x, 0.0)
+    oy = np.maximum(beyond_y, 0.0)
+    oz = np.maximum(beyond_z, 0.0)
     length = np.sqrt(ox * ox + oy * oy + oz * oz)
     inside = 1.0 * (length <= 0.0)
-    yz, whole = np.maximum(beyond_y, beyond_z), length + inside
+    yz = np.maximum(beyond_y, beyond_z)
+    whole = length + inside
     face_x = inside * (beyond_x >= yz)
     face_y = (inside - face_x) * (beyond_y >= beyond_z)
     nx = sx * (ox / whole + face_x)
@@ -69,11 +81,17 @@ def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
 
 @formula
 def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, *velocity: Any) -> Any:
-    """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, A the axes along which x is beyond the box; 0 inside."""
+    """ẋᵀ H ẋ of ``box``: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, A the axes along which x is beyond the box;
+    0 inside.
+    """
     x_dot, y_dot, z_dot = velocity
     depth, nx, ny, nz = box(x, y, z, a, b, c)
     rate = x_dot * nx + y_dot * ny + z_dot * nz
-    moving = (np.abs(x) > a) * x_dot * x_dot + (np.abs(y) > b) * y_dot * y_dot + (np.abs(z) > c) * z_dot * z_dot
+    moving = (
+        (np.abs(x) > a) * x_dot * x_dot
+        + (np.abs(y) > b) * y_dot * y_dot
+        + (np.abs(z) > c) * z_dot * z_dot
+    )
     return (depth < 0.0) * (rate * rate - moving) / np.maximum(-depth, SMALL)
 
 
@@ -88,38 +106,54 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
 
 @formula
 def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
-    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and derivatives; inside, ρ = r and + where sides tie."""
-    side, end, sz = rho - r, np.abs(z) - h, 1.0 - 2.0 * (z < 0.0)
-    out_side, out_end = np.maximum(side, 0.0), np.maximum(end, 0.0)
+    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and derivatives; inside, ρ = r and +
+    where sides tie.
+    """
+    side = rho - r
+    end = np.abs(z) - h
+    sz = 1.0 - 2.0 * (z < 0.0)
+    out_side = np.maximum(side, 0.0)
+    out_end = np.maximum(end, 0.0)
     length = np.sqrt(out_side * out_side + out_end * out_end)
     inside = 1.0 * (length <= 0.0)
     by_side = inside * (side >= end)
-    n_rho, n_z = out_side / (length + inside) + by_side, sz * (out_end / (length + inside) + (inside - by_side))
+    n_rho = out_side / (length + inside) + by_side
+    n_z = sz * (out_end / (length + inside) + (inside - by_side))
     return length + np.minimum(np.maximum(side, end), 0.0), n_rho, n_z
 
 
 @formula
 def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle; on the axis out along x."""
+    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle; on the
+    axis out along x.
+    """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     return -distance, -(n_rho * rx), -(n_rho * ry), -n_z
 
 
 @formula
-def cylinder_curvature(x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
-    """ẋᵀ H ẋ of :func:`cylinder`: of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and of the rectangle, bent only beyond both side and end."""
+def cylinder_curvature(
+    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
+) -> Any:
+    """ẋᵀ H ẋ of :func:`cylinder`: of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and of the rectangle, bent only beyond
+    both side and end.
+    """
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
     across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
     turning = (rho > r) * (np.abs(z) > h) * (rho_dot * n_z - z_dot * n_rho)
-    return -(n_rho * across / np.maximum(rho, SMALL) + turning * turning / np.maximum(distance, SMALL))
+    return -(
+        n_rho * across / np.maximum(rho, SMALL) + turning * turning / np.maximum(distance, SMALL)
+    )
 
 
 @formula
 def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
-    """Distance to the segment |z| ≤ h of the z axis, and its derivatives; on the segment those along x."""
+    """Distance to the segment |z| ≤ h of the z axis, and its derivatives; on the segment those
+    along x.
+    """
     away = z - np.minimum(np.maximum(z, -h), h)
     length = np.sqrt(x * x + y * y + away * away)
     on_segment = 1.0 * (length <= 0.0)
@@ -129,15 +163,23 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
 @formula
 def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis; on the segment out along x."""
+    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis; on the segment out
+    along x.
+    """
     length, nx, ny, nz = from_segment(x, y, z, h)
     return r - length, -nx, -ny, -nz
 
 
 @formula
-def capsule_curvature(x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
-    """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment; beside the segment, without ż."""
+def capsule_curvature(
+    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
+) -> Any:
+    """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment; beside the
+    segment, without ż.
+    """
     length, nx, ny, nz = from_segment(x, y, z, h)
     along = (np.abs(z) > h) * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
-    return (rate * rate - (x_dot * x_dot + y_dot * y_dot + along * along)) / np.maximum(length, SMALL)
+    return (rate * rate - (x_dot * x_dot + y_dot * y_dot + along * along)) / np.maximum(
+        length, SMALL
+    )

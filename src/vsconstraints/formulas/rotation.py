@@ -1,4 +1,6 @@
-"""Rotations, one at a time: the turn about an axis, the rotation vector of a matrix, and how it moves."""
+"""Rotations, one at a time: the turn about an axis, the rotation vector of a matrix, and how it
+moves.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ TURN = 2.0 * math.pi
 
 @formula
 def whole_turns(angle: Any) -> Any:
-    """Whole turns [rad] that bring an angle into [−π, π] when they are subtracted; 0 for one that lies there."""
+    """Whole turns [rad] that bring an angle into [−π, π] when they are subtracted; 0 for one that
+    lies there.
+    """
     return TURN * np.rint(angle / TURN)
 
 
@@ -28,8 +32,12 @@ def length(x: Any) -> float:
 @formula
 def turn_about(axis: Any, s: float, c: float) -> Matrix:
     """I + s [u]× + (1 − c) [u]×²: the turn about the unit vector u with sine s and cosine c."""
-    x, y, z = axis[0], axis[1], axis[2]
-    xy, yz, zx = (1.0 - c) * x * y, (1.0 - c) * y * z, (1.0 - c) * z * x
+    x = axis[0]
+    y = axis[1]
+    z = axis[2]
+    xy = (1.0 - c) * x * y
+    yz = (1.0 - c) * y * z
+    zx = (1.0 - c) * z * x
     return (
         (c + (1.0 - c) * x * x, xy - s * z, zx + s * y),
         (xy + s * z, c + (1.0 - c) * y * y, yz - s * x),
@@ -49,21 +57,28 @@ def turn_by(w: Any) -> Matrix:
 def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     """θu with exp([θu]×) = R.
 
-    If it ``continues``, that of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so that a sequence of calls stays
-    continuous, also through θ = π. Otherwise θ ≤ π, and at π the axis is the one whose largest component is positive.
+    If it ``continues``, that of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so that a sequence
+    of calls stays continuous, also through θ = π. Otherwise θ ≤ π, and at π the axis is the one
+    whose largest component is positive.
     """
     # the quaternion (w, real) by its largest component, which is accurate for every angle
-    xx, yy, zz = R[0][0], R[1][1], R[2][2]
+    xx = R[0][0]
+    yy = R[1][1]
+    zz = R[2][2]
     trace = xx + yy + zz
     largest = max(trace, xx, yy, zz)
     if largest == trace:
-        w, real = (R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]), 1.0 + trace
+        w = (R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1])
+        real = 1.0 + trace
     elif largest == xx:
-        w, real = (1.0 - trace + 2.0 * xx, R[1][0] + R[0][1], R[2][0] + R[0][2]), R[2][1] - R[1][2]
+        w = (1.0 - trace + 2.0 * xx, R[1][0] + R[0][1], R[2][0] + R[0][2])
+        real = R[2][1] - R[1][2]
     elif largest == yy:
-        w, real = (R[0][1] + R[1][0], 1.0 - trace + 2.0 * yy, R[2][1] + R[1][2]), R[0][2] - R[2][0]
+        w = (R[0][1] + R[1][0], 1.0 - trace + 2.0 * yy, R[2][1] + R[1][2])
+        real = R[0][2] - R[2][0]
     else:
-        w, real = (R[0][2] + R[2][0], R[1][2] + R[2][1], 1.0 - trace + 2.0 * zz), R[1][0] - R[0][1]
+        w = (R[0][2] + R[2][0], R[1][2] + R[2][1], 1.0 - trace + 2.0 * zz)
+        real = R[1][0] - R[0][1]
     sine = length(w)
     theta = 2.0 * math.atan2(sine, abs(real))
     share = 0.0 if sine == 0.0 else theta / sine
@@ -90,11 +105,15 @@ def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
 
 @formula
 def cotangent_coefficient(theta: float) -> tuple[float, float]:
-    """c(θ) = (1 − (θ/2) cot(θ/2)) / θ² and c'(θ) / θ; the series below θ = 0.1 is exact to rounding (1e-13)."""
+    """c(θ) = (1 − (θ/2) cot(θ/2)) / θ² and c'(θ) / θ; the series below θ = 0.1 is exact to rounding
+    (1e-13).
+    """
     theta2 = theta * theta
     if theta < 0.1:
         c = 1.0 / 12.0 + theta2 * (1.0 / 720.0 + theta2 * (1.0 / 30240.0 + theta2 / 1209600.0))
-        slope = 1.0 / 360.0 + theta2 * (1.0 / 7560.0 + theta2 * (1.0 / 201600.0 + theta2 / 5987520.0))
+        slope = 1.0 / 360.0 + theta2 * (
+            1.0 / 7560.0 + theta2 * (1.0 / 201600.0 + theta2 / 5987520.0)
+        )
         return c, slope
     half = 0.5 * theta
     cot = 1.0 / math.tan(half)
@@ -114,15 +133,18 @@ def with_half_cross(L: Matrix, x: Any) -> Matrix:
 
 @formula
 def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
-    """How a rotation vector w = θu of R moves when Ṙ = R [ω]×: ẇ = L ω, L and its derivative along ω.
+    """How a rotation vector w = θu of R moves when Ṙ = R [ω]×: ẇ = L ω, L and its derivative along
+    ω.
 
-    L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference), [w]×² = w wᵀ − θ² I;
-    the sign of the middle term is that of ω expressed in the current, rotating frame.
+    L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference),
+    [w]×² = w wᵀ − θ² I; the sign of the middle term is that of ω expressed in the current, rotating
+    frame.
     """
     theta = length(w)
     theta2 = theta * theta
     c, slope = cotangent_coefficient(theta)
-    cw, rest = (c * w[0], c * w[1], c * w[2]), 1.0 - c * theta2
+    cw = (c * w[0], c * w[1], c * w[2])
+    rest = 1.0 - c * theta2
     outer = (
         (cw[0] * w[0] + rest, cw[0] * w[1], cw[0] * w[2]),
         (cw[1] * w[0], cw[1] * w[1] + rest, cw[1] * w[2]),
@@ -132,11 +154,26 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     w_dot = turned(L, omega)
     along = dot(w, w_dot)
     c_dot = slope * along
-    c_dot_w, turn = (c_dot * w[0], c_dot * w[1], c_dot * w[2]), c_dot * theta2 + 2.0 * c * along
-    (x, y, z), (u, v, r), (a, b, d) = w, w_dot, c_dot_w
+    c_dot_w = (c_dot * w[0], c_dot * w[1], c_dot * w[2])
+    turn = c_dot * theta2 + 2.0 * c * along
+    x, y, z = w
+    u, v, r = w_dot
+    a, b, d = c_dot_w
     outer_dot = (
-        (a * x + c * (u * x + x * u) - turn, a * y + c * (u * y + x * v), a * z + c * (u * z + x * r)),
-        (b * x + c * (v * x + y * u), b * y + c * (v * y + y * v) - turn, b * z + c * (v * z + y * r)),
-        (d * x + c * (r * x + z * u), d * y + c * (r * y + z * v), d * z + c * (r * z + z * r) - turn),
+        (
+            a * x + c * (u * x + x * u) - turn,
+            a * y + c * (u * y + x * v),
+            a * z + c * (u * z + x * r),
+        ),
+        (
+            b * x + c * (v * x + y * u),
+            b * y + c * (v * y + y * v) - turn,
+            b * z + c * (v * z + y * r),
+        ),
+        (
+            d * x + c * (r * x + z * u),
+            d * y + c * (r * y + z * v),
+            d * z + c * (r * z + z * r) - turn,
+        ),
     )
     return w_dot, L, with_half_cross(outer_dot, w_dot)

@@ -1,4 +1,6 @@
-"""What a demand is a formula of: the numbers of one row, or the arrays of all rows; and gradients with an error."""
+"""What a demand is a formula of: the numbers of one row, or the arrays of all rows; and gradients
+with an error.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from . import formula
 
 
 class Row(NamedTuple):
-    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); NaN where one is not known or not used.
+    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); NaN where one is not known or
+    not used.
 
     Attributes
     ----------
@@ -44,19 +47,23 @@ class Row(NamedTuple):
     memory: Any
 
 
-#: The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈ of tracking.
+#: The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈
+#: of tracking.
 BOUND, EQUAL, PUSH = range(3)
 
 
 @formula
 def one_period_ahead(phi: Any, K: Any, tracked: Any, period: float) -> Any:
-    """φ + T_s L_gφ q̈ of tracking where φ is of relative degree one by itself (K = 0), as a speed's; φ elsewhere."""
+    """φ + T_s L_gφ q̈ of tracking where φ is of relative degree one by itself (K = 0), as a
+    speed's; φ elsewhere.
+    """
     return np.where(K == 0.0, phi + period * tracked, phi)
 
 
 @formula
 def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
-    """One of ``BOUND``, ``EQUAL`` and ``PUSH``, ∞ where nothing is asked for, from the value of a demand's formula.
+    """One of ``BOUND``, ``EQUAL`` and ``PUSH``, ∞ where nothing is asked for, from the value of a
+    demand's formula.
 
     ``relative`` and ``everywhere`` are the demand's, as 0 or 1.
     """
@@ -64,12 +71,16 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
         below = value if relative == 1 else value - tracked
         return np.where(below > 0.0, np.inf, below)
     bound = value + tracked if relative == 1 else value
-    return np.where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
+    return (
+        np.where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
+    )
 
 
 @formula
 def share(c: Any, tracked: Any) -> Any:
-    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c least: 1 where tracking moves a row inwards."""
+    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c least: 1 where tracking
+    moves a row inwards.
+    """
     room = np.maximum(c, 0.0)
     return np.where(tracked > room, room / tracked, 1.0)
 

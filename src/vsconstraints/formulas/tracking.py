@@ -25,13 +25,17 @@ def demanded(error: Any, rate: Any, drift: Any, Kp: float, Kv: float) -> Any:
 
 @formula
 def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> Any:
-    """q̈₀ = −d q̇ + w (q_posture − q), of one joint: what it does where task and rows leave it free."""
+    """q̈₀ = −d q̇ + w (q_posture − q), of one joint: what it does where task and rows leave it
+    free.
+    """
     return stiffness * (posture - q) - damping * qd
 
 
 @formula
 def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
-    """1 − 10τ³ + 15τ⁴ − 6τ⁵ and two derivatives, τ the share of the duration that has elapsed: at rest at both ends."""
+    """1 − 10τ³ + 15τ⁴ − 6τ⁵ and two derivatives, τ the share of the duration that has elapsed: at
+    rest at both ends.
+    """
     tau = min(max(elapsed / duration, 0.0), 1.0)
     left = 1.0 - tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     rate = -30.0 * tau**2 * (1.0 - tau) ** 2 / duration
@@ -40,22 +44,27 @@ def minimum_jerk(elapsed: float, duration: float) -> tuple[float, float, float]:
 
 @formula
 def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
-    """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of the goal itself.
+    """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of
+    the goal itself.
 
-    Error and reference are less the feature's value at the goal; ``now`` and ``then`` are K_p and K_v of both errors.
+    Error and reference are less the feature's value at the goal; ``now`` and ``then`` are K_p and
+    K_v of both errors.
     """
     return b + now[0] * error + now[1] * rate - then[0] * (error - reference) - then[1] * rate
 
 
 @formula
 def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
-    """K_p and K_v of q̈ held for h [s] by the implicit midpoint rule: the error does not grow, however long h is."""
+    """K_p and K_v of q̈ held for h [s] by the implicit midpoint rule: the error does not grow,
+    however long h is.
+    """
     lag = 1.0 + 0.5 * h * (Kv + 0.5 * h * Kp)
     return Kp / lag, (Kv + 0.5 * h * Kp) / lag
 
 
 ROUNDING = 1e-9  #: By which the time of a goal may be missed [s].
-JUST_BEFORE = 1e-6  #: How long before the next goal [s] the current goal ends, for what is predicted.
+#: How long before the next goal [s] the current goal ends, for what is predicted.
+JUST_BEFORE = 1e-6
 
 
 @formula
@@ -66,7 +75,9 @@ def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) ->
 
 @formula
 def goal_at(begins: Any, t: float) -> int:
-    """Index of the goal that holds at time t [s], of goals that begin at these times (g,), met up to rounding."""
+    """Index of the goal that holds at time t [s], of goals that begin at these times (g,), met up
+    to rounding.
+    """
     goal = 0
     for i in range(len(begins)):
         if begins[i] <= t + ROUNDING:
@@ -81,7 +92,9 @@ def goals_at(begins: Any, t: Any) -> Any:
 
 @formula
 def funnel(elapsed: Any, final: float, decay: float) -> tuple[Any, Any, Any]:
-    """ρ/ρ₀ = (1 − f) exp(−l t) + f and two derivatives, of f = ρ∞/ρ₀ and l [1/s]; open before it begins."""
+    """ρ/ρ₀ = (1 − f) exp(−l t) + f and two derivatives, of f = ρ∞/ρ₀ and l [1/s]; open before it
+    begins.
+    """
     narrowing = (1.0 - final) * np.exp(-decay * np.maximum(elapsed, 0.0))
     rate = decay * (elapsed >= -1e-9)
     return narrowing + final, -rate * narrowing, rate * rate * narrowing

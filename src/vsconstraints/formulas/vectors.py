@@ -1,6 +1,8 @@
-"""Vectors as tuples of three numbers or arrays, matrices as three rows of three: for one body, or many at once.
+"""Vectors as tuples of three numbers or arrays, matrices as three rows of three: for one body, or
+many at once.
 
-Compiled code turns arrays into tuples first (:func:`vector`, :func:`matrix`): a formula is compiled anew for each type.
+Compiled code turns arrays into tuples first (:func:`vector`, :func:`matrix`): a formula is compiled
+anew for each type.
 """
 
 from __future__ import annotations
@@ -89,4 +91,8 @@ def transposed_product(A: Matrix, B: Matrix) -> Matrix:
     rows = turned_back(A, (B[0][0], B[1][0], B[2][0]))
     middle = turned_back(A, (B[0][1], B[1][1], B[2][1]))
     last = turned_back(A, (B[0][2], B[1][2], B[2][2]))
-    return (rows[0], middle[0], last[0]), (rows[1], middle[1], last[1]), (rows[2], middle[2], last[2])
+    return (
+        (rows[0], middle[0], last[0]),
+        (rows[1], middle[1], last[1]),
+        (rows[2], middle[2], last[2]),
+    )

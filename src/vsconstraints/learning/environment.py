@@ -24,24 +24,27 @@ from .policy import ACCELERATION, Observer
 class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     """The closed loop of a simulation, compiled, in which an action is what a law would command.
 
-    The observation is that of :class:`.Observer`, of what the control believes. The action (n,) in [-1, 1] is q̈/a, or
-    with a ``law`` what is added to its q̈, by a. The reward of the step to sample k is
+    The observation is that of :class:`.Observer`, of what the control believes. The action (n,) in
+    [-1, 1] is q̈/a, or with a ``law`` what is added to its q̈, by a. The reward of the step to
+    sample k is
 
         (‖e_{k−1}‖ − ‖e_k‖)/‖e_0‖ − w T_s Σ_{σ_i > 0} (1 + min(σ_i/s_i, 1)) + 1 at success,
 
-    with the task's error e and the rows' σ and s, and −1 at failure. ``terminated`` at success, the last goal reached
-    for as long as the tolerances say, and at failure, a state that cannot be evaluated, such as a marker behind the
-    camera: the observation is then the last one. ``truncated`` at the end of the duration. ``info`` has the ``scene``'s
-    number, the time ``t`` [s], ``violation``, the greatest σ/s so far, and ``success``. ``reset(seed=…)`` draws one of
-    the scenes, ``options={"scene": 3}`` names one; its noise is always the same. Raises ConfigurationError if a scene
-    is not compiled as a whole, or has not the sizes of the first one.
+    with the task's error e and the rows' σ and s, and −1 at failure. ``terminated`` at success, the
+    last goal reached for as long as the tolerances say, and at failure, a state that cannot be
+    evaluated, such as a marker behind the camera: the observation is then the last one.
+    ``truncated`` at the end of the duration. ``info`` has the ``scene``'s number, the time ``t``
+    [s], ``violation``, the greatest σ/s so far, and ``success``. ``reset(seed=…)`` draws one of the
+    scenes, ``options={"scene": 3}`` names one; its noise is always the same. Raises
+    ConfigurationError if a scene is not compiled as a whole, or has not the sizes of the first one.
 
     Parameters
     ----------
     scenes
         A scenario, or a family of scenes, or the name of either.
     half, condition, count
-        Of a family: the half that scenes are of, their condition, and how many there are, from number 0.
+        Of a family: the half that scenes are of, their condition, and how many there are, from
+        number 0.
     law
         The law that actions are added to, or its name; None for none.
     acceleration
@@ -61,12 +64,19 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         acceleration = positive_number("acceleration", acceleration)
         if violation_weight != 0.0:
             violation_weight = positive_number("violation_weight", violation_weight)
-        self.scenes, self.half, self.condition, self.count = scenes, half, condition, int(count)
-        self.law, self.adds = make_controller(law) if isinstance(law, str) else law or Tracking(), law is not None
-        self.acceleration, self.violation_weight = acceleration, violation_weight
+        self.scenes = scenes
+        self.half = half
+        self.condition = condition
+        self.count = int(count)
+        self.law = make_controller(law) if isinstance(law, str) else law or Tracking()
+        self.adds = law is not None
+        self.acceleration = acceleration
+        self.violation_weight = violation_weight
         self._prepared: dict[int, Prepared] = {}
         self._begin(0)
-        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, self._observation.shape, np.float32)
+        self.observation_space = gymnasium.spaces.Box(
+            -1.0, 1.0, self._observation.shape, np.float32
+        )
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self._observer.action.shape, np.float32)
 
     def _begin(self, number: int) -> None:
@@ -79,17 +89,26 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 setup = scenes.setup()
             setup.check_start()
             self._prepared[number] = Prepared(setup, self.law.factors)
-        self._scene, prepared = number, self._prepared[number]
+        self._scene = number
+        prepared = self._prepared[number]
         self.run = run = Run(prepared, self.law, whole=False, by_public_call=True)
-        setup, loop, self._violation = run.setup, run.loop, 0.0
+        setup = run.setup
+        loop = run.loop
+        self._violation = 0.0
         self._k, stage = run.run(0, 1, STEP)
         if prepared.bound is None or run.at_once == 1 or stage != LAW:
-            raise ConfigurationError(f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy")
-        now, ranges = prepared.bound.now, setup.scene.robot.ranges
+            raise ConfigurationError(
+                f"{scenes.name}: the environment takes no images, MuJoCo and own parts in NumPy"
+            )
+        now = prepared.bound.now
+        ranges = setup.scene.robot.ranges
         self.seen = now.rows, now.task
-        self._observer = Observer(loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration)
+        self._observer = Observer(
+            loop.rows.scale, prepared.control.acceleration, ranges, self.acceleration
+        )
         self._look()
-        self._unit, times = self._error or 1.0, (setup.goal_begins[-1], setup.tolerances.dwell_s)
+        self._unit = self._error or 1.0
+        times = (setup.goal_begins[-1], setup.tolerances.dwell_s)
         self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
 
     def _look(self) -> None:
@@ -98,20 +117,28 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
         self._error = float(loop.task.error @ loop.task.error) ** 0.5
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode; see the class."""
         super().reset(seed=seed)
         count = self.count if isinstance(self.scenes, Family) else 1
         drawn = int(self.np_random.integers(count)) if isinstance(self.scenes, Family) else 0
         self._begin(_scene_number(self.scenes.name, options, drawn, count))
         if self._observation.shape != self.observation_space.shape:
-            raise ConfigurationError(f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0")
+            raise ConfigurationError(
+                f"{self.scenes.name}: scene {self._scene} has other sizes than scene 0"
+            )
         return self._observation, self._info(False)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One sampling period; see the class. Raises InvalidInput unless the action is n finite numbers."""
+        """One sampling period; see the class. Raises InvalidInput unless the action is n finite
+        numbers.
+        """
         action = vector(action, len(self._observer.action), "an action")
-        loop, k, before = self.run.loop, self._k, self._error
+        loop = self.run.loop
+        k = self._k
+        before = self._error
         qdd = self._observer.action * np.minimum(np.maximum(action, -1.0), 1.0)
         loop.answer.qdd[:] = qdd + self.law.command(*self.seen).qdd if self.adds else qdd
         self._k, stage = self.run.run(k, k + 2, ALONE)
@@ -122,10 +149,20 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         outside = (loop.true.sigma / loop.true.scale)[loop.true.sigma > 0.0]
         if outside.size:
             self._violation = max(self._violation, float(outside.max()))
-            reward -= self.violation_weight * self.run.setup.Ts * float((1.0 + np.minimum(outside, 1.0)).sum())
+            reward -= (
+                self.violation_weight
+                * self.run.setup.Ts
+                * float((1.0 + np.minimum(outside, 1.0)).sum())
+            )
         # sample k is the last one that is judged
         success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
-        return self._observation, reward + success, success, self._k + 1 >= self.run.setup.samples, self._info(success)
+        return (
+            self._observation,
+            reward + success,
+            success,
+            self._k + 1 >= self.run.setup.samples,
+            self._info(success),
+        )
 
     def _info(self, success: bool) -> dict[str, Any]:
         t = self._k * self.run.setup.Ts
@@ -135,7 +172,9 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 def _demand_usable(scenes: object, count: object, law: object) -> None:
     """Raise ConfigurationError unless these can be an environment's."""
     if not isinstance(scenes, Family | Scenario):
-        raise ConfigurationError(f"scenes must be a scenario, a family, or the name of either, not {shown(scenes)}")
+        raise ConfigurationError(
+            f"scenes must be a scenario, a family, or the name of either, not {shown(scenes)}"
+        )
     if not _is_integer(count) or count < 1:
         raise ConfigurationError(f"count must be an integer, 1 or more, not {shown(count)}")
     if not (law is None or isinstance(law, str | Controller)):
@@ -143,12 +182,18 @@ def _demand_usable(scenes: object, count: object, law: object) -> None:
 
 
 def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
-    """Return the scene that options of ``reset`` name, or the one that was drawn; raises ConfigurationError."""
+    """Return the scene that options of ``reset`` name, or the one that was drawn; raises
+    ConfigurationError.
+    """
     if options is not None and not isinstance(options, Mapping):
-        raise ConfigurationError(f'{name}: options must be a table such as {{"scene": 3}}, not {shown(options)}')
+        raise ConfigurationError(
+            f'{name}: options must be a table such as {{"scene": 3}}, not {shown(options)}'
+        )
     number = options.get("scene", drawn) if options else drawn
     if not _is_integer(number) or not 0 <= number < count:
-        which = f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
+        which = (
+            f"an integer from 0 to {count - 1}, since the environment has so many scenes (count)"
+        )
         raise ConfigurationError(f"{name}: scene must be {which}, not {shown(number)}")
     return int(number)
 

@@ -16,28 +16,42 @@ from ..errors import ConfigurationError, InvalidInput, one_line
 from ..plugins.regular_files import demand_regular
 from ..rows import Array, Command, Rows, Task
 
-ACCELERATION = 10.0  #: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
+#: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
+ACCELERATION = 10.0
 LARGE = 1e30  #: Weights below cannot overflow.
 MAX_BYTES = 1_000_000_000  #: Of the arrays of a file of weights.
 
-_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 
 class Observer:
-    """What a policy sees of a sample with m rows, n joints and k features: 2 m + m n + k n + k + 2 n numbers.
+    """What a policy sees of a sample with m rows, n joints and k features: 2 m + m n + k n + k + 2
+    n numbers.
 
-    φ/s, L_fφ/s and L_gφ a/s, with each row's ``scale`` s (m,); J a/‖J a‖ and b/‖J a‖; q from the middle of its range by
-    half of it, and q̇ by the greatest speed, both as they are where there is no limit. Matrices come row by row. Of each
-    number x it is x/(1 + |x|). ``action`` is a (n,): the limit of ``acceleration`` (n,), or ``otherwise`` where that is
-    infinite. For ``ranges`` see :attr:`vsconstraints.robots.Robot.ranges`.
+    φ/s, L_fφ/s and L_gφ a/s, with each row's ``scale`` s (m,); J a/‖J a‖ and b/‖J a‖; q from the
+    middle of its range by half of it, and q̇ by the greatest speed, both as they are where there is
+    no limit. Matrices come row by row. Of each number x it is x/(1 + |x|). ``action`` is a (n,):
+    the limit of ``acceleration`` (n,), or ``otherwise`` where that is infinite. For ``ranges`` see
+    :attr:`vsconstraints.robots.Robot.ranges`.
     """
 
-    def __init__(self, scale: Array, acceleration: Array, ranges: tuple[Array, Array, Array], otherwise: float) -> None:
+    def __init__(
+        self,
+        scale: Array,
+        acceleration: Array,
+        ranges: tuple[Array, Array, Array],
+        otherwise: float,
+    ) -> None:
         low, high, speed = (np.where(np.isfinite(each), each, np.nan) for each in ranges)
         self.action = np.where(np.isfinite(acceleration), acceleration, otherwise)
         self._middle = np.nan_to_num(0.5 * (low + high))
         half = np.where(high > low, 0.5 * (high - low), 1.0)
-        self._of_rows = np.concatenate((1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel()))
+        self._of_rows = np.concatenate(
+            (1.0 / scale, 1.0 / scale, (self.action / scale[:, None]).ravel())
+        )
         self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
 
     def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
@@ -45,23 +59,27 @@ class Observer:
         of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
         Ja = (task.J * self.action).ravel()
         of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
-        x = np.concatenate((of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints))
+        x = np.concatenate(
+            (of_rows, of_task, np.concatenate((q - self._middle, qd)) * self._of_joints)
+        )
         return np.asarray(x / (1.0 + np.abs(x)))
 
 
 class Policy(Controller):
     """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), with x and a of :class:`Observer`.
 
-    π is a network of layers W x + b with tanh between them, whose result is cut to [-1, 1]. It keeps no row by itself:
-    q̈ is the task of a demand and a resolver. With ``demand="barrier", resolver="filter"`` the command is the nearest to
-    q̈ that meets the barriers of all rows. Raises ConfigurationError if the file cannot be read, or an array lacks, has
-    the wrong shape, or a number that is not finite.
+    π is a network of layers W x + b with tanh between them, whose result is cut to [-1, 1]. It
+    keeps no row by itself: q̈ is the task of a demand and a resolver. With ``demand="barrier",
+    resolver="filter"`` the command is the nearest to q̈ that meets the barriers of all rows. Raises
+    ConfigurationError if the file cannot be read, or an array lacks, has the wrong shape, or a
+    number that is not finite.
 
     Parameters
     ----------
     weights
-        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the default, also
-        ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and ``law``, the name of that law.
+        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the
+        default, also ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and
+        ``law``, the name of that law.
     demand, resolver, options
         As of :class:`vsconstraints.controllers.laws.Pair`; no row counts if not given.
     """
@@ -69,8 +87,11 @@ class Policy(Controller):
     name = "policy"
     model: Any = None
 
-    def __init__(self, *, weights: str, demand: str = "nothing", resolver: str = "priority", **options: Any) -> None:
-        self.weights, self.filter = weights, Pair(demand=demand, resolver=resolver, **options)
+    def __init__(
+        self, *, weights: str, demand: str = "nothing", resolver: str = "priority", **options: Any
+    ) -> None:
+        self.weights = weights
+        self.filter = Pair(demand=demand, resolver=resolver, **options)
         self.layers, self.otherwise, law = read_weights(Path(weights))
         self.laws: list[Controller] = [self.filter, *([make_controller(law)] if law else [])]
         self._observer: Observer | None = None
@@ -78,11 +99,14 @@ class Policy(Controller):
     @property
     def uses(self) -> tuple[str, ...]:
         """L_fφ, a model, for q and q̇, and what filter and law use."""
-        return tuple(dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses))))
+        return tuple(
+            dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses)))
+        )
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
         """Begin again; see :class:`.Controller`."""
-        self.model, self._observer = model or self.model, None
+        self.model = model or self.model
+        self._observer = None
         for law in self.laws:
             law.reset() if period is None else restart(law, period, lambda: self.model)
 
@@ -94,16 +118,22 @@ class Policy(Controller):
         return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput without a model, and if the network is not of this scene's size."""
-        model, n = self.model, task.J.shape[1]
+        """See the class; InvalidInput without a model, and if the network is not of this scene's
+        size.
+        """
+        model = self.model
+        n = task.J.shape[1]
         demand_model(self.name, rows, task, model)
         if self._observer is None:
             self._observer = Observer(rows.scale, model.acceleration, model.ranges, self.otherwise)
         _, q, qd = model.present
-        x, sizes = self._observer(rows, task, q, qd), (self.layers[0][0].shape[1], len(self.layers[-1][1]))
+        x = self._observer(rows, task, q, qd)
+        sizes = (self.layers[0][0].shape[1], len(self.layers[-1][1]))
         if sizes != (len(x), n):
             scene = f"{len(rows.phi)} rows, {n} joints and {len(task.b)} features"
-            raise InvalidInput(f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}")
+            raise InvalidInput(
+                f"{self.weights}: a network of {sizes}, not {(len(x), n)} numbers as for {scene}"
+            )
         qdd = self._observer.action * self.action(x)
         for law in self.laws[1:]:
             qdd += law.command(rows, task).qdd
@@ -111,18 +141,25 @@ class Policy(Controller):
 
 
 def _demand_small(opened: BinaryIO) -> None:
-    """Raise ValueError if arrays of an archive claim more than :data:`MAX_BYTES`, before any of them is expanded."""
+    """Raise ValueError if arrays of an archive claim more than :data:`MAX_BYTES`, before any of
+    them is expanded.
+    """
     with ZipFile(opened) as archive:
         size = sum(member.file_size for member in archive.infolist())
         if size > MAX_BYTES:
-            raise ValueError(f"its arrays have {size / 1e6:.0f} MB, and may have {MAX_BYTES / 1e6:g}")
+            raise ValueError(
+                f"its arrays have {size / 1e6:.0f} MB, and may have {MAX_BYTES / 1e6:g}"
+            )
         for member in archive.infolist():
             with archive.open(member) as array:
                 read = _HEADERS.get(np.lib.format.read_magic(array))
                 if read is None:
                     raise ValueError(f"{member.filename} is in a format that is not known")
                 shape, _, kind = read(array)
-                if not kind.hasobject and array.tell() + math.prod(shape) * kind.itemsize != member.file_size:
+                if (
+                    not kind.hasobject
+                    and array.tell() + math.prod(shape) * kind.itemsize != member.file_size
+                ):
                     raise ValueError(f"{member.filename} is not as large as it says")
     opened.seek(0)
 
@@ -137,18 +174,31 @@ def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
                 arrays = dict(file)
     except Exception as error:  # NumPy raises anything for headers and archives that are none
         what = one_line(str(error)) or type(error).__name__
-        raise ConfigurationError(f"{path}: no weights can be read: {what}; numpy.savez writes such files") from error
-    law, acceleration = str(arrays.pop("law", "")), arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
+        raise ConfigurationError(
+            f"{path}: no weights can be read: {what}; numpy.savez writes such files"
+        ) from error
+    law = str(arrays.pop("law", ""))
+    acceleration = arrays.pop("acceleration", np.array(ACCELERATION)).tolist()
     names = [(f"W{i}", f"b{i}") for i in range(max(1, (len(arrays) + 1) // 2))]
     if {*arrays} != {name for pair in names for name in pair}:
-        raise ConfigurationError(f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}")
+        raise ConfigurationError(
+            f"{path}: layers are W0, b0, W1, b1 and so on, not {', '.join(arrays) or 'none'}"
+        )
     for name, array in arrays.items():
         if array.dtype.kind not in "fi" or not (np.abs(array) < LARGE).all():
-            raise ConfigurationError(f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone")
+            raise ConfigurationError(
+                f"{path}: {name} must have finite numbers, less than {LARGE:g}, alone"
+            )
     size = arrays["W0"].shape[-1:]
     for W, b in names:
         if arrays[W].ndim != 2 or arrays[W].shape != (*arrays[b].shape, *size):
             shapes = f"{W} and {b} have the shapes {arrays[W].shape} and {arrays[b].shape}"
-            raise ConfigurationError(f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)")
+            raise ConfigurationError(
+                f"{path}: {shapes}, not (h, {size[0] if size else 'i'}) and (h,)"
+            )
         size = arrays[b].shape
-    return [(arrays[W], arrays[b]) for W, b in names], positive_number(f"acceleration in {path}", acceleration), law
+    return (
+        [(arrays[W], arrays[b]) for W, b in names],
+        positive_number(f"acceleration in {path}", acceleration),
+        law,
+    )

@@ -1,4 +1,6 @@
-"""The paper claim by claim: its sentences, what is measured of each here, and counterparts of its figures."""
+"""The paper claim by claim: its sentences, what is measured of each here, and counterparts of its
+figures.
+"""
 
 from .report import Reproduction as Reproduction
 from .runner import check as check

@@ -21,7 +21,9 @@ from .verdicts import VERDICTS, Finding, all_claims
 
 COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
-DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report.toml").read_text(encoding="utf-8"))
+DATA: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("report.toml").read_text(encoding="utf-8")
+)
 
 #: What the claims of each number are about.
 TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
@@ -56,28 +58,54 @@ class Reproduction:
     def summary(self) -> str:
         """One line for the command line."""
         counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
-        return f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. {where(self.report)}"
+        return (
+            f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. {where(self.report)}"
+        )
 
 
 def write_report(
-    result: Reproduction, missing: Mapping[int, str], studies: Mapping[str, Any], command: Sequence[str]
+    result: Reproduction,
+    missing: Mapping[int, str],
+    studies: Mapping[str, Any],
+    command: Sequence[str],
 ) -> None:
     """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
-    ``missing`` has by figure why it could not be drawn; ``studies`` results by name, or why there are none.
+    ``missing`` has by figure why it could not be drawn; ``studies`` results by name, or why there
+    are none.
     """
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
-    numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
+    numbered = {
+        number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)
+    }
     told = differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1)
-    shown = {"result": result, "missing": missing, "studies": studies, "command": " ".join(command), "figures": FIGURES}
-    shown |= {"facts": {name: str(value) for name, value in facts.items() if value}, "differences": told}
+    shown = {
+        "result": result,
+        "missing": missing,
+        "studies": studies,
+        "command": " ".join(command),
+        "figures": FIGURES,
+    }
+    shown |= {
+        "facts": {name: str(value) for name, value in facts.items() if value},
+        "differences": told,
+    }
     text = render("reproduction.md", **TOLD, **shown, findings=findings, numbered=numbered)
     write_pages(result.report, text)
-    lines = [{**vars(one), "claim": one.key, **vars(found), "measured": found.text} for one, found in findings]
-    write_table(result.folder / "claims.csv", COLUMNS, [{name: line[name] for name in COLUMNS} for line in lines])
+    lines = [
+        {**vars(one), "claim": one.key, **vars(found), "measured": found.text}
+        for one, found in findings
+    ]
+    write_table(
+        result.folder / "claims.csv",
+        COLUMNS,
+        [{name: line[name] for name in COLUMNS} for line in lines],
+    )
 
 
 def differences() -> str:
-    """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
+    """Where this project differs from the paper, as Markdown; the documentation shows the same
+    text.
+    """
     return Path(__file__).with_name("differences.md").read_text(encoding="utf-8")

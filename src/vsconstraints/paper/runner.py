@@ -1,4 +1,6 @@
-"""Simulates what claims and figures need, measures the claims, draws the figures, and writes the report."""
+"""Simulates what claims and figures need, measures the claims, draws the figures, and writes the
+report.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ Progress = Callable[[str, int, int], None]
 
 
 class Options(TypedDict, total=False):
-    """What all commands take: most processes; :data:`Progress`; formats of figures, the first of which reports show."""
+    """What all commands take: most processes; :data:`Progress`; formats of figures, the first of
+    which reports show.
+    """
 
     workers: int | None
     on_progress: Progress
@@ -36,7 +40,9 @@ class Options(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Work:
-    """What the steps of a command share: its folder, that of finished runs, processes, progress and formats."""
+    """What the steps of a command share: its folder, that of finished runs, processes, progress and
+    formats.
+    """
 
     folder: Path
     kept: Path
@@ -45,24 +51,32 @@ class Work:
     formats: Formats = PNG
 
 
-def reproduce(folder: Path, *, command: Sequence[str] = (), **options: Unpack[Options]) -> Reproduction:
+def reproduce(
+    folder: Path, *, command: Sequence[str] = (), **options: Unpack[Options]
+) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
-    Everything is simulated anew, except what an interrupted call of the same command had finished. A scenario, run,
-    study or figure that fails affects only the claims that need it: they become ``not measured``, with the reason.
+    Everything is simulated anew, except what an interrupted call of the same command had finished.
+    A scenario, run, study or figure that fails affects only the claims that need it: they become
+    ``not measured``, with the reason.
 
-    report.md, claims.csv and figures go into the folder, which is created if missing, else ConfigurationError is
-    raised; ``command`` is what the user typed, for the report; for the others see :class:`Options`.
+    report.md, claims.csv and figures go into the folder, which is created if missing, else
+    ConfigurationError is raised; ``command`` is what the user typed, for the report; for the others
+    see :class:`Options`.
     """
-    started, claims = time.perf_counter(), all_claims()
+    started = time.perf_counter()
+    claims = all_claims()
     figures_folder(folder)
     with unfinished(folder) as kept:
         work = Work(folder, kept, **options)
-        runs, studies = run_specs(work, [*claims, *FIGURES.values()]), study_results(work)
+        runs = run_specs(work, [*claims, *FIGURES.values()])
+        studies = study_results(work)
         available: dict[Any, Any] = {**runs, **studies}
         findings = {claim.key: claim.check(available) for claim in claims}
         missing = draw_figures(work, FIGURES, available)
-        problems = {str(spec): reason for spec, reason in available.items() if isinstance(reason, str)}
+        problems = {
+            str(spec): reason for spec, reason in available.items() if isinstance(reason, str)
+        }
         problems |= {f"figure {number}": why for number, why in missing.items() if why}
         wall_time = time.perf_counter() - started
         result = Reproduction(folder / "report.md", findings, problems, wall_time, work.formats)
@@ -71,42 +85,57 @@ def reproduce(folder: Path, *, command: Sequence[str] = (), **options: Unpack[Op
 
 
 def redraw(
-    numbers: Sequence[int], folder: Path, *, controller: str | None = None, **options: Unpack[Options]
+    numbers: Sequence[int],
+    folder: Path,
+    *,
+    controller: str | None = None,
+    **options: Unpack[Options],
 ) -> dict[Path, str]:
-    """Redraw figures by the paper's numbers into ``folder/figures``, simulating only the runs that they show.
+    """Redraw figures by the paper's numbers into ``folder/figures``, simulating only the runs that
+    they show.
 
-    ``controller`` is a law instead of the paper's, a name or ``module:Class``, and becomes part of the file's name; for
-    the others see :class:`Options`. Returns by each figure's file the reason why it could not be drawn, an empty text
-    if it was. Raises ConfigurationError for a number without a figure, an invalid law, and as :func:`reproduce`.
+    ``controller`` is a law instead of the paper's, a name or ``module:Class``, and becomes part of
+    the file's name; for the others see :class:`Options`. Returns by each figure's file the reason
+    why it could not be drawn, an empty text if it was. Raises ConfigurationError for a number
+    without a figure, an invalid law, and as :func:`reproduce`.
     """
     figures = chosen_figures(numbers, controller)
     place = figures_folder(folder)
     with unfinished(None) as kept:
         work = Work(folder, kept, **options)
         missing = draw_figures(work, figures, run_specs(work, figures.values()))
-    return {place / figure.file_in(work.formats): missing[number] for number, figure in figures.items()}
+    return {
+        place / figure.file_in(work.formats): missing[number] for number, figure in figures.items()
+    }
 
 
 def check(keys: Sequence[str], folder: Path, **options: Unpack[Options]) -> dict[Claim, Finding]:
     """Measure claims by number (``"5"``) or key (``"5d"``), on the runs and studies that they need.
 
-    Figures and tables of studies go to the folder; for the others see :class:`Options`. Returns findings in the order
-    of the report. Raises ConfigurationError for an unknown claim, and as :func:`reproduce`.
+    Figures and tables of studies go to the folder; for the others see :class:`Options`. Returns
+    findings in the order of the report. Raises ConfigurationError for an unknown claim, and as
+    :func:`reproduce`.
     """
     claims = chosen_claims(keys)
     names = [need for claim in claims for need in claim.needs if isinstance(need, str)]
     with unfinished(None) as kept:
         work = Work(folder, kept, **options)
-        available: dict[Any, Any] = {**run_specs(work, claims), **(study_results(work, names) if names else {})}
+        available: dict[Any, Any] = {
+            **run_specs(work, claims),
+            **(study_results(work, names) if names else {}),
+        }
         return {claim: claim.check(available) for claim in claims}
 
 
 def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dict[int, Figure]:
-    """Figures by number, with another law if one is named; raises ConfigurationError for unknown ones."""
+    """Figures by number, with another law if one is named; raises ConfigurationError for unknown
+    ones.
+    """
     for number in numbers:
         if number not in FIGURES:
             raise ConfigurationError(
-                f"there is no counterpart of Fig. {number}. Available: {', '.join(map(str, FIGURES))}; Figs. 1 and 13 "
+                f"there is no counterpart of Fig. {number}. Available: "
+                f"{', '.join(map(str, FIGURES))}; Figs. 1 and 13 "
                 "of the paper show frames and a laboratory"
             )
     figures = {number: FIGURES[number] for number in numbers}
@@ -122,7 +151,9 @@ def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dic
 
 
 def chosen_claims(keys: Sequence[str]) -> list[Claim]:
-    """Claims by number or key, each once, in the order of the report; raises ConfigurationError for unknown ones."""
+    """Claims by number or key, each once, in the order of the report; raises ConfigurationError for
+    unknown ones.
+    """
     chosen: set[str] = set()
     for key in keys:
         number = key.rstrip(ascii_lowercase)
@@ -146,27 +177,42 @@ def figures_folder(folder: Path) -> Path:
 
 
 def run_specs(work: Work, of: Iterable[Claim | Figure]) -> dict[RunSpec, Run | str]:
-    """The runs that claims or figures need, each simulated once; for one that failed the reason, in a sentence."""
+    """The runs that claims or figures need, each simulated once; for one that failed the reason, in
+    a sentence.
+    """
     prepare()
     limits = longest_first(need for one in of for need in one.needs if isinstance(need, RunSpec))
     calls = {spec: (spec, kept_file(work.kept, spec)) for spec in limits}
     progress = partial(work.on_progress, "simulating")
     runs = run_all(kept_run, calls, workers=work.workers, limits=limits, on_progress=progress)
-    return {spec: run.reason.split(". ")[0] if isinstance(run, Failure) else run for spec, run in runs.items()}
+    return {
+        spec: run.reason.split(". ")[0] if isinstance(run, Failure) else run
+        for spec, run in runs.items()
+    }
 
 
-def draw_figures(work: Work, figures: Mapping[int, Figure], available: Mapping[Any, Any]) -> dict[int, str]:
-    """Draw figures from the available runs; by number the reason why one could not be drawn, or an empty text."""
-    why, calls = dict.fromkeys(figures, ""), {}
+def draw_figures(
+    work: Work, figures: Mapping[int, Figure], available: Mapping[Any, Any]
+) -> dict[int, str]:
+    """Draw figures from the available runs; by number the reason why one could not be drawn, or an
+    empty text.
+    """
+    why = dict.fromkeys(figures, "")
+    calls = {}
     folder = work.folder / "figures"
     for number, figure in figures.items():
         runs = {need: available[need] for need in figure.needs}
-        why[number] = next((f"{need}: {run}" for need, run in runs.items() if not isinstance(run, Run)), "")
+        why[number] = next(
+            (f"{need}: {run}" for need, run in runs.items() if not isinstance(run, Run)), ""
+        )
         if not why[number]:
             calls[number] = (figure, folder / figure.file_in(work.formats), *runs.values())
-    draw, progress = partial(Figure.write, formats=work.formats), partial(work.on_progress, "drawing")
+    draw = partial(Figure.write, formats=work.formats)
+    progress = partial(work.on_progress, "drawing")
     answers = run_all(draw, calls, workers=work.workers, on_progress=progress)
-    why |= {number: answer.reason for number, answer in answers.items() if isinstance(answer, Failure)}
+    why |= {
+        number: answer.reason for number, answer in answers.items() if isinstance(answer, Failure)
+    }
     for number in filter(why.__getitem__, why):  # no older figure stays in its place
         for suffix in work.formats:
             (folder / figures[number].file_in((suffix,))).unlink(missing_ok=True)
@@ -174,9 +220,15 @@ def draw_figures(work: Work, figures: Mapping[int, Figure], available: Mapping[A
 
 
 def study_results(work: Work, names: Sequence[str] = ()) -> dict[str, Any]:
-    """Results of the named studies, or of all; the reason instead of the results if they could not be run."""
+    """Results of the named studies, or of all; the reason instead of the results if they could not
+    be run.
+    """
     progress = partial(work.on_progress, "studying")
     try:
-        return dict(run_studies(names, work.folder, work.workers, progress, kept=work.kept, formats=work.formats))
+        return dict(
+            run_studies(
+                names, work.folder, work.workers, progress, kept=work.kept, formats=work.formats
+            )
+        )
     except Exception as error:  # claims and figures of the paper do not depend on it
         return {name: f"{type(error).__name__}: {error}" for name in names or ["studies"]}

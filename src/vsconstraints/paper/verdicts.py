@@ -1,4 +1,6 @@
-"""What a claim is, the verdicts on it, and sentences as data: Jinja templates with numbers filled in."""
+"""What a claim is, the verdicts on it, and sentences as data: Jinja templates with numbers filled
+in.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,27 @@ from ..scenarios.reading import demand_known
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
-KEYS = ("where", "sentence", "rule", "figure", "measured", "runs", "shown", "values", "holds", "partly", "measure")
+KEYS = (
+    "where",
+    "sentence",
+    "rule",
+    "figure",
+    "measured",
+    "runs",
+    "shown",
+    "values",
+    "holds",
+    "partly",
+    "measure",
+)
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
-#: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
-#: several rules contain; ``measures``, the wording of measures that several claims share.
-TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+#: What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is
+#: worded; ``shared``, what several rules contain; ``measures``, the wording of measures that
+#: several claims share.
+TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
+)
 
 
 def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
@@ -34,8 +51,8 @@ def shown_intervals(intervals: Sequence[tuple[float, float]]) -> str:
 
 
 ENVIRONMENT = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports print them, shares
-#: as per cent, intervals, samples.
+#: Of templates: a value, or a multiple of it, in a format of Python; amounts and numbers as reports
+#: print them, shares as per cent, intervals, samples.
 ENVIRONMENT.filters |= {
     "fmt": lambda value, spec, factor=1: format(factor * value, spec),
     "amount": amount,
@@ -65,7 +82,8 @@ class Finding:
 
     verdict: Verdict  #: Follows from the values by the claim's rule.
     text: str  #: The measured numbers in a sentence, or why there are none.
-    values: Mapping[str, float] = field(default_factory=dict)  #: The same numbers by name, unrounded.
+    #: The same numbers by name, unrounded.
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 class NotMeasured(Exception):
@@ -93,7 +111,9 @@ class Claim:
         return f"{self.number}{self.letter}"
 
     def check(self, available: Mapping[RunSpec | str, Any]) -> Finding:
-        """Measure it on runs and studies by need, a string where one is missing; errors are ``not measured``."""
+        """Measure it on runs and studies by need, a string where one is missing; errors are ``not
+        measured``.
+        """
         try:
             return self.measure(*(_usable(need, available) for need in self.needs))
         except NotMeasured as reason:
@@ -107,7 +127,11 @@ def _usable(need: RunSpec | str, available: Mapping[RunSpec | str, Any]) -> Any:
     if isinstance(result, str):
         raise NotMeasured(f"{need}: {result}")
     tolerated = isinstance(need, RunSpec) and need.may_end_early
-    if isinstance(result, Run) and result.trajectory.status in ("failed", "aborted") and not tolerated:
+    if (
+        isinstance(result, Run)
+        and result.trajectory.status in ("failed", "aborted")
+        and not tolerated
+    ):
         raise NotMeasured(f"{need}: {result.trajectory.status}, {result.trajectory.reason}")
     return result
 
@@ -120,8 +144,12 @@ def all_claims() -> list[Claim]:
     return sorted(CLAIMS.values(), key=lambda one: (one.number, one.letter))
 
 
-def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
-    """Register a function as the measurement of a claim in :data:`TEXTS`; for ``needs`` see :class:`Claim`."""
+def claim(
+    key: str, *needs: RunSpec | str
+) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
+    """Register a function as the measurement of a claim in :data:`TEXTS`; for ``needs`` see
+    :class:`Claim`.
+    """
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
@@ -131,8 +159,11 @@ def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]],
             shared[name] = part.format(**shared)
         text = TEXTS[key]
         demand_known(text, KEYS, f"claims.toml, {key}")
-        rule, figure = text["rule"].format(**shared), text.get("figure", "")
-        CLAIMS[key] = Claim(int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure)
+        rule = text["rule"].format(**shared)
+        figure = text.get("figure", "")
+        CLAIMS[key] = Claim(
+            int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure
+        )
         return measure
 
     return register
@@ -144,11 +175,18 @@ def judged(good: bool, part: bool = False) -> Verdict:
 
 
 def finding(
-    key: str, good: bool, part: bool = False, shown: Mapping[str, Any] | None = None, /, **values: Any
+    key: str,
+    good: bool,
+    part: bool = False,
+    shown: Mapping[str, Any] | None = None,
+    /,
+    **values: Any,
 ) -> Finding:
-    """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS` has for it.
+    """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS`
+    has for it.
 
-    ``good`` and ``part`` are those of :func:`judged`; the text contains what is ``shown`` and the finding's values.
+    ``good`` and ``part`` are those of :func:`judged`; the text contains what is ``shown`` and the
+    finding's values.
     """
     return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
 
@@ -160,7 +198,9 @@ def worded(key: str, /, **values: Any) -> str:
 
 
 def register_formulas(names: Mapping[str, Any]) -> None:
-    """Register the claims that :data:`TEXTS` measures by formulas, as far as ``names`` has the runs that they need."""
+    """Register the claims that :data:`TEXTS` measures by formulas, as far as ``names`` has the runs
+    that they need.
+    """
     for key, text in TEXTS.items():
         needs = text.get("runs", "").split()
         if needs and names.keys() >= {*needs}:

@@ -18,12 +18,14 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
-#: The module of what is defined in a notebook or a script that runs; other processes have another one.
+#: The module of what is defined in a notebook or a script that runs; other processes have another
+#: one.
 IN_SESSION = "__main__"
 
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
-    """The class derived from ``base`` that ``"my_laws:Cautious"`` names; ``my_laws.py`` is first sought in ``folder``.
+    """The class derived from ``base`` that ``"my_laws:Cautious"`` names; ``my_laws.py`` is first
+    sought in ``folder``.
 
     Raises ConfigurationError if the module cannot be imported, or holds no such class.
     """
@@ -32,19 +34,27 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     try:
         with chdir("."), noted_import(module_name):
             module = importlib.import_module(module_name) if file is None else _module_from(file)
-    except (Exception, SystemExit) as error:  # an own module can fail in any way while it is imported
-        raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {described(error)}") from error
-    own, kind = getattr(module, class_name, None), cast("type[Base]", base)
+    # an own module can fail in any way while it is imported
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(
+            f"{name!r}: cannot import {module_name!r}: {described(error)}"
+        ) from error
+    own = getattr(module, class_name, None)
+    kind = cast("type[Base]", base)
     if not (isinstance(own, type) and issubclass(own, kind)):
-        raise ConfigurationError(f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}")
+        raise ConfigurationError(
+            f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}"
+        )
     return own
 
 
 @contextmanager
 def beside(*folders: Path | None) -> Iterator[None]:
-    """Modules in these folders can be imported meanwhile, where no other of their names comes first.
+    """Modules in these folders can be imported meanwhile, where no other of their names comes
+    first.
 
-    Own modules import their neighbours whenever they like, for which Python looks nowhere but in ``sys.path``.
+    Own modules import their neighbours whenever they like, for which Python looks nowhere but in
+    ``sys.path``.
     """
     added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
     sys.path += added
@@ -62,11 +72,14 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
 
 
 def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
-    """The files of the modules that these names of parts name as ``module:Class``, where they have one."""
+    """The files of the modules that these names of parts name as ``module:Class``, where they have
+    one.
+    """
     files = []
     for name in names:
         if ":" in name:
-            file, module = plugin_file(name, folder), _parts(name)[0]
+            file = plugin_file(name, folder)
+            module = _parts(name)[0]
             spec = _spec_of(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
             files += [Path(path) for path in (file, origin) if path is not None]
@@ -74,8 +87,12 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
 
 
 def _spec_of(module: str) -> ModuleSpec | None:
-    """As ``importlib.util.find_spec``, which imports the packages that a module lies in: here no code is run."""
-    name, path, spec = "", None, None
+    """As ``importlib.util.find_spec``, which imports the packages that a module lies in: here no
+    code is run.
+    """
+    name = ""
+    path = None
+    spec = None
     for part in module.split("."):
         name = f"{name}.{part}" if name else part
         found = (finder.find_spec(name, path) for finder in sys.meta_path)
@@ -99,9 +116,13 @@ def code_named(tables: object, typed: bool = False) -> Iterator[str]:
 
 
 def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
-    """Error for what cannot be had of stored results since it takes code that they name, which reading does not run."""
+    """Error for what cannot be had of stored results since it takes code that they name, which
+    reading does not run.
+    """
     code = ", ".join(map(shown, dict.fromkeys(names)))
-    return ConfigurationError(f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)")
+    return ConfigurationError(
+        f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)"
+    )
 
 
 def _parts(name: str) -> list[str]:
@@ -111,9 +132,11 @@ def _parts(name: str) -> list[str]:
 
 
 def _module_from(file: Path) -> ModuleType:
-    """Import a file under a name of its own, so that files of the same name in two folders stay apart.
+    """Import a file under a name of its own, so that files of the same name in two folders stay
+    apart.
 
-    The name has no dots, with which it would seem to be in a package, and nothing of it could be pickled.
+    The name has no dots, with which it would seem to be in a package, and nothing of it could be
+    pickled.
     """
     path = file.resolve()
     unique = f"vsconstraints own file {path}".replace(".", "%2E")

@@ -9,7 +9,9 @@ from ..errors import ConfigurationError, unknown_name
 
 
 class Extra(NamedTuple):
-    """What needs ``pip install 'vsconstraints[NAME]'``, and the names by which its packages are imported."""
+    """What needs ``pip install 'vsconstraints[NAME]'``, and the names by which its packages are
+    imported.
+    """
 
     what: str
     modules: tuple[str, ...]
@@ -24,16 +26,22 @@ EXTRAS = {
     "gym": Extra("an environment of Gymnasium", ("gymnasium",)),
     "images": Extra("control by images", ("cv2", "pupil_apriltags")),
     "pandas": Extra("tables as data frames", ("pandas",)),
-    "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),
+    "notebooks": Extra(
+        "tables, and laws of a session in other processes", ("pandas", "cloudpickle")
+    ),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
-    "ur-rtde": Extra("an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")),
+    "ur-rtde": Extra(
+        "an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")
+    ),
     "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }
 
 
 def demand(name: str, what: str = "") -> None:
-    """Raise ConfigurationError that says what to install for ``what``, unless all packages of an extra are there."""
+    """Raise ConfigurationError that says what to install for ``what``, unless all packages of an
+    extra are there.
+    """
     if name not in EXTRAS:
         raise unknown_name("extra", name, EXTRAS)
     missing = [module for module in EXTRAS[name].modules if find_spec(module) is None]

@@ -1,6 +1,7 @@
 """How this process ends: with the one that started it, after a deadline, and on a signal.
 
-SIGTERM and SIGHUP do what Ctrl-C does: what was finished is kept, and the exit code is 128 + the signal.
+SIGTERM and SIGHUP do what Ctrl-C does: what was finished is kept, and the exit code is 128 + the
+signal.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from . import portable
 SIGNALS = portable.signals("SIGINT", "SIGTERM", "SIGHUP")
 
 PR_SET_PDEATHSIG = 1  #: of Linux' prctl: the signal that a process gets when its parent ends
-SAME_REQUEST = 2.0  # signals within this time of one that was obeyed [s] mean the same: closing terminals send several
+# signals within this time of one that was obeyed [s] mean the same: closing terminals send several
+SAME_REQUEST = 2.0
 SLACK = 1.0  # a step may take so much longer than its limit [s]: its watcher looks rarely
 TICK = 0.5  # how often the watcher of a process looks at its stopwatch [s]
 LONGEST_TICK = 2.0  # a longer time between two looks [s] means that the watcher was stopped
@@ -33,7 +35,8 @@ class Stopped(BaseException):
     """A signal, with this number, asked this process to stop."""
 
 
-#: What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is KeyboardInterrupt.
+#: What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is
+#: KeyboardInterrupt.
 INTERRUPTS = (KeyboardInterrupt, Stopped)
 
 
@@ -52,14 +55,17 @@ class _Held:  # signals of this process: how often they are held, and which one 
 
 
 def obey_signals() -> None:
-    """From now on each of :data:`SIGNALS` raises :class:`Stopped` in the main thread; those ignored stay ignored."""
+    """From now on each of :data:`SIGNALS` raises :class:`Stopped` in the main thread; those ignored
+    stay ignored.
+    """
     terminals = [stream.fileno() for stream in (sys.stdout, sys.stderr) if stream.isatty()]
     obeyed = -SAME_REQUEST
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal obeyed
         if number == portable.HANGUP:
-            # what is written to a terminal that was closed would raise in the middle of keeping results
+            # what is written to a terminal that was closed would raise in the middle of keeping
+            # results
             nowhere = os.open(os.devnull, os.O_WRONLY)
             for terminal in terminals:
                 os.dup2(nowhere, terminal)
@@ -68,7 +74,8 @@ def obey_signals() -> None:
             obeyed = time.monotonic()
             if not _Held.depth:
                 raise Stopped(number)
-            # the mask is that of one thread: another one, such as that of a progress bar, has let it through
+            # the mask is that of one thread: another one, such as that of a progress bar, has let
+            # it through
             _Held.waiting = number
 
     for number in SIGNALS:
@@ -79,7 +86,9 @@ def obey_signals() -> None:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """What arrives meanwhile is delivered at the end; a process that is started inherits that it is held."""
+    """What arrives meanwhile is delivered at the end; a process that is started inherits that it is
+    held.
+    """
     try:
         with portable.blocked(SIGNALS):
             _Held.depth += 1
@@ -88,16 +97,19 @@ def signals_held() -> Iterator[None]:
             finally:
                 _Held.depth -= 1
     finally:
-        waiting, _Held.waiting = _Held.waiting, 0
+        waiting = _Held.waiting
+        _Held.waiting = 0
         if waiting:
             raise Stopped(waiting)
 
 
 class Stopwatch:
-    """Time that a process had for something, without the time during which it or its watcher was stopped.
+    """Time that a process had for something, without the time during which it or its watcher was
+    stopped.
 
-    A process is stopped by a signal, by a batch system, or with the whole machine. Who watches it counts in short
-    ticks: of a tick that lasts longer than :data:`LONGEST_TICK`, the watcher itself was stopped for the rest.
+    A process is stopped by a signal, by a batch system, or with the whole machine. Who watches it
+    counts in short ticks: of a tick that lasts longer than :data:`LONGEST_TICK`, the watcher itself
+    was stopped for the rest.
     """
 
     def __init__(self) -> None:
@@ -109,7 +121,9 @@ class Stopwatch:
         self._counted = time.monotonic()
 
     def tick(self, process: int | None = None) -> None:
-        """Count the time since the last tick, unless the process with this id, if it is another one, is stopped now."""
+        """Count the time since the last tick, unless the process with this id, if it is another
+        one, is stopped now.
+        """
         now = time.monotonic()
         passed = min(now - self._counted, LONGEST_TICK)
         self._counted = now
@@ -118,7 +132,9 @@ class Stopwatch:
 
 
 def is_stopped(process: int) -> bool:
-    """Return True if a process is stopped by a signal or a debugger; False also where the system does not say."""
+    """Return True if a process is stopped by a signal or a debugger; False also where the system
+    does not say.
+    """
     try:
         status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -130,11 +146,12 @@ def is_stopped(process: int) -> bool:
 
 @contextmanager
 def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
-    """End this process if a step takes longer than its limit [s], also in compiled code; None is no limit.
+    """End this process if a step takes longer than its limit [s], also in compiled code; None is no
+    limit.
 
-    The function that it yields is called where a step begins and the one before has ended. Time during which the
-    process is stopped does not count. A thread ends steps that wait; the system ends those that compute, whether or not
-    they let other threads run.
+    The function that it yields is called where a step begins and the one before has ended. Time
+    during which the process is stopped does not count. A thread ends steps that wait; the system
+    ends those that compute, whether or not they let other threads run.
     """
     if limit is None:
         yield lambda: None
@@ -165,7 +182,9 @@ def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
 
 
 def _limit_processor_time(limit: float) -> None:
-    """Let the system end this process after so much processor time of its own [s]; 0 is no limit."""
+    """Let the system end this process after so much processor time of its own [s]; 0 is no
+    limit.
+    """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_PROF, limit)
 
@@ -177,7 +196,8 @@ def end_with(parent: int) -> None:
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:
             os._exit(1)
-    # on other systems, or where prctl is not allowed; this waits while compiled code keeps the interpreter busy
+    # on other systems, or where prctl is not allowed; this waits while compiled code keeps the
+    # interpreter busy
     if (starter := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_end_after, args=(starter,), daemon=True).start()
 

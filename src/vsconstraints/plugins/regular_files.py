@@ -1,4 +1,6 @@
-"""Files that users name: read as a whole, unless they are none, such as pipes and devices, or too large."""
+"""Files that users name: read as a whole, unless they are none, such as pipes and devices, or too
+large.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,11 @@ def demand_regular(path: str | Path) -> None:
 
 
 def read_regular(path: str | Path, most: int = MAX_BYTES) -> bytes:
-    """Return what a regular file holds; raises OSError if it is none, cannot be read, or has more than ``most`` bytes.
+    """Return what a regular file holds; raises OSError if it is none, cannot be read, or has more
+    than ``most`` bytes.
 
-    It is opened only after it has been looked at, since opening a pipe waits for whoever writes to it.
+    It is opened only after it has been looked at, since opening a pipe waits for whoever writes to
+    it.
     """
     demand_regular(path)
     content = bytearray()

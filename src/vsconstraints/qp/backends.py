@@ -1,4 +1,6 @@
-"""QP solvers by name, DAQP and ProxQP called directly, all others through qpsolvers; and chains of them."""
+"""QP solvers by name, DAQP and ProxQP called directly, all others through qpsolvers; and chains of
+them.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,14 @@ from .solver import Answer, Infeasible, QPSolver, require
 
 
 class DaqpSolver(QPSolver):
-    """A dual active-set method in C: exact, the fastest on small problems, and without memory between calls.
+    """A dual active-set method in C: exact, the fastest on small problems, and without memory
+    between calls.
 
-    Called directly: importing qpsolvers takes longer than everything else that the law ``predictive`` needs.
+    Called directly: importing qpsolvers takes longer than everything else that the law
+    ``predictive`` needs.
 
-    Reference: Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic programming using
-    recursive LDLᵀ updates", IEEE Transactions on Automatic Control, 2022.
+    Reference: Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
+    programming using recursive LDLᵀ updates", IEEE Transactions on Automatic Control, 2022.
     """
 
     name = "daqp"
@@ -36,9 +40,9 @@ class DaqpSolver(QPSolver):
     )  # fmt: skip
     """Settings, tried in this order until DAQP has an answer.
 
-    Its default ``primal_tol`` lets rows be exceeded by 1e-6. But where rows are nearly parallel the solution is far
-    away: 1e-9 is then below rounding, and the default ``sing_tol`` takes the rows for dependent; both were measured to
-    end in cycling or in a false claim of infeasibility.
+    Its default ``primal_tol`` lets rows be exceeded by 1e-6. But where rows are nearly parallel the
+    solution is far away: 1e-9 is then below rounding, and the default ``sing_tol`` takes the rows
+    for dependent; both were measured to end in cycling or in a false claim of infeasibility.
     """
 
     def __init__(self) -> None:
@@ -59,12 +63,13 @@ class DaqpSolver(QPSolver):
 class ProxqpSolver(QPSolver):
     """A proximal augmented Lagrangian method in C++, started afresh at every call.
 
-    A kept solver object answers false infeasibility, or takes a quarter of a second when nothing has changed. The
-    default threshold of its infeasibility test is far too loose for rows of mixed scale, and only the native object
-    lets it be tightened. Repeating a call repeats the answer to rounding, not bit by bit.
+    A kept solver object answers false infeasibility, or takes a quarter of a second when nothing
+    has changed. The default threshold of its infeasibility test is far too loose for rows of mixed
+    scale, and only the native object lets it be tightened. Repeating a call repeats the answer to
+    rounding, not bit by bit.
 
-    Reference: Bambade, El-Kazdadi, Taylor, Carpentier, "ProxQP: yet another quadratic programming solver for
-    robotics and beyond", Robotics: Science and Systems, 2022.
+    Reference: Bambade, El-Kazdadi, Taylor, Carpentier, "ProxQP: yet another quadratic programming
+    solver for robotics and beyond", Robotics: Science and Systems, 2022.
     """
 
     name = "proxqp"
@@ -77,7 +82,8 @@ class ProxqpSolver(QPSolver):
         """Ask ProxQP."""
         scaled = equilibrate(P, q, G, h)
         problem = self._proxqp.dense.QP(q.size, 0, h.size)
-        settings, results = problem.settings, problem.results
+        settings = problem.settings
+        results = problem.results
         settings.eps_abs = settings.eps_rel = 1e-9
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-12
         # problems it can solve take far less; the defaults let the others take seconds
@@ -93,9 +99,11 @@ class ProxqpSolver(QPSolver):
 
 
 class Settings(NamedTuple):
-    """How a solver is asked through qpsolvers: its own options, the accuracy measured with them, what to tell pip.
+    """How a solver is asked through qpsolvers: its own options, the accuracy measured with them,
+    what to tell pip.
 
-    ``exact``: it recognises rows that contradict each other; ``equilibrated``: it does better on such programs.
+    ``exact``: it recognises rows that contradict each other; ``equilibrated``: it does better on
+    such programs.
     """
 
     options: dict[str, Any] = {}  # noqa: RUF012 (a default that nobody changes)
@@ -109,9 +117,15 @@ class Settings(NamedTuple):
 SETTINGS: dict[str, Settings] = {
     "quadprog": Settings({}, 1e-8, '"vsconstraints[quadprog]"', exact=True),
     "osqp": Settings(
-        # programs are equilibrated here, which its own scaling would undo; an interval measured in time instead of
-        # iterations would make answers differ from run to run
-        {"eps_abs": 1e-7, "eps_rel": 0.0, "eps_prim_inf": 1e-12, "eps_dual_inf": 1e-12, "polishing": True}
+        # programs are equilibrated here, which its own scaling would undo; an interval measured in
+        # time instead of iterations would make answers differ from run to run
+        {
+            "eps_abs": 1e-7,
+            "eps_rel": 0.0,
+            "eps_prim_inf": 1e-12,
+            "eps_dual_inf": 1e-12,
+            "polishing": True,
+        }
         | {"sigma": 1e-9, "scaling": 0, "max_iter": 20000, "adaptive_rho_interval": 50},
         install="osqp",
         equilibrated=True,
@@ -123,12 +137,17 @@ SETTINGS: dict[str, Settings] = {
 
 
 class QpsolversSolver(QPSolver):
-    """A solver known to qpsolvers by name, for example ``"clarabel"``. Keeps nothing between calls."""
+    """A solver known to qpsolvers by name, for example ``"clarabel"``. Keeps nothing between
+    calls.
+    """
 
     def __init__(self, name: str) -> None:
-        self.name, self._settings = name, SETTINGS.get(name, Settings())
-        self.tolerance, self.recognises_infeasibility = self._settings.tolerance, self._settings.exact
-        # qpsolvers itself takes long to import, since it tries all solvers: that has time until the first problem
+        self.name = name
+        self._settings = SETTINGS.get(name, Settings())
+        self.tolerance = self._settings.tolerance
+        self.recognises_infeasibility = self._settings.exact
+        # qpsolvers itself takes long to import, since it tries all solvers: that has time until the
+        # first problem
         if self._settings.install:
             require(name, name, f"pip install {self._settings.install}")
         if find_spec("qpsolvers") is None:
@@ -142,16 +161,24 @@ class QpsolversSolver(QPSolver):
         scaled = equilibrate(P, q, G, h) if self._settings.equilibrated else None
         P, q, G, h = scaled[:4] if scaled else (P, q, G, h)
         with warnings.catch_warnings():
-            # qpsolvers warns of what the solver reports; here that is read from the solution instead
+            # qpsolvers warns of what the solver reports; here that is read from the solution
+            # instead
             warnings.simplefilter("ignore")
             problem = qpsolvers.Problem(matrix(P), q, matrix(G), h)
             solution = qpsolvers.solve_problem(problem, solver=self.name, **self._settings.options)
         if not solution.found or solution.x is None or solution.z is None:
-            raise (Infeasible if self._settings.exact else SolverError)(f"{self.name} found no solution")
-        x, multipliers = np.asarray(solution.x, dtype=np.float64), np.asarray(solution.z, dtype=np.float64)
+            raise (Infeasible if self._settings.exact else SolverError)(
+                f"{self.name} found no solution"
+            )
+        x = np.asarray(solution.x, dtype=np.float64)
+        multipliers = np.asarray(solution.z, dtype=np.float64)
         count = solution.extras.get("iterations", getattr(solution.extras.get("info"), "iter", 0))
         count = int(np.ravel(count if count is not None else 0)[0])
-        return Answer(*scaled.original(x, multipliers), count) if scaled else Answer(x, multipliers, count)
+        return (
+            Answer(*scaled.original(x, multipliers), count)
+            if scaled
+            else Answer(x, multipliers, count)
+        )
 
 
 #: Solvers that are called without any layer in between.
@@ -159,23 +186,28 @@ NATIVE: dict[str, type[QPSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
 
 
 def solver_names() -> tuple[str, ...]:
-    """Names of the solvers that can be asked for: the native ones and whatever qpsolvers finds installed.
+    """Names of the solvers that can be asked for: the native ones and whatever qpsolvers finds
+    installed.
 
-    ``quadprog`` is named even where it is not installed, so that asking for it tells how to install it.
+    ``quadprog`` is named even where it is not installed, so that asking for it tells how to install
+    it.
     """
     others = import_module("qpsolvers").available_solvers if find_spec("qpsolvers") else ()
     return tuple(sorted({*NATIVE, "osqp", "quadprog", *others}))
 
 
 def make_solver(name: str) -> QPSolver:
-    """Create the solver of this name; ConfigurationError if it is not known or its package cannot be imported."""
+    """Create the solver of this name; ConfigurationError if it is not known or its package cannot
+    be imported.
+    """
     if name in NATIVE:
         return NATIVE[name]()
     # the names of the others are asked for last: that imports every solver that qpsolvers finds
     if not (name in SETTINGS and SETTINGS[name].install) and name not in (names := solver_names()):
         if name in (metadata("qpsolvers").get_all("Provides-Extra") or ()):
             raise ConfigurationError(
-                f'the solver {name!r} is not installed. Install it with: pip install "qpsolvers[{name}]"'
+                f"the solver {name!r} is not installed. Install it with: pip install "
+                f'"qpsolvers[{name}]"'
             )
         raise unknown_name("QP solver", name, names)
     return QpsolversSolver(name)
@@ -184,14 +216,16 @@ def make_solver(name: str) -> QPSolver:
 FALLBACKS = ("daqp", "proxqp", "osqp", *(("quadprog",) if find_spec("quadprog") else ()))
 """Who is asked, in this order, when the solver that was asked for has failed.
 
-Three are installed with the package, so that the order is the same on every machine; quadprog comes last, where a user
-has installed it.
+Three are installed with the package, so that the order is the same on every machine; quadprog comes
+last, where a user has installed it.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """An answer that has passed the check, the solver that gave it, and what failed before, empty if nothing did."""
+    """An answer that has passed the check, the solver that gave it, and what failed before, empty
+    if nothing did.
+    """
 
     answer: Answer
     solver: str
@@ -201,7 +235,8 @@ class Verified:
 class SolverChain:
     """The solver that was asked for, ``preferred``, and :data:`FALLBACKS` behind it.
 
-    ``failures`` counts, by name, the problems known to be feasible that a solver left without a verified answer.
+    ``failures`` counts, by name, the problems known to be feasible that a solver left without a
+    verified answer.
     """
 
     def __init__(self, name: str) -> None:
@@ -212,8 +247,8 @@ class SolverChain:
     def solve(self, P: Array, q: Array, G: Array, h: Array) -> Verified:
         """Minimise ½xᵀPx + qᵀx subject to Gx ≤ h, rows that are known to be compatible.
 
-        Raises InvalidInput if a number is not finite, without calling a solver, and SolverError, with what each of them
-        did, if none gives an answer that passes the check.
+        Raises InvalidInput if a number is not finite, without calling a solver, and SolverError,
+        with what each of them did, if none gives an answer that passes the check.
         """
         failed: list[str] = []
         for name in dict.fromkeys((self.preferred.name, *FALLBACKS)):
@@ -222,7 +257,8 @@ class SolverChain:
                     self._solvers[name] = make_solver(name)
                 return Verified(self._solvers[name].solve(P, q, G, h), name, "; ".join(failed))
             except (SolverError, ConfigurationError) as error:
-                # Infeasible too, which is wrong here; and a fallback whose package is broken on this machine
+                # Infeasible too, which is wrong here; and a fallback whose package is broken on
+                # this machine
                 self.failures[name] += 1
                 failed.append(str(error))
         raise SolverError("no solver gave an answer that passes the check: " + "; ".join(failed))

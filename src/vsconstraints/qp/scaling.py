@@ -1,4 +1,6 @@
-"""Quadratic programs in variables and rows of unit size, so that any solver can answer them well."""
+"""Quadratic programs in variables and rows of unit size, so that any solver can answer them
+well.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from ..rows import Array
 
 
 class Equilibrated(NamedTuple):
-    """A program min ½zᵀPz + qᵀz subject to Gz ≤ h with x = columns · z, and the factors of columns (n,) and rows (m,).
+    """A program min ½zᵀPz + qᵀz subject to Gz ≤ h with x = columns · z, and the factors of columns
+    (n,) and rows (m,).
 
-    The weights of a hierarchy make the columns of G differ by the square root of the damping. First-order methods crawl
-    on such problems, and what they do about scaling on their own was measured not to help: with columns of ratio 1e4,
-    OSQP solved 41 of 60 problems as they come and 94 of 97 equilibrated; ProxQP 234 of 271 as they come, and 264
-    equilibrated and with a smaller first penalty parameter.
+    The weights of a hierarchy make the columns of G differ by the square root of the damping.
+    First-order methods crawl on such problems, and what they do about scaling on their own was
+    measured not to help: with columns of ratio 1e4, OSQP solved 41 of 60 problems as they come and
+    94 of 97 equilibrated; ProxQP 234 of 271 as they come, and 264 equilibrated and with a smaller
+    first penalty parameter.
     """
 
     P: Array
@@ -35,7 +39,9 @@ def equilibrate(P: Array, q: Array, G: Array, h: Array) -> Equilibrated:
     columns = _inverse(np.sqrt(np.einsum("ij,ij->j", G, G)))
     scaled = G * columns
     rows = _inverse(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)))
-    return Equilibrated(P * columns * columns[:, None], q * columns, scaled * rows[:, None], h * rows, columns, rows)
+    return Equilibrated(
+        P * columns * columns[:, None], q * columns, scaled * rows[:, None], h * rows, columns, rows
+    )
 
 
 def _inverse(norms: Array) -> Array:
@@ -44,10 +50,11 @@ def _inverse(norms: Array) -> Array:
 
 
 class Scaled(NamedTuple):
-    """Rows G u ≤ h of unit norm, with −1 the smallest entry of h, v = size · u, and the norms (m,) they had.
+    """Rows G u ≤ h of unit norm, with −1 the smallest entry of h, v = size · u, and the norms (m,)
+    they had.
 
-    The origin is then excluded by a unit distance, so that in min ½‖u‖² a solver's absolute tolerances mean the same
-    for every robot, unit and row. The minimiser stays the same.
+    The origin is then excluded by a unit distance, so that in min ½‖u‖² a solver's absolute
+    tolerances mean the same for every robot, unit and row. The minimiser stays the same.
     """
 
     G: Array

@@ -1,4 +1,6 @@
-"""A difference of two comparisons as Markdown: what got worse, what changed, and which runs to look at."""
+"""A difference of two comparisons as Markdown: what got worse, what changed, and which runs to look
+at.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ from .page import render
 
 TIMES = ("step_time_median_us", "step_time_p99_us", "rows_time_median_us")
 #: Runs that are named, lines of the table of metrics, names in a cell, and characters of a setting.
-MAX_RUNS, MAX_LINES, MAX_NAMES, MAX_LENGTH = 10, 100, 3, 60
+MAX_RUNS = 10
+MAX_LINES = 100
+MAX_NAMES = 3
+MAX_LENGTH = 60
 
 
 def page(found: Difference) -> str:
@@ -48,9 +53,15 @@ def page(found: Difference) -> str:
 def verdict(found: Difference) -> str:
     """What got worse, line by line, and what got better."""
     if not found.pairs.differ.any():
-        return f"All {len(found.pairs.differ)} runs that both have are the same, but for their times."
+        return (
+            f"All {len(found.pairs.differ)} runs that both have are the same, but for their times."
+        )
     worse = found.worse
-    better = [each for each, p in found.found if significant(p) and not each.for_worse and each not in worse]
+    better = [
+        each
+        for each, p in found.found
+        if significant(p) and not each.for_worse and each not in worse
+    ]
     lines = []
     for word, those in (("Worse", worse), ("Better", better)):
         lines += [f"{word}: {_sentence(each, found.confidence)}" for each in those[:MAX_RUNS]]
@@ -62,9 +73,13 @@ def verdict(found: Difference) -> str:
 def _sentence(found: Outcome | Shift, confidence: float) -> str:
     group = ", ".join((bold(plain(found.group.law)), *map(plain, found.group.place)))
     if isinstance(found, Outcome):
-        return f"{group}: {found.what} in {found.after} of {len(found.group.positions)} runs, before in {found.before}"
+        return (
+            f"{group}: {found.what} in {found.after} of {len(found.group.positions)} runs, "
+            f"before in {found.before}"
+        )
     return (
-        f"{group}: {found.metric.header} by {_moved(found, confidence)} in the median where runs differ; "
+        f"{group}: {found.metric.header} by {_moved(found, confidence)} in the median where runs "
+        f"differ; "
         f"worse in {found.worse}, better in {found.better} of {found.of}"
     )
 
@@ -77,12 +92,23 @@ def _names(change: Change) -> str:
 
 def _value(value: Any) -> str:
     text = str(value)
-    return DASH if value is None else plain(text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}…")
+    return (
+        DASH
+        if value is None
+        else plain(text if len(text) <= MAX_LENGTH else f"{text[:MAX_LENGTH]}…")
+    )
 
 
 def _named(runs: Any) -> str:
     more = f", and {len(runs) - MAX_RUNS} more" if len(runs) > MAX_RUNS else ""
-    return plain("; ".join(", ".join(map(str, run)) for run in runs.head(MAX_RUNS).itertuples(index=False))) + more
+    return (
+        plain(
+            "; ".join(
+                ", ".join(map(str, run)) for run in runs.head(MAX_RUNS).itertuples(index=False)
+            )
+        )
+        + more
+    )
 
 
 def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
@@ -90,7 +116,10 @@ def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
     for position in outcome.lost[:MAX_RUNS]:
         run = found.pairs.b.iloc[position]
         name = ", ".join(map(str, found.pairs.b.index[position]))
-        why = (f"violated {run['violated']}" if outcome.what == "stays inside" else run["status"]), run["reason"]
+        why = (
+            (f"violated {run['violated']}" if outcome.what == "stays inside" else run["status"]),
+            run["reason"],
+        )
         yield f"{plain(name)} no longer {outcome.what}: {plain('; '.join(filter(None, why)))}"
     if len(outcome.lost) > MAX_RUNS:
         yield f"{len(outcome.lost) - MAX_RUNS} more of {plain(outcome.group)}"
@@ -102,7 +131,8 @@ def _times(found: Difference) -> Iterator[tuple[Any, ...]]:
             a, b = (runs[column].to_numpy(dtype=float) for runs in (group.a, group.b))
             exist = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
             if exist.any():
-                a, b = a[exist], b[exist]
+                a = a[exist]
+                b = b[exist]
                 medians = (number(float(np.median(each))) for each in (a, b, b / a))
                 yield group, column, *medians
 

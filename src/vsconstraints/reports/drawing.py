@@ -1,4 +1,6 @@
-"""Which scenarios and runs a report shows, and their figures and replays; an error costs one figure."""
+"""Which scenarios and runs a report shows, and their figures and replays; an error costs one
+figure.
+"""
 
 from __future__ import annotations
 
@@ -28,15 +30,20 @@ from .replay import write_replay
 from .replay.runs import run_of
 from .results import Results, RowsShown, clean
 
-IN_PROCESS = 2  # up to this many scenarios are drawn in this process: starting others takes about as long
+# up to this many scenarios are drawn in this process: starting others takes about as long
+IN_PROCESS = 2
 REPLAYS = "replays"  # folder below that of the comparison
 #: A suite with more figures than the first shows only those of so many scenarios.
-MAX_FIGURES, MAX_SCENARIOS = 48, 3
-TRIAL_SHOWN = 0  #: The trial that figures and replays show: the one that starts where the scenario says.
+MAX_FIGURES = 48
+MAX_SCENARIOS = 3
+#: The trial that figures and replays show: the one that starts where the scenario says.
+TRIAL_SHOWN = 0
 
 
 def shown_scenarios(results: Results) -> tuple[str, ...]:
-    """All scenarios of a small suite; of a large one those on which controllers differ most, then the most violated."""
+    """All scenarios of a small suite; of a large one those on which controllers differ most, then
+    the most violated.
+    """
 
     def weight(scenario: str) -> tuple[int, float]:
         runs = [results.runs(scenario, name) for name in results.competitors]
@@ -51,16 +58,28 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
 
 
 def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
-    """The controller with the deepest violation, or tracking alone; and the clean one with the greatest utilization."""
+    """The controller with the deepest violation, or tracking alone; and the clean one with the
+    greatest utilization.
+    """
     lines = {
         name: line
         for name in results.controllers
         for line in results.runs(scenario, name)
         if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0
     }
-    depths = {name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines}
-    used = {name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0)) for name in depths if clean(lines[name])}
-    worst = max((name for name in depths if depths[name] > 0.0), key=lambda name: depths[name], default=BASELINE)
+    depths = {
+        name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines
+    }
+    used = {
+        name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0))
+        for name in depths
+        if clean(lines[name])
+    }
+    worst = max(
+        (name for name in depths if depths[name] > 0.0),
+        key=lambda name: depths[name],
+        default=BASELINE,
+    )
     best = max(used, key=lambda name: used[name], default=worst)
     return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
 
@@ -69,7 +88,8 @@ def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
 class ScenarioJob:
     """The figures of one scenario: one of each kind for each group of controllers.
 
-    ``finished`` are the controllers that have a line in results.csv for the shown trial; ``rows`` those that are drawn.
+    ``finished`` are the controllers that have a line in results.csv for the shown trial; ``rows``
+    those that are drawn.
     """
 
     folder: Path
@@ -82,15 +102,19 @@ class ScenarioJob:
 
     def files(self) -> dict[str, Path]:
         """The trajectories, by controller."""
-        return {name: run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN) for name in self.finished}
+        return {
+            name: run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN)
+            for name in self.finished
+        }
 
 
 @dataclass
 class Drawn:
     """The figures of one scenario.
 
-    ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them; ``problems`` are sentences on what
-    is missing; ``first_outside`` says when a controller first violates a row [s]; ``replay`` is a link.
+    ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them; ``problems``
+    are sentences on what is missing; ``first_outside`` says when a controller first violates a row
+    [s]; ``replay`` is a link.
     """
 
     files: list[str] = field(default_factory=list)
@@ -100,15 +124,28 @@ class Drawn:
     replay: str = ""
 
 
-def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suffix: str = "", remark: str = "") -> str:
-    """Draw a figure, whose name ends in ``suffix``, and show it with its caption; on an error, say so instead."""
+def picture(
+    figure: Figure,
+    folder: Path,
+    formats: Formats,
+    *needed: object,
+    suffix: str = "",
+    remark: str = "",
+) -> str:
+    """Draw a figure, whose name ends in ``suffix``, and show it with its caption; on an error, say
+    so instead.
+    """
     file = figure.file_in(formats, suffix)
     try:
         folder.mkdir(exist_ok=True)
         shown = figure.write(folder / file, *needed, formats=formats)
     except Exception as error:  # a figure must not cost the report
         return _not_drawn(figure, error)
-    return _shown(figure.title[0].upper() + figure.title[1:], file, figure.caption + remark) if shown else ""
+    return (
+        _shown(figure.title[0].upper() + figure.title[1:], file, figure.caption + remark)
+        if shown
+        else ""
+    )
 
 
 def _shown(title: str, file: str, caption: str) -> str:
@@ -123,19 +160,32 @@ def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
     """The jobs that draw these scenarios of a stored comparison, or all."""
-    jobs, stored = [], results.stored
+    jobs = []
+    stored = results.stored
     for name in results.scenarios if scenarios is None else scenarios:
         lines = {law: results.runs(name, law) for law in results.controllers}
-        finished = tuple(law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own))
-        rows, scenario = results.rows_shown(name), stored.scenarios[name]
-        jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, results.seed, rows, formats))
+        finished = tuple(
+            law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own)
+        )
+        rows = results.rows_shown(name)
+        scenario = stored.scenarios[name]
+        jobs.append(
+            ScenarioJob(
+                stored.folder, scenario, results.groups, finished, results.seed, rows, formats
+            )
+        )
     return jobs
 
 
 def draw_all(
-    results: Results, scenarios: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]
+    results: Results,
+    scenarios: Sequence[str],
+    formats: Formats,
+    on_drawn: Callable[[int, int], None],
 ) -> tuple[str, dict[str, Drawn]]:
-    """Draw the figures of the comparison, whose text is returned, and of these scenarios; failures are reported."""
+    """Draw the figures of the comparison, whose text is returned, and of these scenarios; failures
+    are reported.
+    """
     jobs = scenario_jobs(results, scenarios, formats)
     calls: dict[Any, tuple[Any, ...]] = {job.scenario.name: (draw_scenario, job) for job in jobs}
     calls[None] = draw_overview, results, results.stored.folder / "figures", formats
@@ -144,7 +194,11 @@ def draw_all(
     for name, one in drawn.items():
         if isinstance(one, Failure):
             why = f"could not be drawn: {one.reason}."
-            drawn[name] = Drawn(problems=[f"Its figures {why}"]) if name else f"The figure of all scenarios {why}"
+            drawn[name] = (
+                Drawn(problems=[f"Its figures {why}"])
+                if name
+                else f"The figure of all scenarios {why}"
+            )
     return drawn.pop(None), drawn
 
 
@@ -154,7 +208,9 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
     """Draw what can be drawn; an error in one figure leaves out only that one, and is reported."""
-    drawn, setup, name = Drawn(), None, job.scenario.name
+    drawn = Drawn()
+    setup = None
+    name = job.scenario.name
     runs = stored_runs(job, drawn)
     try:
         setup = job.scenario.setup(TRIAL_SHOWN, job.seed) if runs else None
@@ -162,11 +218,15 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
         why = f"{type(error).__name__}: {error}"
         shown = "the figures show no goals and no boundaries"
         drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
-    views = {group: View(setup, runs, group.controllers, job.rows.phi) for group in job.groups if runs}
+    views = {
+        group: View(setup, runs, group.controllers, job.rows.phi) for group in job.groups if runs
+    }
     for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
-        view = replace(view, lane_rows=acting_in(job.rows.lanes, [runs[law] for law in view.competitors]))
+        view = replace(
+            view, lane_rows=acting_in(job.rows.lanes, [runs[law] for law in view.competitors])
+        )
         file = f"{name}--{figure.file_in(job.formats, group.suffix)}"
         more = f" {job.rows.hidden} further rows acted for a shorter time and are not shown."
         caption = f"{figure.caption}{more if figure.name == 'phi' and job.rows.hidden else ''}"
@@ -180,7 +240,9 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
-    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and first violations."""
+    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and
+    first violations.
+    """
     runs = {}
     for name, path in job.files().items():
         record = RunRecord.load(path, most_samples(job.scenario.tables))
@@ -188,7 +250,9 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
             why = "cannot be read" if path.exists() else "is missing"
             drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
         elif len(record.trajectory.t) < 2:
-            drawn.problems.append(f"The run of {name} left no trajectory; the figures leave it out.")
+            drawn.problems.append(
+                f"The run of {name} left no trajectory; the figures leave it out."
+            )
         else:
             runs[name] = record
             outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
@@ -200,7 +264,11 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
 
 def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
     """Those of these rows that act in any of these runs."""
-    acted = {run.trajectory.labels[i] for run in runs for i in np.flatnonzero(run.trajectory.active.any(axis=0))}
+    acted = {
+        run.trajectory.labels[i]
+        for run in runs
+        for i in np.flatnonzero(run.trajectory.active.any(axis=0))
+    }
     return tuple(label for label in labels if label in acted)
 
 
@@ -209,19 +277,29 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
     remove_stale(folder, figures=(OVERVIEW,))
     texts = []
     for group in results.groups:
-        own, remark = shown_runs(results, group.controllers), ""
+        own = shown_runs(results, group.controllers)
+        remark = ""
         if left_out := sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items()):
-            remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
+            remark += (
+                f" {left_out} runs that did not converge, or were not limited by any row, "
+                f"are left out."
+            )
         needed = results, group.controllers
-        texts.append(picture(OVERVIEW, folder, formats, *needed, suffix=group.suffix, remark=remark))
+        texts.append(
+            picture(OVERVIEW, folder, formats, *needed, suffix=group.suffix, remark=remark)
+        )
     return "\n\n".join(filter(None, texts))
 
 
 def remove_stale(
     folder: Path, kept: Iterable[str] = (), formats: Formats = PNG, figures: Sequence[Figure] = ()
 ) -> None:
-    """Remove what an earlier report left of figures, those of scenarios if none is named, but for these files."""
-    starts = [figure.name for figure in figures] or [f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)]
+    """Remove what an earlier report left of figures, those of scenarios if none is named, but for
+    these files.
+    """
+    starts = [figure.name for figure in figures] or [
+        f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)
+    ]
     but = {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats}
     for start, end in product(starts, (".*", "--*")):
         for path in [*folder.glob(start + end)]:
@@ -230,11 +308,15 @@ def remove_stale(
 
 
 def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:
-    """Write a replay page for each of these scenarios, and link it; an error costs that page only."""
+    """Write a replay page for each of these scenarios, and link it; an error costs that page
+    only.
+    """
     for name in scenarios:
         controllers = replayed_runs(results, name)
         try:
-            runs = [run_of(results.stored, name, controller, TRIAL_SHOWN) for controller in controllers]
+            runs = [
+                run_of(results.stored, name, controller, TRIAL_SHOWN) for controller in controllers
+            ]
             if runs:
                 write_replay(runs, results.stored.folder / REPLAYS / f"{name}.html")
                 link = f"[Replay in a browser]({REPLAYS}/{quote(name)}.html)"

@@ -32,7 +32,8 @@ class FreshRate(NamedTuple):
 
 
 def fresh_rates(fresh: Study, published: Study) -> list[FreshRate]:
-    """Compare the success of each law that both studies have run on the same families, the published best first.
+    """Compare the success of each law that both studies have run on the same families, the
+    published best first.
 
     Raises ConfigurationError if they have no law or no condition in common.
     """
@@ -48,13 +49,19 @@ def fresh_rates(fresh: Study, published: Study) -> list[FreshRate]:
                 p = _p_value(on_fresh, on_published)
                 found.append(FreshRate(law, condition, on_fresh, on_published, p))
     if not found:
-        raise ConfigurationError("the fresh runs have no law and condition in common with the published ones")
+        raise ConfigurationError(
+            "the fresh runs have no law and condition in common with the published ones"
+        )
     return found
 
 
 def _success(study: Study, law: str, condition: str) -> Rate:
     runs = study.runs
-    return rate(runs.loc[(runs["controller"] == law) & (runs[CONDITION] == condition), "success"].astype(bool))
+    return rate(
+        runs.loc[(runs["controller"] == law) & (runs[CONDITION] == condition), "success"].astype(
+            bool
+        )
+    )
 
 
 def _p_value(one: Rate, other: Rate) -> float:
@@ -81,7 +88,8 @@ def fresh_page(fresh: Study, published: Study) -> str:
     verdict = f"differ significantly: {names}" if differing else "differs significantly"
     sentence = (
         f"Success on {rates[0].fresh.of} fresh scenes, with exact 95 % intervals, and on the "
-        f"{rates[0].published.of} published ones. Fisher's exact test, Bonferroni over {len(rates)} "
+        f"{rates[0].published.of} published ones. Fisher's exact test, Bonferroni over "
+        f"{len(rates)} "
         f"comparisons: {len(differing) or 'none'} {verdict}. The smallest p is {lowest.p:.2g} "
         f"({lowest.law}, {lowest.condition})."
     )

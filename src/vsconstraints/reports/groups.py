@@ -16,7 +16,9 @@ MAX_LAWS = 8  #: How many controllers a figure shows beside tracking alone.
 
 
 class Group(NamedTuple):
-    """Laws that are shown together, behind tracking alone where that was run; ``suffix`` ends the names of figures."""
+    """Laws that are shown together, behind tracking alone where that was run; ``suffix`` ends the
+    names of figures.
+    """
 
     controllers: tuple[str, ...]
     suffix: str = ""
@@ -34,9 +36,17 @@ def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
     """Type, options and required information of a controller of a manifest, for a table."""
 
     def text(value: Any) -> Any:
-        return number(value) if isinstance(value, float) else toml_text(value) if isinstance(value, Mapping) else value
+        return (
+            number(value)
+            if isinstance(value, float)
+            else toml_text(value)
+            if isinstance(value, Mapping)
+            else value
+        )
 
-    options = plain(", ".join(f"{key} = {text(value)}" for key, value in entry.items() if key != "type"))
+    options = plain(
+        ", ".join(f"{key} = {text(value)}" for key, value in entry.items() if key != "type")
+    )
     information = information_text(required_information(name, entry))
     return [plain(entry.get("type", name)), options or "defaults", information]
 
@@ -47,10 +57,15 @@ def information_text(required: Sequence[str] | None) -> str:
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
-    """The groups of a suite's controllers in its order, as few and as even as :data:`MAX_LAWS` allows."""
+    """The groups of a suite's controllers in its order, as few and as even as :data:`MAX_LAWS`
+    allows.
+    """
     laws = [name for name in entries if name != BASELINE]
     count = max(-(-len(laws) // MAX_LAWS), 1)
     cuts = [len(laws) * k // count for k in range(count + 1)]
     alone = [name for name in entries if name == BASELINE]
     suffixes = [f"--{k + 1}" if count > 1 else "" for k in range(count)]
-    return tuple(Group((*alone, *laws[a:b]), suffix) for (a, b), suffix in zip(pairwise(cuts), suffixes, strict=True))
+    return tuple(
+        Group((*alone, *laws[a:b]), suffix)
+        for (a, b), suffix in zip(pairwise(cuts), suffixes, strict=True)
+    )

@@ -24,23 +24,35 @@ LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
     char: rf"\ensuremath{{{name}}}"
     for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
 }
-ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}  #: Derivatives: combining characters behind their letter.
-MARKS = {"strong_open": r"\textbf{", "em_open": r"\emph{", "strong_close": "}", "em_close": "}", "softbreak": " "}
+#: Derivatives: combining characters behind their letter.
+ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}
+MARKS = {
+    "strong_open": r"\textbf{",
+    "em_open": r"\emph{",
+    "strong_close": "}",
+    "em_close": "}",
+    "softbreak": " ",
+}
 
 
 def write_tables(report: Path) -> Path:
-    r"""Write each table of a report and of its details to a file of its own; return their folder, ``tables``.
+    r"""Write each table of a report and of its details to a file of its own; return their folder,
+    ``tables``.
 
     Files are named by the heading above their table and its number there. Each is a ``tabular`` for
-    ``\usepackage{booktabs}``, to be put into a ``table`` with a caption. Those of an earlier report are removed.
-    Raises StorageError if they cannot be written.
+    ``\usepackage{booktabs}``, to be put into a ``table`` with a caption. Those of an earlier report
+    are removed. Raises StorageError if they cannot be written.
     """
     folder = report.parent / FOLDER
     try:
         folder.mkdir(exist_ok=True)
         for old in folder.glob("*.tex"):
             old.unlink()
-        parts = [part.read_text(encoding="utf-8") for part in (report, details_of(report)) if part.is_file()]
+        parts = [
+            part.read_text(encoding="utf-8")
+            for part in (report, details_of(report))
+            if part.is_file()
+        ]
         for name, text in latex_tables("\n".join(parts)):
             with replaced(folder / f"{name}.tex") as part:
                 part.write_text(text, encoding="utf-8")
@@ -51,27 +63,46 @@ def write_tables(report: Path) -> Path:
 
 def latex_tables(markdown: str) -> Iterator[tuple[str, str]]:
     """Names and texts of the tables of a text in Markdown, in their order."""
-    name, columns, cells, count = "table", "", list[str](), Counter[str]()
+    name = "table"
+    columns = ""
+    cells = list[str]()
+    count = Counter[str]()
     lines: list[str] = []
     tokens = parser().parse(markdown)
     for token, following in zip(tokens, [*tokens[1:], None], strict=True):
         if token.type == "heading_open" and following:
             name = re.sub(r"[^a-z0-9]+", "-", following.content.lower()).strip("-") or "table"
         elif token.type in ("th_open", "td_open") and following:
-            columns += ("r" if "right" in str(token.attrGet("style")) else "l") if token.type == "th_open" else ""
+            columns += (
+                ("r" if "right" in str(token.attrGet("style")) else "l")
+                if token.type == "th_open"
+                else ""
+            )
             cells.append(_inline(following))
         elif token.type == "tr_close":
             lines.append(" & ".join(cells) + r" \\")
             cells = []
         elif token.type == "table_close":
             count[name] += 1
-            parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
-            yield f"{name}-{count[name]}", "\n".join([*parts, r"\bottomrule", r"\end{tabular}"]) + "\n"
-            columns, lines = "", []
+            parts = [
+                rf"\begin{{tabular}}{{{columns}}}",
+                r"\toprule",
+                lines[0],
+                r"\midrule",
+                *lines[1:],
+            ]
+            yield (
+                f"{name}-{count[name]}",
+                "\n".join([*parts, r"\bottomrule", r"\end{tabular}"]) + "\n",
+            )
+            columns = ""
+            lines = []
 
 
 def latex(text: str) -> str:
-    """A line of Markdown as LaTeX: emphasis stays, of a link its text, and nothing of it is a command."""
+    """A line of Markdown as LaTeX: emphasis stays, of a link its text, and nothing of it is a
+    command.
+    """
     return _inline(parser().parseInline(text)[0])
 
 
@@ -81,10 +112,15 @@ def _inline(token: Token) -> str:
         if child.type == "code_inline":
             parts.append(rf"\texttt{{{_escaped(child.content.strip())}}}")
         else:
-            parts.append(MARKS.get(child.type) or (_escaped(child.content) if child.type == "text" else ""))
+            parts.append(
+                MARKS.get(child.type) or (_escaped(child.content) if child.type == "text" else "")
+            )
     return "".join(parts)
 
 
 def _escaped(text: str) -> str:
-    pieces = ((LATEX.get(char, char), accent) for char, accent in re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL))
+    pieces = (
+        (LATEX.get(char, char), accent)
+        for char, accent in re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL)
+    )
     return "".join(f"{ACCENTS[accent]}{{{char}}}" if accent else char for char, accent in pieces)

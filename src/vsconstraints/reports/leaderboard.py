@@ -1,4 +1,6 @@
-"""The leaderboard: laws of several tables on all held-out scenes of the test set, checked and put in order."""
+"""The leaderboard: laws of several tables on all held-out scenes of the test set, checked and put
+in order.
+"""
 
 from __future__ import annotations
 
@@ -20,25 +22,38 @@ CONDITIONS = ("nominal", DISTURBED, "limited")  #: What every table has to have 
 
 
 def demand_whole(study: Study, testset: TestSet, where: str) -> None:
-    """Raise ConfigurationError that names what a table has not run, or what contradicts itself in it."""
+    """Raise ConfigurationError that names what a table has not run, or what contradicts itself in
+    it.
+    """
     for family in testset.families:
         file = FILE.format(family.name, HALF)
-        known, own = family.tables["frozen"][HALF], study.frozen.get(family.name, {})
-        if {key: own.get(key) for key in ("seed", "sha256")} != {key: known[key] for key in ("seed", "sha256")}:
-            raise ConfigurationError(f"{where}: {file} of test set {testset.version} is not what it has run")
+        known = family.tables["frozen"][HALF]
+        own = study.frozen.get(family.name, {})
+        if {key: own.get(key) for key in ("seed", "sha256")} != {
+            key: known[key] for key in ("seed", "sha256")
+        }:
+            raise ConfigurationError(
+                f"{where}: {file} of test set {testset.version} is not what it has run"
+            )
     _demand_scenes(study, testset, where)
     runs = study.runs.fillna({"violation_fraction": 0.0})  # of a run that failed at once
     wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
-    wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (runs["violation_fraction"] <= TOLERANT)
+    wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (
+        runs["violation_fraction"] <= TOLERANT
+    )
     wrong |= (runs["violated"] == "") != (runs["violation_fraction"] <= NEGLIGIBLE)
     if wrong.any():
         first = runs[wrong].iloc[0]
         run = f"{first['family']} {first['scene']}, {first[CONDITION]}, {first['controller']}"
-        raise ConfigurationError(f"{where}: success, status and violations of {run} contradict each other")
+        raise ConfigurationError(
+            f"{where}: success, status and violations of {run} contradict each other"
+        )
 
 
 def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
-    """Raise ConfigurationError unless all held-out scenes are there, and no scene that the test set does not have."""
+    """Raise ConfigurationError unless all held-out scenes are there, and no scene that the test set
+    does not have.
+    """
     families = {family.name: family for family in testset.families}
     groups = study.runs[["family", "half", CONDITION]].drop_duplicates()
     for family_name, half, condition in groups.itertuples(index=False):
@@ -58,17 +73,20 @@ def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
                     f"they are numbered from 0 to {len(scenes) - 1}"
                 )
             if condition in CONDITIONS and (missing := sorted(scenes - there)):
-                raise ConfigurationError(f"{where}: {len(missing)} {which}, are missing, such as scene {missing[0]}")
+                raise ConfigurationError(
+                    f"{where}: {len(missing)} {which}, are missing, such as scene {missing[0]}"
+                )
 
 
 def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
     """A table in Markdown, of which ``studies`` are those by the names of who made them.
 
-    Laws stand in the order of their success in all scenes of all conditions, by the strict standard; a further column
-    has success with disturbances by the tolerant one. Two of one name are told apart by who made them. Raises
-    ConfigurationError as :func:`demand_whole`.
+    Laws stand in the order of their success in all scenes of all conditions, by the strict
+    standard; a further column has success with disturbances by the tolerant one. Two of one name
+    are told apart by who made them. Raises ConfigurationError as :func:`demand_whole`.
     """
-    parts, of = [], dict[str, tuple[str, Study, str]]()
+    parts = []
+    of = dict[str, tuple[str, Study, str]]()
     for who, study in studies.items():
         demand_whole(study, testset, who)
         names = {law: law if law not in of else f"{law} ({who})" for law in study.laws}
@@ -82,10 +100,21 @@ def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
     ]
     by_condition.sort(key=lambda one: CONDITIONS.index(one.condition))
     disturbed = runs[runs[CONDITION] == DISTURBED]
-    tolerated = ranked(disturbed.pivot(index=SCENE, columns="controller", values="tolerant_success"), DISTURBED)
+    tolerated = ranked(
+        disturbed.pivot(index=SCENE, columns="controller", values="tolerant_success"), DISTURBED
+    )
     families = disturbed.groupby(["controller", "family"])["success"].mean().unstack()
-    order = runs.groupby("controller")["success"].mean().sort_values(ascending=False, kind="stable").index
-    texts = {"condition_text": condition_text, "information_text": information_text, "tolerant": TOLERANT}
+    order = (
+        runs.groupby("controller")["success"]
+        .mean()
+        .sort_values(ascending=False, kind="stable")
+        .index
+    )
+    texts = {
+        "condition_text": condition_text,
+        "information_text": information_text,
+        "tolerant": TOLERANT,
+    }
     laws = {law: of[law] for law in order}
     facts = {"rankings": by_condition, "tolerated": tolerated, "families": families, "laws": laws}
     return render("leaderboard.md", **facts, **texts).rstrip("\n")

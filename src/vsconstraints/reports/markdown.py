@@ -1,4 +1,6 @@
-"""Markdown that is also readable as plain text: tables, and text that has no effect as Markdown or HTML."""
+"""Markdown that is also readable as plain text: tables, and text that has no effect as Markdown or
+HTML.
+"""
 
 from __future__ import annotations
 
@@ -8,35 +10,46 @@ from itertools import pairwise
 
 from rich.cells import cell_len
 
-MAX_COLUMNS = 9  #: A table with more columns is several, each of which begins with the first column.
+#: A table with more columns is several, each of which begins with the first column.
+MAX_COLUMNS = 9
 
 
 class Table(str):
-    """A table as Markdown text, empty without lines; its first ``text_columns`` are aligned left, the others right."""
+    """A table as Markdown text, empty without lines; its first ``text_columns`` are aligned left,
+    the others right.
+    """
 
     #: Texts of its cells.
     header: Sequence[str]
     lines: Sequence[Sequence[str]]
 
-    def __new__(cls, header: Sequence[str], lines: Iterable[Sequence[str]], text_columns: int = 1) -> Table:
+    def __new__(
+        cls, header: Sequence[str], lines: Iterable[Sequence[str]], text_columns: int = 1
+    ) -> Table:
         """Of cells in Markdown."""
         lines = [list(line) for line in lines]
         count = max(1, -(-(len(header) - 1) // (MAX_COLUMNS - 1)))
         cuts = [1 + (len(header) - 1) * k // count for k in range(count + 1)]
         parts = [[0, *range(*ends)] for ends in pairwise(cuts)]
         blocks = [
-            _aligned([[line[k] for k in part] for line in (header, *lines)], sum(k < text_columns for k in part))
+            _aligned(
+                [[line[k] for k in part] for line in (header, *lines)],
+                sum(k < text_columns for k in part),
+            )
             for part in parts
             if lines
         ]
         table = super().__new__(cls, "\n\n".join(blocks))
-        table.header, table.lines = header, lines
+        table.header = header
+        table.lines = lines
         return table
 
 
 def _aligned(lines: Sequence[Sequence[str]], left: int) -> str:
     # a bar ends a cell even inside code
-    cells = [[re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in line] for line in lines]
+    cells = [
+        [re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in line] for line in lines
+    ]
     widths = [max(3, *map(cell_len, column)) for column in zip(*cells, strict=True)]
     rule = [":" + "-" * (w - 1) if k < left else "-" * (w - 1) + ":" for k, w in enumerate(widths)]
 
@@ -62,7 +75,9 @@ def code(text: str) -> str:
 
 
 def plain(text: object) -> str:
-    """Text from elsewhere, such as an error message, on one line and without effect as Markdown or HTML."""
+    """Text from elsewhere, such as an error message, on one line and without effect as Markdown or
+    HTML.
+    """
     escaped = re.sub(r"([\\`*\[\]|~]|\b_|_\b|^#)", r"\\\1", " ".join(str(text).split()))
     return escaped.replace("<", "&lt;").replace(">", "&gt;")
 
@@ -78,6 +93,8 @@ def enumeration(names: Sequence[str]) -> str:
 
 
 def first_names(names: Iterable[str], most: int) -> list[str]:
-    """Different names, or the first of them and how many more there are, where they are more than ``most``."""
+    """Different names, or the first of them and how many more there are, where they are more than
+    ``most``.
+    """
     names = list(dict.fromkeys(names))
     return names if len(names) <= most else [*names[: most - 1], f"{len(names) - most + 1} more"]

@@ -70,7 +70,9 @@ def largest(values: Sequence[float]) -> float:
 
 
 def over_trials(values: Sequence[float], show: Format = number) -> str:
-    """One value, or ``median [least–greatest]`` of several that differ as shown; a dash if none is finite."""
+    """One value, or ``median [least–greatest]`` of several that differ as shown; a dash if none is
+    finite.
+    """
     exist = [value for value in values if math.isfinite(value)]
     middle = show(median(exist))
     if not exist or show(min(exist)) == show(max(exist)):

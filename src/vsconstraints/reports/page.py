@@ -1,4 +1,6 @@
-"""A report as Markdown and as a page for a browser or a phone; details are folded, or in a second file."""
+"""A report as Markdown and as a page for a browser or a phone; details are folded, or in a second
+file.
+"""
 
 from __future__ import annotations
 
@@ -22,21 +24,38 @@ from .markdown import Table, bold, bullets, code, enumeration, first_names, plai
 from .numbers import DASH, median, number, of_length, over_trials, percent, percentage
 
 TEMPLATES = Path(__file__).parent / "templates"
-#: Where figures are: beside the page. An address of anything else in a network would tell who reads it.
+#: Where figures are: beside the page. An address of anything else in a network would tell who reads
+#: it.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
-ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')  #: A place that links lead to; with details the only HTML of a report.
+#: A place that links lead to; with details the only HTML of a report.
+ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')
 NUMBER = r"[<≈±]?[−-]?\d[\d.]*(?:e[−-]?\d+)?"
-#: What is not broken at the end of a line: intervals, ranges, and whatever is a number and nothing else.
-WHOLE = re.compile(rf"\([−\d][−\d.– to%]*\)|[(\[]?{NUMBER}(?:–{NUMBER})+[)\]]?|^[(\[]?{NUMBER}[)\]]?$")
-DETAILS = re.compile(r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
+#: What is not broken at the end of a line: intervals, ranges, and whatever is a number and nothing
+#: else.
+WHOLE = re.compile(
+    rf"\([−\d][−\d.– to%]*\)|[(\[]?{NUMBER}(?:–{NUMBER})+[)\]]?|^[(\[]?{NUMBER}[)\]]?$"
+)
+DETAILS = re.compile(
+    r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL
+)
 MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
 
 
 def render(template: str, **context: Any) -> str:
-    """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain`` or ``code``."""
-    options: dict[str, Any] = {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options)
-    environment.filters |= {one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)}
+    """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain``
+    or ``code``.
+    """
+    options: dict[str, Any] = {
+        "undefined": StrictUndefined,
+        "trim_blocks": True,
+        "lstrip_blocks": True,
+    }
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), extensions=["jinja2.ext.do"], **options
+    )
+    environment.filters |= {
+        one.__name__: one for one in (bold, bullets, code, enumeration, number, percentage, plain)
+    }
     environment.filters["table"] = _table
     environment.globals |= {
         one.__name__: one for one in (counted, first_names, median, of_length, over_trials, percent)
@@ -48,22 +67,29 @@ def render(template: str, **context: Any) -> str:
 
 def _table(text: str, text_columns: int = 1) -> str:
     """Lines of cells with ¦ between them as a table; nothing without lines below the first."""
-    header, *lines = ([cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip())
+    header, *lines = (
+        [cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip()
+    )
     return f"{Table(header, lines, text_columns)}\n" if lines else ""
 
 
 def render_html(template: str, **context: Any) -> str:
     """The text of an HTML template, in which values are escaped."""
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     inline = parser(html=False).renderInline  # which escapes HTML
     environment.filters |= {"percentage": percentage, "markdown": lambda text: Markup(inline(text))}
     return environment.get_template(template).render(context)
 
 
-def write_pages(report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> None:
+def write_pages(
+    report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write a report without its details, :func:`details_of` it, and its page; raises OSError.
 
-    ``interactive`` is HTML that stands in the page, and there unfolded, instead of the details of that summary.
+    ``interactive`` is HTML that stands in the page, and there unfolded, instead of the details of
+    that summary.
     """
     title = text.partition("\n")[0]
     short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
@@ -101,11 +127,13 @@ def parser(html: bool = True) -> MarkdownIt:
 
 
 def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
-    """A report in Markdown as one HTML file without anything from a network; see :func:`write_pages`.
+    """A report in Markdown as one HTML file without anything from a network; see
+    :func:`write_pages`.
 
-    The only script that it runs is that of its ``interactive`` parts, which are HTML and not escaped: whatever else
-    looks like HTML is shown as it stands, but for anchors and details. Figures, tables and replays are found beside the
-    page. Where a window is too narrow for a table, its lines are shown as lists of headings and values.
+    The only script that it runs is that of its ``interactive`` parts, which are HTML and not
+    escaped: whatever else looks like HTML is shown as it stands, but for anchors and details.
+    Figures, tables and replays are found beside the page. Where a window is too narrow for a table,
+    its lines are shown as lists of headings and values.
     """
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
@@ -119,13 +147,22 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
         elif summary in interactive:
             tokens.append(Token("html_block", "", 0, content=interactive[summary]))
         else:
-            tokens.append(Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n"))
+            tokens.append(
+                Token("html_block", "", 0, content=f"<details><summary>{summary}</summary>\n")
+            )
             tokens += [*markdown.parse(part), Token("html_block", "", 0, content="</details>\n")]
     headings = _labelled(tokens, set(ANCHOR.findall(text)))
-    first = next((k for k, one in enumerate(tokens) if (one.type, one.tag) == ("heading_open", "h2")), len(tokens))
-    halves = (markdown.renderer.render(part, markdown.options, {}) for part in (tokens[:first], tokens[first:]))
+    first = next(
+        (k for k, one in enumerate(tokens) if (one.type, one.tag) == ("heading_open", "h2")),
+        len(tokens),
+    )
+    halves = (
+        markdown.renderer.render(part, markdown.options, {})
+        for part in (tokens[:first], tokens[first:])
+    )
     before, after = (
-        re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half) for half in halves
+        re.sub(r"&lt;(a id=)&quot;([\w.%-]+)&quot;&gt;&lt;/a&gt;", r'<\1"\2"></a>', half)
+        for half in halves
     )
     listed = [one for one in headings if one["tag"] in ("h2", "h3")]
     script = (TEMPLATES / "heat-map.js").read_text(encoding="utf-8") if interactive else ""
@@ -142,7 +179,9 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
 
 
 def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
-    """A figure as a link to its file, so that it can be enlarged on a phone; pictures from elsewhere as text."""
+    """A figure as a link to its file, so that it can be enlarged on a phone; pictures from
+    elsewhere as text.
+    """
     source = str(tokens[k].attrs["src"])
     if not BESIDE.fullmatch(source):
         return escapeHtml(f"![{tokens[k].content}]({source})")
@@ -159,7 +198,8 @@ def _slug(heading: str) -> str:
 
 
 def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
-    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where that is not taken.
+    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where
+    that is not taken.
 
     Every cell gets the heading of its column, and every table whether it fits a phone.
     """
@@ -168,12 +208,17 @@ def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
     for k, token in enumerate(tokens):
         if token.type == "heading_open":
             slug = _slug(text := _plain(tokens[k + 1]))
-            name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
+            name = next(
+                one
+                for n in range(len(tokens))
+                if (one := f"{slug}-{n}" if n else slug) not in taken
+            )
             taken.add(name)
             token.attrSet("id", name)
             headings.append({"tag": token.tag, "text": text, "name": name})
         elif token.type == "table_open":
-            table, header = token, []
+            table = token
+            header = []
         elif token.type == "th_open":
             header.append(_plain(tokens[k + 1]))
         elif token.type == "thead_close":
@@ -187,5 +232,8 @@ def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
 
 def _plain(inline: Token) -> str:
     """What a line says, without emphasis, links and places."""
-    texts = (child.content if child.type in ("text", "code_inline") else " " for child in inline.children or [])
+    texts = (
+        child.content if child.type in ("text", "code_inline") else " "
+        for child in inline.children or []
+    )
     return " ".join(ANCHOR.sub("", "".join(texts)).split())

@@ -32,16 +32,18 @@ def write_report(
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, details.md, both as report.html, and the figures of a stored comparison; returns report.md.
+    """Write report.md, details.md, both as report.html, and the figures of a stored comparison;
+    returns report.md.
 
-    The same comparison gives the same text, byte for byte; what is missing in the folder is named and left out. Without
-    ``figures`` those that are there stay as they are; ``all_figures`` draws every scenario of a large suite, not only
-    those on which controllers differ most; the report shows the first of the ``formats``; ``replays`` adds pages with
-    runs in motion. Only with ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called are
-    ``on_drawn`` with how many scenarios, and the comparison as one more, have their figures and how many there are,
-    ``on_remark`` with warnings. Raises
-    ConfigurationError if there is no comparison in the folder, it is not what was stored, another process is storing
-    one, or the extra ``replay`` is needed, and StorageError if the report cannot be written.
+    The same comparison gives the same text, byte for byte; what is missing in the folder is named
+    and left out. Without ``figures`` those that are there stay as they are; ``all_figures`` draws
+    every scenario of a large suite, not only those on which controllers differ most; the report
+    shows the first of the ``formats``; ``replays`` adds pages with runs in motion. Only with
+    ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called are
+    ``on_drawn`` with how many scenarios, and the comparison as one more, have their figures and how
+    many there are, ``on_remark`` with warnings. Raises ConfigurationError if there is no comparison
+    in the folder, it is not what was stored, another process is storing one, or the extra
+    ``replay`` is needed, and StorageError if the report cannot be written.
     """
     if replays:
         demand("replay")
@@ -52,7 +54,8 @@ def write_report(
     with locked(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else shown_scenarios(results)
-            overview, drawn = "", {name: Drawn() for name in results.scenarios}
+            overview = ""
+            drawn = {name: Drawn() for name in results.scenarios}
             if figures:
                 place = folder / "figures"
                 place.mkdir(exist_ok=True)
@@ -67,9 +70,13 @@ def write_report(
 
 
 def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = "") -> str:
-    """The report in Markdown, details included, with the drawn figures of scenarios and of the whole comparison."""
+    """The report in Markdown, details included, with the drawn figures of scenarios and of the
+    whole comparison.
+    """
     leading = [name for name, good in results.clean.items() if good == max(results.clean.values())]
-    robots = [name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))]
+    robots = [
+        name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))
+    ]
     return render(
         "comparison.md",
         results=results,
@@ -79,11 +86,15 @@ def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = ""
         parts=scenario,
         robots=robots,
         violates=sum(bool(violated(run)) for run in results.all_runs(BASELINE)),
-        leading=leading if len(leading) < len(results.competitors) and results.challenged_scenarios else [],
+        leading=leading
+        if len(leading) < len(results.competitors) and results.challenged_scenarios
+        else [],
         overview=overview,
         drawn=drawn,
         nothing=Drawn(),
-        readings=[figure.reading for figure in FIGURES] if any(one.files for one in drawn.values()) else [],
+        readings=[figure.reading for figure in FIGURES]
+        if any(one.files for one in drawn.values())
+        else [],
         definitions=DEFINITIONS,
         metrics=METRICS,
         tolerances=TOLERANCES,

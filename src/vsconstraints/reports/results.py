@@ -1,4 +1,6 @@
-"""A stored comparison as reports look at it: by scenario, controller and row; and which value is the best."""
+"""A stored comparison as reports look at it: by scenario, controller and row; and which value is
+the best.
+"""
 
 from __future__ import annotations
 
@@ -18,24 +20,30 @@ from .numbers import Format, median, number, over_trials
 
 Line = Mapping[str, Any]
 Better = Literal["less", "more"] | None
-MAX_PHI, MAX_LANES = 6, 12  #: How many rows fit into a figure of φ, and of activity.
-DIVERGED = 1.0  #: A run that does not converge and is outside by more than this share of L has diverged.
+MAX_PHI = 6  #: How many rows fit into a figure of φ, and of activity.
+MAX_LANES = 12
+#: A run that does not converge and is outside by more than this share of L has diverged.
+DIVERGED = 1.0
 
 
 class Results:
     """Lines of results.csv and constraints.csv of ``stored``, looked up by scenario and controller.
 
-    ``groups`` are controllers that a figure shows together; ``controllers`` are all, in the order of the groups, and
-    ``competitors`` all but the unconstrained baseline, which is not ranked.
+    ``groups`` are controllers that a figure shows together; ``controllers`` are all, in the order
+    of the groups, and ``competitors`` all but the unconstrained baseline, which is not ranked.
     """
 
     def __init__(self, stored: StoredComparison) -> None:
         configuration = stored.manifest["configuration"]
         self.stored = stored
         self.scenarios = tuple(stored.scenarios)
-        self.trials, self.seed = (int(configuration.get(key, default)) for key, default in (("trials", 1), ("seed", 0)))
+        self.trials, self.seed = (
+            int(configuration.get(key, default)) for key, default in (("trials", 1), ("seed", 0))
+        )
         self.groups = grouped(configuration["controllers"])
-        self.controllers = tuple(dict.fromkeys(name for group in self.groups for name in group.controllers))
+        self.controllers = tuple(
+            dict.fromkeys(name for group in self.groups for name in group.controllers)
+        )
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
         self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
         self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)
@@ -66,7 +74,10 @@ class Results:
     @cached_property
     def clean_tolerant(self) -> dict[str, int]:
         """The same by the tolerant standard."""
-        return {name: sum(clean(run, "violated_tolerant") for run in self.all_runs(name)) for name in self.competitors}
+        return {
+            name: sum(clean(run, "violated_tolerant") for run in self.all_runs(name))
+            for name in self.competitors
+        }
 
     @cached_property
     def challenged_scenarios(self) -> list[str]:
@@ -77,7 +88,9 @@ class Results:
         """Whether compiled or NumPy code answered a controller's calls, in a scenario or in all."""
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
         flags = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
-        return " and ".join(name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags)
+        return " and ".join(
+            name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags
+        )
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Lines of constraints.csv, of one row or of all."""
@@ -102,13 +115,21 @@ class Results:
         return RowsShown.of(self.every_row(scenario))
 
     def is_ranked(self, scenario: str) -> bool:
-        """Whether unconstrained tracking violates a row, as far as is known; otherwise no controller is the best."""
+        """Whether unconstrained tracking violates a row, as far as is known; otherwise no
+        controller is the best.
+        """
         baseline = self.runs(scenario, BASELINE)
-        return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
+        return (
+            bool(self.challenged(scenario))
+            or not baseline
+            or any(violated(line) for line in baseline)
+        )
 
 
 class RowsShown(NamedTuple):
-    """Labels of the rows whose φ a figure shows, and whose activity; ``hidden`` more acted for a shorter time."""
+    """Labels of the rows whose φ a figure shows, and whose activity; ``hidden`` more acted for a
+    shorter time.
+    """
 
     phi: tuple[str, ...] = ()
     lanes: tuple[str, ...] = ()
@@ -118,16 +139,18 @@ class RowsShown(NamedTuple):
     def of(cls, lines: Iterable[Line]) -> RowsShown:
         """From lines of constraints.csv.
 
-        φ of rows that are challenged, or violated by a competitor, of those that acted if there are none of these.
+        φ of rows that are challenged, or violated by a competitor, of those that acted if there are
+        none of these.
         """
         weights: dict[str, tuple[bool, float]] = {}
         for line in lines:
-            (matters, seconds), competes = (
-                weights.get(line["constraint"], (False, 0.0)),
-                line.get("controller") != BASELINE,
-            )
+            matters, seconds = weights.get(line["constraint"], (False, 0.0))
+            competes = line.get("controller") != BASELINE
             matters |= bool(line["challenged"] or (competes and line["violation_depth"] > 0.0))
-            weights[line["constraint"]] = matters, seconds + (line["active_time_s"] if competes else 0.0)
+            weights[line["constraint"]] = (
+                matters,
+                seconds + (line["active_time_s"] if competes else 0.0),
+            )
         acting = [label for label, (_, seconds) in weights.items() if seconds > 0.0]
         relevant = [label for label, (matters, _) in weights.items() if matters] or acting
 
@@ -140,22 +163,30 @@ class RowsShown(NamedTuple):
 
 
 def clean(line: Line, column: str = "violated") -> bool:
-    """Whether a run converged and violated no row, by the strict standard or as another column has it."""
+    """Whether a run converged and violated no row, by the strict standard or as another column has
+    it.
+    """
     return line["status"] == "converged" and not violated(line, column)
 
 
 def violated(line: Line, column: str = "violated") -> list[str]:
-    """Labels of the rows that a run violated, by the strict standard or as another column has them."""
+    """Labels of the rows that a run violated, by the strict standard or as another column has
+    them.
+    """
     return [label for label in str(line[column] or "").split("; ") if label]
 
 
 def reason_kind(reason: str) -> str:
-    """A reason without its numbers: runs that fail in the same way at other times and places have the same."""
+    """A reason without its numbers: runs that fail in the same way at other times and places have
+    the same.
+    """
     return re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
 
 
 def shown(metric: Metric, line: Line) -> float:
-    """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where there is none."""
+    """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where
+    there is none.
+    """
     value = float(line[metric.column])
     if metric.over:
         divisor = float(line[metric.over])
@@ -166,8 +197,8 @@ def shown(metric: Metric, line: Line) -> float:
 class Cell(NamedTuple):
     """A table cell that can be the best of its column.
 
-    ``text`` is bold where it is the best. It is judged by ``value``, NaN where there is none; cells tie that show the
-    same digits, ``shown``. ``before`` is printed in front and not judged.
+    ``text`` is bold where it is the best. It is judged by ``value``, NaN where there is none; cells
+    tie that show the same digits, ``shown``. ``before`` is printed in front and not judged.
     """
 
     text: str
@@ -183,7 +214,9 @@ class Cell(NamedTuple):
 
 
 def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> list[str]:
-    """The cells' texts: the best and its ties bold, unless one that is not eligible, in parentheses, is better."""
+    """The cells' texts: the best and its ties bold, unless one that is not eligible, in
+    parentheses, is better.
+    """
     there = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
     if better is not None and len({cell.shown for cell in there}) > 1:
@@ -197,17 +230,25 @@ def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> l
 
 
 def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
-    """Of each controller's trials of a scenario, whether all converged; nobody's if only one controller was run."""
+    """Of each controller's trials of a scenario, whether all converged; nobody's if only one
+    controller was run.
+    """
     several = sum(map(bool, runs)) > 1
-    return [several and bool(own) and all(run["status"] == "converged" for run in own) for own in runs]
+    return [
+        several and bool(own) and all(run["status"] == "converged" for run in own) for own in runs
+    ]
 
 
 def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
-    """Whether runs that converged may be compared by a metric: as it says, only if they keep all rows."""
+    """Whether runs that converged may be compared by a metric: as it says, only if they keep all
+    rows.
+    """
     if metric.judged == "any":
         return True
     kept = bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
-    return kept and (metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines))
+    return kept and (
+        metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines)
+    )
 
 
 def tally(texts: Sequence[str]) -> str:
@@ -217,6 +258,8 @@ def tally(texts: Sequence[str]) -> str:
     return ", ".join(f"{count} {text}" for text, count in Counter(texts).items())
 
 
-def columns_table(first: str, names: Sequence[str], columns: Mapping[str, Sequence[str]], text: int = 1) -> Table:
+def columns_table(
+    first: str, names: Sequence[str], columns: Mapping[str, Sequence[str]], text: int = 1
+) -> Table:
     """A table of columns."""
     return Table([first, *columns], zip(names, *columns.values(), strict=True), text)

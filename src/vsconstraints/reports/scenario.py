@@ -29,7 +29,8 @@ from .results import (
 
 #: Units in which margins are printed instead of the stored ones.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
-AT_THE_END = 0.5  #: A row that acted within this time before the end counts as acting at the end [s].
+#: A row that acted within this time before the end counts as acting at the end [s].
+AT_THE_END = 0.5
 
 
 UNUSUAL = 100.0  #: A largest acceleration below this one is never out of proportion [rad/s²].
@@ -50,15 +51,27 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
     runs = [results.runs(scenario, name) for name in names]
     columns: dict[str, list[str]] = {}
     if group == "outcome":
-        columns = {"status": [*map(status_text, runs)], "violated rows": [*map(violated_text, runs)]}
+        columns = {
+            "status": [*map(status_text, runs)],
+            "violated rows": [*map(violated_text, runs)],
+        }
     if group == "time":
-        columns = {"implementation": [results.implementation(name, scenario) or DASH for name in names]}
+        columns = {
+            "implementation": [results.implementation(name, scenario) or DASH for name in names]
+        }
     text = 1 + len(columns)
     for metric in (metric for metric in METRICS if metric.group == group and metric.header):
-        cells = [Cell.of([shown(metric, run) for run in own], FORMATS[metric.style]) for own in runs]
+        cells = [
+            Cell.of([shown(metric, run) for run in own], FORMATS[metric.style]) for own in runs
+        ]
         if any(math.isfinite(cell.value) for cell in cells):
-            eligible = [ok and judged_by(metric, own) for ok, own in zip(comparable(runs), runs, strict=True)]
-            columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
+            eligible = [
+                ok and judged_by(metric, own)
+                for ok, own in zip(comparable(runs), runs, strict=True)
+            ]
+            columns[metric.header] = marked(
+                cells, eligible, metric.better if results.is_ranked(scenario) else None
+            )
     empty = group != "outcome" and 1 + len(columns) == text
     return Table(["controller"], []) if empty else columns_table("controller", names, columns, text)
 
@@ -102,27 +115,41 @@ def challenge_table(results: Results, scenario: str) -> Table:
         rows = {name: results.rows(scenario, name, label) for name in results.controllers}
         unit, factor = finer_unit(next((line["unit"] for own in rows.values() for line in own), ""))
         least = {
-            name: over_trials([factor * line["clearance_min"] for line in own], error) for name, own in rows.items()
+            name: over_trials([factor * line["clearance_min"] for line in own], error)
+            for name, own in rows.items()
         }
-        cells, eligible = [], []
+        cells = []
+        eligible = []
         for name, ok in zip(names, converged, strict=True):
             margin = Cell.of([factor * line["mean_unused_margin"] for line in rows[name]], error)
             cells.append(margin._replace(before=f"{least[name]} / ") if rows[name] else Cell(DASH))
-            eligible.append(ok and bool(rows[name]) and all(line["violation_depth"] == 0.0 for line in rows[name]))
+            eligible.append(
+                ok
+                and bool(rows[name])
+                and all(line["violation_depth"] == 0.0 for line in rows[name])
+            )
         # the baseline has no margin while it violates the row
-        columns[f"{code(label)} [{unit}]"] = [*(least[name] for name in baseline), *marked(cells, eligible, "less")]
+        columns[f"{code(label)} [{unit}]"] = [
+            *(least[name] for name in baseline),
+            *marked(cells, eligible, "less"),
+        ]
     return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
 
 
-def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> Table:
-    """How, why and when runs did not converge or violated rows, of each controller by kind of failure and row.
+def failure_table(
+    results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]
+) -> Table:
+    """How, why and when runs did not converge or violated rows, of each controller by kind of
+    failure and row.
 
     ``first_violations`` says when a controller's shown run first violates a row [s].
     """
     lines = []
     for name in results.competitors:
-        runs, rows = results.runs(scenario, name), results.rows(scenario, name)
-        kinds, depths = defaultdict[Any, list[Line]](list), defaultdict[str, list[Line]](list)
+        runs = results.runs(scenario, name)
+        rows = results.rows(scenario, name)
+        kinds = defaultdict[Any, list[Line]](list)
+        depths = defaultdict[str, list[Line]](list)
         for run in (run for run in runs if run["status"] != "converged"):
             kinds[run["status"], reason_kind(run["reason"])].append(run)
         for row in (row for row in rows if row["violation_depth"] > 0.0):
@@ -134,19 +161,36 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
         for alike in kinds.values():
             first = alike[0]
             reason = plain(first["reason"]) or DASH
-            late = [code(row["constraint"]) for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
+            late = [
+                code(row["constraint"])
+                for row in rows
+                if row["last_active_s"] >= first["duration_s"] - AT_THE_END
+            ]
             if len(runs) == 1 and late:
                 reason += f"; acting in the last {AT_THE_END:g} s: {', '.join(late)}"
-            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials(alike, first)])
+            lines.append(
+                [name, str(first["status"] or "unknown"), reason, DASH, DASH, trials(alike, first)]
+            )
         for label, alike in depths.items():
             worst = max(alike, key=lambda row: float(row["violation_depth"]))
             unit, factor = finer_unit(worst["unit"])
-            seconds = number(worst["violation_time_s"]) if worst["violation_time_s"] > 0.0 else "between samples"
+            seconds = (
+                number(worst["violation_time_s"])
+                if worst["violation_time_s"] > 0.0
+                else "between samples"
+            )
             if len(runs) == 1 and (name, label) in first_violations:
                 seconds += f", from {first_violations[name, label]:.3f}"
             depth = f"{number(factor * worst['violation_depth'])} {unit}"
             lines.append([name, "violates", code(label), depth, seconds, trials(alike, worst)])
-    header = ["controller", "failure", "reason or row", "depth", "time [s]", "trials (first or worst)"]
+    header = [
+        "controller",
+        "failure",
+        "reason or row",
+        "depth",
+        "time [s]",
+        "trials (first or worst)",
+    ]
     count = 6 if results.trials > 1 else 5
     return Table(header[:count], [line[:count] for line in lines], count)
 
@@ -158,7 +202,11 @@ def finer_unit(unit: str) -> tuple[str, float]:
 
 def status_text(runs: Sequence[Line]) -> str:
     """Status with its time where the run ended early; counts where there are several trials."""
-    if len(runs) == 1 and runs[0]["status"] in ("aborted", "failed") and math.isfinite(runs[0]["duration_s"]):
+    if (
+        len(runs) == 1
+        and runs[0]["status"] in ("aborted", "failed")
+        and math.isfinite(runs[0]["duration_s"])
+    ):
         return f"{runs[0]['status']} at {number(runs[0]['duration_s'])} s"
     return tally([str(run["status"] or "unknown") for run in runs])
 
@@ -172,5 +220,7 @@ def violated_text(runs: Sequence[Line]) -> str:
     texts = []
     for counts, mark in ((beyond, ""), (slight, " ‡")):
         for label, times in counts.items():
-            texts.append(f"{code(label)}{f' ({times} of {len(runs)})' if len(runs) > 1 else ''}{mark}")
+            texts.append(
+                f"{code(label)}{f' ({times} of {len(runs)})' if len(runs) > 1 else ''}{mark}"
+            )
     return ", ".join(texts) or "none"

@@ -1,6 +1,8 @@
-"""The scene in space, once for previews, films, replays and the paper's figures: coloured meshes fixed to frames.
+"""The scene in space, once for previews, films, replays and the paper's figures: coloured meshes
+fixed to frames.
 
-:meth:`Scene3D.draw` draws it with matplotlib; :mod:`vsconstraints.reports.replay.space` plays it in a browser by viser.
+:meth:`Scene3D.draw` draws it with matplotlib; :mod:`vsconstraints.reports.replay.space` plays it in
+a browser by viser.
 """
 
 from __future__ import annotations
@@ -20,19 +22,27 @@ from ..robots.urdf import link_geometry
 from ..rows import Array
 from .plots.style import INK, rgb
 
-LINK, JOINT, PLATE = "#C9CED6", "#4A5568", "#F4F1E6"
+LINK = "#C9CED6"
+JOINT = "#4A5568"
+PLATE = "#F4F1E6"
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
 LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the base frame
-#: Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they are longer.
+#: Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they
+#: are longer.
 REACH = 0.8
 #: Radii of the first and the last link [m], and of a sliding link relative to its revolute one.
-BASE_LINK, LAST_LINK, RAIL = 0.034, 0.022, 0.25
-#: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their corners.
+BASE_LINK = 0.034
+LAST_LINK = 0.022
+RAIL = 0.25
+#: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their
+#: corners.
 PLATE_CELLS = 8
 
 
 class Part(NamedTuple):
-    """A mesh of one colour ``#RRGGBB``, in the coordinates of the frame with this name (the base frame if empty)."""
+    """A mesh of one colour ``#RRGGBB``, in the coordinates of the frame with this name (the base
+    frame if empty).
+    """
 
     mesh: Mesh
     colour: str
@@ -49,7 +59,9 @@ class Placement(NamedTuple):
 
 
 class Viewpoint(NamedTuple):
-    """What is shown, a cube of this centre (3,) and half side [m], seen from this elevation and azimuth [deg]."""
+    """What is shown, a cube of this centre (3,) and half side [m], seen from this elevation and
+    azimuth [deg].
+    """
 
     centre: Array
     half: float
@@ -75,30 +87,46 @@ class Scene3D:
 
     def pyramid(self, base: Array, colour: str, frame: str = "") -> None:
         """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
-        mesh = Mesh(np.concatenate((np.zeros((1, 3)), base)), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
+        mesh = Mesh(
+            np.concatenate((np.zeros((1, 3)), base)),
+            np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]),
+        )
         self.add(mesh, colour, frame, opacity=0.55, shaded=False)
 
     def target(self, markers: Array, edge: float, marker: float, frame: str = "") -> None:
-        """Markers (M, 3), on a plate if they are more than two; radii of the plate's edges and of markers [m]."""
+        """Markers (M, 3), on a plate if they are more than two; radii of the plate's edges and of
+        markers [m].
+        """
         if len(markers) > 2:
             centre = markers.mean(axis=0)
             corners = centre + 1.25 * (markers - centre)
             sides = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
             # in small cells: a triangle in one piece would be drawn over bodies that it carries
             steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
-            wedges = [centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre) for a, b in sides]
+            wedges = [
+                centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre)
+                for a, b in sides
+            ]
             self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False)
             self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame)
         self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame)
 
-    def draw(self, ax: Any, view: Viewpoint, frames: Mapping[str, Placement] | None = None, whole: bool = True) -> None:
+    def draw(
+        self,
+        ax: Any,
+        view: Viewpoint,
+        frames: Mapping[str, Placement] | None = None,
+        whole: bool = True,
+    ) -> None:
         """Draw everything into 3D axes of matplotlib, which show the cube of a viewpoint.
 
-        Axes in space are square within their place; what is beside is cut off unless the ``whole`` is wanted.
+        Axes in space are square within their place; what is beside is cut off unless the ``whole``
+        is wanted.
         """
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-        corners, colours = [], []
+        corners = []
+        colours = []
         for part in self.parts:
             points = part.mesh.points
             if part.frame:
@@ -110,7 +138,12 @@ class Scene3D:
             faces = np.concatenate(colours)
             # opaque triangles are outlined in their own colour, which closes the seams between them
             edges = np.where(faces[:, 3:] < 1.0, 0.0, faces)
-            look: dict[str, Any] = {"facecolors": faces, "edgecolors": edges, "linewidths": 0.25, "zsort": "average"}
+            look: dict[str, Any] = {
+                "facecolors": faces,
+                "edgecolors": edges,
+                "linewidths": 0.25,
+                "zsort": "average",
+            }
             solids = Poly3DCollection(np.concatenate(corners), **look, clip_on=not whole)
             ax.add_collection3d(solids, autolim=False)
         for name, middle in zip("xyz", view.centre, strict=True):
@@ -126,9 +159,13 @@ def _shaded(corners: Array, part: Part) -> Array:
     """(F, 4) colours of triangles (F, 3, 3) by how they face the light."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
-    facing = np.divide(np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0)
+    facing = np.divide(
+        np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0
+    )
     shade = 0.55 + 0.45 * np.minimum(facing, 1.0) if part.shaded else np.ones(len(corners))
-    return np.column_stack((shade[:, None] * np.array(rgb(part.colour)) / 255.0, np.full(len(corners), part.opacity)))
+    return np.column_stack(
+        (shade[:, None] * np.array(rgb(part.colour)) / 255.0, np.full(len(corners), part.opacity))
+    )
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -145,14 +182,21 @@ def _grid(points: Array) -> Mesh:
     a, b, _ = points.shape
     k = np.arange(a * b).reshape(a, b)
     p, q, r, s = (corner.ravel() for corner in (k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]))
-    return Mesh(points.reshape(-1, 3), np.concatenate((np.stack((p, q, r), axis=1), np.stack((p, r, s), axis=1))))
+    return Mesh(
+        points.reshape(-1, 3),
+        np.concatenate((np.stack((p, q, r), axis=1), np.stack((p, r, s), axis=1))),
+    )
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
     """A sphere with ``count`` meridians."""
-    theta, phi = np.linspace(0.0, np.pi, count // 2 + 1), np.linspace(0.0, 2.0 * np.pi, count + 1)
+    theta = np.linspace(0.0, np.pi, count // 2 + 1)
+    phi = np.linspace(0.0, 2.0 * np.pi, count + 1)
     T, P = np.meshgrid(theta, phi, indexing="ij")
-    return _grid(centre + radius * np.stack((np.sin(T) * np.cos(P), np.sin(T) * np.sin(P), np.cos(T)), axis=-1))
+    return _grid(
+        centre
+        + radius * np.stack((np.sin(T) * np.cos(P), np.sin(T) * np.sin(P), np.cos(T)), axis=-1)
+    )
 
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
@@ -163,25 +207,36 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
     across = np.cross(along, np.linalg.svd(along)[2][2])
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     angles = 2.0 * np.pi * np.arange(sides + 1) / sides
-    around = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * np.cross(along, across)[:, None]
+    around = (
+        np.cos(angles)[:, None] * across[:, None]
+        + np.sin(angles)[:, None] * np.cross(along, across)[:, None]
+    )
     radii = np.array([0.0, *[1.0] * len(points), 0.0]) if caps else np.ones(len(points))
     at = np.arange(len(points)) if not caps else np.array([0, *range(len(points)), len(points) - 1])
     return _grid(np.asarray(points)[at][:, None] + radius * radii[:, None, None] * around[at])
 
 
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
-    """Poses of the base and of what each joint moves (n + 1), and directions of the joints' axes (n, 3)."""
+    """Poses of the base and of what each joint moves (n + 1), and directions of the joints' axes
+    (n, 3).
+    """
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     J = np.asarray(data.J).reshape(6, -1)
-    poses = [Pose(np.array(data.oMi[i].rotation), np.array(data.oMi[i].translation)) for i in range(robot.n + 1)]
+    poses = [
+        Pose(np.array(data.oMi[i].rotation), np.array(data.oMi[i].translation))
+        for i in range(robot.n + 1)
+    ]
     return poses, np.where(np.array(robot.prismatic), J[:3], J[3:]).T
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
-    """(p, 3) corners of a bar behind each joint: along its axis, then along the common normal to the next one."""
+    """(p, 3) corners of a bar behind each joint: along its axis, then along the common normal to
+    the next one.
+    """
     poses, axes = joint_poses(robot, q)
-    places, bars = [*(pose.t for pose in poses[1:]), robot.pose(q).t], []
+    places = [*(pose.t for pose in poses[1:]), robot.pose(q).t]
+    bars = []
     for (before, after), axis in zip(pairwise(places), axes, strict=True):
         elbow = before + float(axis @ (after - before)) * axis
         corners = [before]
@@ -191,19 +246,35 @@ def bars_of(robot: Robot, q: Array) -> list[Array]:
 
 
 def bars(robot: Robot, size: float) -> list[Part]:
-    """An arm as bars between the axes of its joints, in the frames of :func:`arm_frames`; ``size`` scales their width.
+    """An arm as bars between the axes of its joints, in the frames of :func:`arm_frames`; ``size``
+    scales their width.
 
     What slides is thin and has a rail instead of a drum; an arm that begins with it has no base.
     """
-    zero, n, parts = np.zeros(robot.n), robot.n, []
+    zero = np.zeros(robot.n)
+    n = robot.n
+    parts = []
     poses, axes = joint_poses(robot, zero)
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
     if not robot.prismatic[0]:
-        parts.append(Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0"))
+        parts.append(
+            Part(
+                tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24),
+                JOINT,
+                "joint 0",
+            )
+        )
         if np.linalg.norm(poses[1].t) > 1e-6:
-            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0"))
-    for i, (corners, radius, slides) in enumerate(zip(bars_of(robot, zero), radii, robot.prismatic, strict=True), 1):
-        rest, frame, thickness, pieces = poses[i].inverse, f"joint {i}", (RAIL if slides else 0.8) * radius, []
+            parts.append(
+                Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0")
+            )
+    for i, (corners, radius, slides) in enumerate(
+        zip(bars_of(robot, zero), radii, robot.prismatic, strict=True), 1
+    ):
+        rest = poses[i].inverse
+        frame = f"joint {i}"
+        thickness = (RAIL if slides else 0.8) * radius
+        pieces = []
         for a, b in pairwise(corners):
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
             pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
@@ -217,24 +288,34 @@ def bars(robot: Robot, size: float) -> list[Part]:
 
 
 def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
-    """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or one is missing."""
-    parts, remark = [], f"{robot.name} has no meshes: bars follow the axes of its joints."
+    """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or
+    one is missing.
+    """
+    parts = []
+    remark = f"{robot.name} has no meshes: bars follow the axes of its joints."
     if robot.source is not None:
         remark = f"{robot.name} has no visual meshes: bars follow its axes."
         try:
             for one in link_geometry(robot.source, "visual").geometryObjects:
                 if (mesh := mesh_of(one.geometry)) is not None:
-                    pose = Pose(np.array(one.placement.rotation), np.array(one.placement.translation))
+                    pose = Pose(
+                        np.array(one.placement.rotation), np.array(one.placement.translation)
+                    )
                     parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}"))
         except ConfigurationError as error:
-            parts, remark = [], f"Bars follow the axes of its joints instead of meshes: {error}."
+            parts = []
+            remark = f"Bars follow the axes of its joints instead of meshes: {error}."
     return (parts, "") if parts else (bars(robot, size), remark)
 
 
 def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
-    """Frames ``joint 0`` (the base) to ``joint n``, ``tip``, and a ``slide k`` along each prismatic joint k."""
+    """Frames ``joint 0`` (the base) to ``joint n``, ``tip``, and a ``slide k`` along each prismatic
+    joint k.
+    """
     poses, axes = joint_poses(robot, q)
-    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)} | {"tip": Placement(robot.pose(q))}
+    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)} | {
+        "tip": Placement(robot.pose(q))
+    }
     for i, (axis, slides) in enumerate(zip(axes, robot.prismatic, strict=True), start=1):
         if slides:  # the rail ends where the joint would be at zero
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()

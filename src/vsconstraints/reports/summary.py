@@ -1,4 +1,6 @@
-"""Tables over all scenarios of a comparison: the first one, outcomes, scores, violations and the best of each."""
+"""Tables over all scenarios of a comparison: the first one, outcomes, scores, violations and the
+best of each.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ from .results import (
 
 #: What the marks of :func:`outcome` mean.
 MARKS = (
-    f"† A row was violated by more than {of_length(TOLERANT)}; ‡ by more than {of_length(NEGLIGIBLE)}, "
+    f"† A row was violated by more than {of_length(TOLERANT)}; ‡ by more than "
+    f"{of_length(NEGLIGIBLE)}, "
     "but not more than that."
 )
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
@@ -44,14 +47,20 @@ def law_table(results: Results) -> Table:
     runs = {name: len(results.all_runs(name)) for name in results.competitors}
     names = sorted(runs, key=lambda name: (-results.clean[name], -results.clean_tolerant[name]))
 
-    def inside(counts: Mapping[str, int], text: Callable[[int, int], str] = lambda count, of: str(count)) -> list[str]:
-        cells = [Cell(text(counts[n], runs[n]), counts[n] if runs[n] else math.nan, str(counts[n])) for n in names]
+    def inside(
+        counts: Mapping[str, int], text: Callable[[int, int], str] = lambda count, of: str(count)
+    ) -> list[str]:
+        cells = [
+            Cell(text(counts[n], runs[n]), counts[n] if runs[n] else math.nan, str(counts[n]))
+            for n in names
+        ]
         return marked(cells, [True] * len(names), _better(results, "more"))
 
     def counted(count: int, of: int) -> str:
         if results.trials == 1:
             return f"{count} of {of}"
-        from ..comparisons.statistics import rate_of, rate_text  # takes longer to load than all else of a report
+        # takes longer to load than all else of a report
+        from ..comparisons.statistics import rate_of, rate_text
 
         return rate_text(rate_of(count, of))
 
@@ -69,7 +78,9 @@ def score_table(results: Results) -> Table:
     names = results.competitors
 
     def outside(column: str) -> list[str]:
-        counts = [sum(bool(violated(run, column)) for run in results.all_runs(name)) for name in names]
+        counts = [
+            sum(bool(violated(run, column)) for run in results.all_runs(name)) for name in names
+        ]
         cells = [Cell(str(count), count, str(count)) for count in counts]
         return marked(cells, _complete(results, names), _better(results, "less"))
 
@@ -79,19 +90,25 @@ def score_table(results: Results) -> Table:
     columns = {
         "runs with a violated row": outside("violated"),
         f"beyond {of_length(TOLERANT)}": outside("violated_tolerant"),
-        "within the sampling band": [str(sum(map(within_band, results.all_runs(name)))) for name in names],
+        "within the sampling band": [
+            str(sum(map(within_band, results.all_runs(name)))) for name in names
+        ],
         **_overall(results, names, lambda metric: metric.column not in FIRST),
     }
     return columns_table("controller", names, columns)
 
 
 def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line, str]:
-    """Runs of a controller that violate a row, of these the deepest, and its row; none, nothing and a dash."""
+    """Runs of a controller that violate a row, of these the deepest, and its row; none, nothing and
+    a dash.
+    """
     runs = [run for run in results.all_runs(controller) if violated(run)]
     if not runs:
         return [], {}, DASH
     worst = max(runs, key=lambda run: float(run["violation_depth"]))
-    rows = [row for row in results.rows(worst["scenario"], controller) if row["trial"] == worst["trial"]]
+    rows = [
+        row for row in results.rows(worst["scenario"], controller) if row["trial"] == worst["trial"]
+    ]
     rows = [row for row in rows if row["violation_depth"] > 0.0]
     deepest = max(rows, key=lambda row: float(row["usage_max"]), default=None)
     return runs, worst, code(deepest["constraint"]) if deepest else DASH
@@ -99,7 +116,8 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
 
 def won(results: Results, metric: Metric) -> dict[str, list[str]]:
     """The scenarios a controller wins, with its value; none where values are alike as printed."""
-    show, found = FORMATS[metric.style], defaultdict[str, list[str]](list)
+    show = FORMATS[metric.style]
+    found = defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
         runs = {name: results.runs(scenario, name) for name in _solvers(results, scenario)}
         medians = {name: median([shown(metric, run) for run in own]) for name, own in runs.items()}
@@ -113,7 +131,11 @@ def won(results: Results, metric: Metric) -> dict[str, list[str]]:
 
 def _solvers(results: Results, scenario: str) -> list[str]:
     """Controllers that converged and violated nothing, in every trial."""
-    return [name for name in results.competitors if (own := results.runs(scenario, name)) and all(map(clean, own))]
+    return [
+        name
+        for name in results.competitors
+        if (own := results.runs(scenario, name)) and all(map(clean, own))
+    ]
 
 
 def unsolved(results: Results) -> dict[str, str]:
@@ -123,29 +145,51 @@ def unsolved(results: Results) -> dict[str, str]:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
         if runs and not _solvers(results, scenario):
             warnings = results.stored.warnings.get(scenario, ())
-            closed = all(UNSOLVABLE in run["reason"] for run in runs) or any(UNSOLVABLE in text for text in warnings)
+            closed = all(UNSOLVABLE in run["reason"] for run in runs) or any(
+                UNSOLVABLE in text for text in warnings
+            )
             perhaps = PERHAPS if obstacles(results, scenario) else ""
-            reasons[scenario] = "constraints close off a marker from its goal" if closed else perhaps
+            reasons[scenario] = (
+                "constraints close off a marker from its goal" if closed else perhaps
+            )
     return reasons
 
 
 def obstacles(results: Results, scenario: str) -> list[str]:
     """Warnings of a scenario for which it may be that no controller can solve it."""
-    return [text for text in results.stored.warnings.get(scenario, ()) if text.startswith("goal") or UNSOLVABLE in text]
+    return [
+        text
+        for text in results.stored.warnings.get(scenario, ())
+        if text.startswith("goal") or UNSOLVABLE in text
+    ]
 
 
 def warned(results: Results) -> dict[str, int]:
     """How many warnings each scenario has; scenarios without any are left out."""
-    return {name: len(own) for name, own in results.stored.warnings.items() if own and name in results.scenarios}
+    return {
+        name: len(own)
+        for name, own in results.stored.warnings.items()
+        if own and name in results.scenarios
+    }
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
-    """How a controller ended on a scenario; ``scored``: a single run with utilization [%], or depth [% of L]."""
+    """How a controller ended on a scenario; ``scored``: a single run with utilization [%], or depth
+    [% of L].
+    """
     runs = results.runs(scenario, controller)
-    marks = ("†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs)
-    text = tally([f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)])
+    marks = (
+        "†" if violated(run, "violated_tolerant") else "‡" if violated(run) else "" for run in runs
+    )
+    text = tally(
+        [f"{run['status'] or 'unknown'}{mark}" for run, mark in zip(runs, marks, strict=True)]
+    )
     single = scored and len(runs) == 1 and controller != BASELINE
-    value = 100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"] if single else math.nan
+    value = (
+        100.0 * runs[0]["violation_depth" if violated(runs[0]) else "utilization"]
+        if single
+        else math.nan
+    )
     return f"{text} {number(value)}" if math.isfinite(value) else text
 
 
@@ -155,9 +199,15 @@ def anchor(scenario: str) -> str:
 
 
 def _complete(results: Results, names: Sequence[str]) -> list[bool]:
-    """Which of these converged in every run in which any competitor did; nobody if there is only one competitor."""
+    """Which of these converged in every run in which any competitor did; nobody if there is only
+    one competitor.
+    """
     solved = {
-        name: {(run["scenario"], run["trial"]) for run in results.all_runs(name) if run["status"] == "converged"}
+        name: {
+            (run["scenario"], run["trial"])
+            for run in results.all_runs(name)
+            if run["status"] == "converged"
+        }
         for name in results.competitors
     }
     anyone = set().union(*solved.values())
@@ -165,18 +215,24 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
     return [several and bool(anyone) and solved[name] == anyone for name in names]
 
 
-def _overall(results: Results, names: Sequence[str], chosen: Callable[[Metric], bool]) -> dict[str, list[str]]:
-    """Columns of the chosen metrics over all scenarios: the worst or the median, and how many runs have a value."""
+def _overall(
+    results: Results, names: Sequence[str], chosen: Callable[[Metric], bool]
+) -> dict[str, list[str]]:
+    """Columns of the chosen metrics over all scenarios: the worst or the median, and how many runs
+    have a value.
+    """
     columns = {}
     for metric in (metric for metric in METRICS if metric.overall and chosen(metric)):
-        cells, eligible = [], []
+        cells = []
+        eligible = []
         for name, complete in zip(names, _complete(results, names), strict=True):
             runs = results.all_runs(name)
             if metric.condensed != "worst" and metric.kind != "time":
                 runs = [run for run in runs if run["status"] == "converged"]
             values = [shown(metric, run) for run in runs]
             value = (largest if metric.condensed == "worst" else median)(values)
-            text, finite = FORMATS[metric.style](value), sum(v == v for v in values)
+            text = FORMATS[metric.style](value)
+            finite = sum(v == v for v in values)
             some = "" if text == DASH or finite == len(runs) else f", {finite} of {len(runs)}"
             cells.append(Cell(text + some, value, text))
             eligible.append(complete and judged_by(metric, runs))

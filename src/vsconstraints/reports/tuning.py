@@ -1,4 +1,6 @@
-"""The short report of a tuning: default and chosen setting of each law, on the scenes that it was tuned on."""
+"""The short report of a tuning: default and chosen setting of each law, on the scenes that it was
+tuned on.
+"""
 
 from __future__ import annotations
 
@@ -33,4 +35,10 @@ def write_report(tuning: Tuning, folder: Path) -> None:
 
 
 def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+    return (
+        f"{value:.4g}"
+        if isinstance(value, float)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+    )

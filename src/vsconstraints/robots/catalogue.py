@@ -1,4 +1,6 @@
-"""Ready-made robots: the paper's three, two arms of example-robot-data, and a camera that flies freely."""
+"""Ready-made robots: the paper's three, two arms of example-robot-data, and a camera that flies
+freely.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ PI = np.pi
 
 def planar_3r() -> Robot:
     """Table 1: the planar arm of the first example, without joint limits."""
-    return Robot.from_dh([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R")
+    return Robot.from_dh(
+        [[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R"
+    )
 
 
 def viper_s650() -> Robot:
@@ -33,14 +37,16 @@ def viper_s650() -> Robot:
         [0, 0, 0, PI / 2],
         [-PI / 2, -0.08, 0, PI],
     ]
-    low, high = [-170, -190, -209, -190, -120, -360], [170, 45, 76, 190, 120, 360]
+    low = [-170, -190, -209, -190, -120, -360]
+    high = [170, 45, 76, 190, 120, 360]
     return _in_degrees(table, low, high, [328, 300, 375, 375, 375, 600], "6R (Viper s650)")
 
 
 def kuka_kr6() -> Robot:
     """Table 3: the ceiling-mounted KUKA KR6 R900 sixx of the experiments.
 
-    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅, ·).
+    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅,
+    ·).
     """
     table = [
         [0, -0.400, 0.025, PI / 2],
@@ -50,16 +56,17 @@ def kuka_kr6() -> Robot:
         [0, 0, 0, -PI / 2],
         [0, -0.080, 0, PI],
     ]
-    low, high = [-170, -10, -210, -185, -120, -350], [170, 225, 66, 185, 120, 350]
+    low = [-170, -10, -210, -185, -120, -350]
+    high = [170, 225, 66, 185, 120, 350]
     return _in_degrees(table, low, high, [360, 300, 360, 381, 388, 615], "KUKA KR6 R900 sixx")
 
 
 def ur5() -> Robot:
     """Universal Robots UR5 from its URDF; the tip is ``tool0``.
 
-    The maker limits torques and states no accelerations. The limit here, 40 rad/s², is the greatest that can be asked
-    for by ur_rtde (``UR_JOINT_ACCELERATION_MAX``). The maker's driver has MoveIt plan with 5 rad/s²
-    (``ur_moveit_config/config/joint_limits.yaml``), and calls that conservative.
+    The maker limits torques and states no accelerations. The limit here, 40 rad/s², is the greatest
+    that can be asked for by ur_rtde (``UR_JOINT_ACCELERATION_MAX``). The maker's driver has MoveIt
+    plan with 5 rad/s² (``ur_moveit_config/config/joint_limits.yaml``), and calls that conservative.
     """
     urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
     return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=40.0))
@@ -68,8 +75,8 @@ def ur5() -> Robot:
 def panda() -> Robot:
     """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``.
 
-    Limits of acceleration and jerk are those beyond which the arm's interface stops it (libfranka, ``rate_limiting.h``,
-    ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
+    Limits of acceleration and jerk are those beyond which the arm's interface stops it (libfranka,
+    ``rate_limiting.h``, ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
     """
     limits = ActuatorLimits(
         acceleration=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
@@ -80,14 +87,22 @@ def panda() -> Robot:
 
 
 def free_camera() -> Robot:
-    """A camera that flies freely: three prismatic joints and a wrist of three revolute ones, without limits.
+    """A camera that flies freely: three prismatic joints and a wrist of three revolute ones,
+    without limits.
 
-    The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m], and it is turned by
-    Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the optical axis of a camera mounted without
-    offset. The wrist is singular where q₅, the tilt, is ±90°, and nowhere else.
+    The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m],
+    and it is turned by Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the
+    optical axis of a camera mounted without offset. The wrist is singular where q₅, the tilt, is
+    ±90°, and nowhere else.
     """
     right = PI / 2
-    table = [[right, 0, 0, right], [right, 0, 0, right], [0, 0, 0, -right], [0, 0, 0, right], [right, 0, 0, right]]
+    table = [
+        [right, 0, 0, right],
+        [right, 0, 0, right],
+        [0, 0, 0, -right],
+        [0, 0, 0, right],
+        [right, 0, 0, right],
+    ]
     return Robot.from_dh([*table, [0, 0, 0, 0]], prismatic=[1, 2, 3], name="free camera")
 
 
@@ -109,10 +124,16 @@ def ready_made(name: str) -> Robot:
 
 
 def _in_degrees(
-    table: Sequence[Sequence[float]], low: Sequence[float], high: Sequence[float], speed: Sequence[float], name: str
+    table: Sequence[Sequence[float]],
+    low: Sequence[float],
+    high: Sequence[float],
+    speed: Sequence[float],
+    name: str,
 ) -> Robot:
     """The arm of a DH table with ranges [°] and speeds [°/s]."""
-    return Robot.from_dh(table, q_min=np.deg2rad(low), q_max=np.deg2rad(high), qd_max=np.deg2rad(speed), name=name)
+    return Robot.from_dh(
+        table, q_min=np.deg2rad(low), q_max=np.deg2rad(high), qd_max=np.deg2rad(speed), name=name
+    )
 
 
 def _example_robot(path: str) -> Path:
@@ -120,6 +141,7 @@ def _example_robot(path: str) -> Path:
         package = distribution("example-robot-data")
     except PackageNotFoundError as error:
         raise ConfigurationError(
-            "this arm's URDF comes with the package example-robot-data: pip install example-robot-data"
+            "this arm's URDF comes with the package example-robot-data: pip install "
+            "example-robot-data"
         ) from error
     return Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / path

@@ -1,6 +1,7 @@
 """Poses and rotations: the few formulas that kinematics, cameras and features share.
 
-``aMb`` maps coordinates in frame b to coordinates in frame a: p_a = R p_b + t. Twists are (v, ω), linear first.
+``aMb`` maps coordinates in frame b to coordinates in frame a: p_a = R p_b + t. Twists are (v, ω),
+linear first.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ TYPED = 1e-3  #: How far an entry may be from that of a rotation that was typed,
 
 
 def vector(value: object, length: int, what: str) -> Array:
-    """``value`` as a finite float array of shape (length,); raises InvalidInput that names ``what``."""
+    """``value`` as a finite float array of shape (length,); raises InvalidInput that names
+    ``what``.
+    """
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -39,13 +42,19 @@ def vector(value: object, length: int, what: str) -> Array:
     return array
 
 
-def demand_sign(of: object, what: str, *, positive: Iterable[str] = (), zero_or_more: Iterable[str] = ()) -> None:
-    """Raise InvalidInput that names a field unless it has finite numbers of that sign, one or several, or is None."""
+def demand_sign(
+    of: object, what: str, *, positive: Iterable[str] = (), zero_or_more: Iterable[str] = ()
+) -> None:
+    """Raise InvalidInput that names a field unless it has finite numbers of that sign, one or
+    several, or is None.
+    """
     for names, sign in ((positive, "positive"), (zero_or_more, "zero or more")):
         for name in names:
             value = getattr(of, name)
             try:
-                numbers = np.atleast_1d(np.array(np.inf if value is None else value, dtype=np.float64))
+                numbers = np.atleast_1d(
+                    np.array(np.inf if value is None else value, dtype=np.float64)
+                )
             except (TypeError, ValueError):
                 numbers = np.empty(0)
             right = np.isfinite(numbers) & (numbers > 0.0 if sign == "positive" else numbers >= 0.0)
@@ -72,7 +81,9 @@ class Pose:
 
     @classmethod
     def from_xyz_rpy(cls, xyz: Vector3, rpy: Vector3) -> Pose:
-        """From a translation [m] and roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+        """From a translation [m] and roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in
+        URDF.
+        """
         roll, pitch, yaw = vector(rpy, 3, "rpy")
         return cls(np.asarray(pin.rpy.rpyToMatrix(roll, pitch, yaw)), vector(xyz, 3, "xyz"))
 
@@ -80,42 +91,63 @@ class Pose:
     def from_matrix(cls, matrix: Array | Sequence[Sequence[float]]) -> Pose:
         """From a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
 
-        A rotation of one to three digits, as if typed, is taken for the nearest one; InvalidInput says how far it is.
+        A rotation of one to three digits, as if typed, is taken for the nearest one; InvalidInput
+        says how far it is.
         """
         try:
             M = np.array(matrix, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InvalidInput(f"a pose's matrix must be 4 × 4 numbers, not {shown(matrix)}") from error
+            raise InvalidInput(
+                f"a pose's matrix must be 4 × 4 numbers, not {shown(matrix)}"
+            ) from error
         if M.shape not in ((4, 4), (3, 4)) or not np.isfinite(M).all():
-            raise InvalidInput(f"a pose's matrix must be 4 × 4 finite numbers; it has the shape {M.shape}")
+            raise InvalidInput(
+                f"a pose's matrix must be 4 × 4 finite numbers; it has the shape {M.shape}"
+            )
         if M.shape == (4, 4) and (np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)) > 1e-9).any():
             hint = "; is it transposed?" if np.array_equal(M[:, 3], (0.0, 0.0, 0.0, 1.0)) else ""
-            raise InvalidInput(f"the last row of a pose's matrix must be 0 0 0 1, not {shown(M[3].tolist())}{hint}")
+            raise InvalidInput(
+                f"the last row of a pose's matrix must be 0 0 0 1, not {shown(M[3].tolist())}{hint}"
+            )
         return cls(demand_rotation(M[:3, :3]), M[:3, 3].copy())
 
     @classmethod
     def from_quaternion(
-        cls, xyz: Vector3, *, wxyz: Sequence[float] | None = None, xyzw: Sequence[float] | None = None
+        cls,
+        xyz: Vector3,
+        *,
+        wxyz: Sequence[float] | None = None,
+        xyzw: Sequence[float] | None = None,
     ) -> Pose:
-        """From a translation [m] and a unit quaternion in one of the two orders in use; raises InvalidInput if not."""
+        """From a translation [m] and a unit quaternion in one of the two orders in use; raises
+        InvalidInput if not.
+        """
         if (wxyz is None) == (xyzw is None):
             raise InvalidInput("a quaternion is given as wxyz or as xyzw, in one of the two orders")
         order = "wxyz" if xyzw is None else "xyzw"
         value = vector(wxyz if xyzw is None else xyzw, 4, f"quaternion {order}")
         norm = float(np.linalg.norm(value))
         if abs(norm - 1.0) > TYPED:
-            nearest = f": {shown(np.round(value / norm, 6).tolist())} has length 1" if norm > 0.0 else ""
-            raise InvalidInput(f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} has{nearest}")
+            nearest = (
+                f": {shown(np.round(value / norm, 6).tolist())} has length 1" if norm > 0.0 else ""
+            )
+            raise InvalidInput(
+                f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} "
+                f"has{nearest}"
+            )
         w, x, y, z = value / norm if order == "wxyz" else np.roll(value, 1) / norm
         return cls(pin.Quaternion(w, x, y, z).matrix(), vector(xyz, 3, "xyz"))
 
     @classmethod
     def from_rotation_vector(cls, xyz: Vector3, rotation_vector: Vector3) -> Pose:
-        """From a translation [m] and a rotation vector θu [rad], as OpenCV (rvec), ViSP and axis–angle have it."""
+        """From a translation [m] and a rotation vector θu [rad], as OpenCV (rvec), ViSP and
+        axis–angle have it.
+        """
         turn = vector(rotation_vector, 3, "rotation_vector")
         if np.linalg.norm(turn) > 2.0 * np.pi + TYPED:
             raise InvalidInput(
-                f"rotation_vector is in radians and no longer than a turn (6.283), not {shown(turn.tolist())}: are "
+                f"rotation_vector is in radians and no longer than a turn (6.283), not "
+                f"{shown(turn.tolist())}: are "
                 "these degrees?"
             )
         return cls(np.asarray(pin.exp3(turn)), vector(xyz, 3, "xyz"))
@@ -134,7 +166,9 @@ class Pose:
 
     @property
     def twist_matrix(self) -> Array:
-        """(6, 6) aVb, which turns a twist (v, ω) at b's origin in b's axes into the one at a's origin in a's axes."""
+        """(6, 6) aVb, which turns a twist (v, ω) at b's origin in b's axes into the one at a's
+        origin in a's axes.
+        """
         V = np.zeros((6, 6))
         V[:3, :3] = V[3:, 3:] = self.R
         V[:3, 3:] = skew(self.t) @ self.R
@@ -142,14 +176,19 @@ class Pose:
 
 
 def demand_rotation(R: Array) -> Array:
-    """The rotation nearest to R (3, 3), which must be one to :data:`TYPED`; InvalidInput says by how much it is not."""
+    """The rotation nearest to R (3, 3), which must be one to :data:`TYPED`; InvalidInput says by
+    how much it is not.
+    """
     if np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0.0:
         return R.copy()
     U, s, Vt = svd(R)
     proper = np.diag((1.0, 1.0, np.sign(np.linalg.det(U @ Vt))))
     nearest: Array = U @ proper @ Vt
     if proper[2, 2] < 0.0 and (np.abs(s - 1.0) <= TYPED).all():
-        raise InvalidInput("a matrix with determinant -1 is a mirror, and no rotation: an axis points the wrong way")
+        raise InvalidInput(
+            "a matrix with determinant -1 is a mirror, and no rotation: an axis points the wrong "
+            "way"
+        )
     off = float(np.abs(R - nearest).max())
     if off > TYPED:
         raise InvalidInput(
@@ -177,7 +216,13 @@ def distances(R: Array, t: Array, pose: Pose) -> Array:
 def skew(w: Array) -> Array:
     """(..., 3, 3) matrices [w]× with [w]× a = w × a, of vectors w (..., 3)."""
     W = np.zeros((*w.shape, 3))
-    x, y, z = w[..., 0], w[..., 1], w[..., 2]
-    W[..., 0, 1], W[..., 0, 2], W[..., 1, 2] = -z, y, -x
-    W[..., 1, 0], W[..., 2, 0], W[..., 2, 1] = z, -y, x
+    x = w[..., 0]
+    y = w[..., 1]
+    z = w[..., 2]
+    W[..., 0, 1] = -z
+    W[..., 0, 2] = y
+    W[..., 1, 2] = -x
+    W[..., 1, 0] = z
+    W[..., 2, 0] = -y
+    W[..., 2, 1] = x
     return W

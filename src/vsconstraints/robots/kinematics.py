@@ -1,7 +1,8 @@
 """Where a robot is and how it moves, by Pinocchio.
 
-It is the oracle of :mod:`vsconstraints.compiled.kinematics`: ``test_every_robot_and_constraint_in_every_world`` in
-``tests/test_control_step.py`` compares the two.
+It is the oracle of :mod:`vsconstraints.compiled.kinematics`:
+``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py`` compares the
+two.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ class RobotPoint:
 
 @dataclass(frozen=True, slots=True)
 class Kinematics:
-    """Where a robot with n joints is and how it moves, in one configuration, with k of its points."""
+    """Where a robot with n joints is and how it moves, in one configuration, with k of its
+    points.
+    """
 
     q: Array  #: (n,) [rad or m].
     qd: Array  #: (n,).
@@ -45,12 +48,22 @@ class Kinematics:
 
 
 class KinematicsEvaluator:
-    """Evaluates the kinematics of points on the frames with these numbers; each call overwrites Pinocchio's data."""
+    """Evaluates the kinematics of points on the frames with these numbers; each call overwrites
+    Pinocchio's data.
+    """
 
     def __init__(
-        self, model: pin.Model, data: pin.Data, tip: int, points: Sequence[RobotPoint], frames: Sequence[int]
+        self,
+        model: pin.Model,
+        data: pin.Data,
+        tip: int,
+        points: Sequence[RobotPoint],
+        frames: Sequence[int],
     ) -> None:
-        self._model, self._data, self._tip, self._still = model, data, tip, np.zeros(model.nv)
+        self._model = model
+        self._data = data
+        self._tip = tip
+        self._still = np.zeros(model.nv)
         self._points = []
         for point, frame in zip(points, map(model.frames.__getitem__, frames), strict=True):
             offset = pin.SE3(np.eye(3), vector(point.offset, 3, f"offset of {point.label}"))
@@ -58,8 +71,10 @@ class KinematicsEvaluator:
 
     def __call__(self, q: Array, qd: Array) -> Kinematics:
         """Evaluate at ``q`` and ``qd`` (n,)."""
-        model, data = self._model, self._data
-        own, world = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        model = self._model
+        data = self._data
+        own = pin.ReferenceFrame.LOCAL
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
         tip = pin.updateFramePlacement(model, data, self._tip)
@@ -67,10 +82,14 @@ class KinematicsEvaluator:
         J = np.array(pin.getFrameJacobian(model, data, self._tip, own)).reshape(6, -1)
         drift = np.array(pin.getFrameAcceleration(model, data, self._tip, own).vector)
         k = len(self._points)
-        points, point_J, point_drift = np.empty((k, 3)), np.empty((k, 3, model.nv)), np.empty((k, 3))
+        points = np.empty((k, 3))
+        point_J = np.empty((k, 3, model.nv))
+        point_drift = np.empty((k, 3))
         for i, (joint, place) in enumerate(self._points):
             points[i] = (data.oMi[joint] * place).translation
             point_J[i] = pin.getFrameJacobian(model, data, joint, place, world).reshape(6, -1)[:3]
-            point_drift[i] = pin.getFrameClassicalAcceleration(model, data, joint, place, world).linear
+            point_drift[i] = pin.getFrameClassicalAcceleration(
+                model, data, joint, place, world
+            ).linear
         pose = Pose(np.array(tip.rotation), np.array(tip.translation))
         return Kinematics(q.copy(), qd.copy(), pose, J, drift, points, point_J, point_drift)

@@ -1,4 +1,6 @@
-"""What a robot's actuators can do: as data, and as the box of accelerations that it leaves at a sample."""
+"""What a robot's actuators can do: as data, and as the box of accelerations that it leaves at a
+sample.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +21,17 @@ PerJoint = float | Sequence[float] | None  #: One number for all joints, n of th
 class ActuatorLimits:
     """Limits of a robot's actuators, the same in both directions.
 
-    Raises ConfigurationError if a limit is not a positive number, or ranges are to be kept by accelerations without a
-    limit.
+    Raises ConfigurationError if a limit is not a positive number, or ranges are to be kept by
+    accelerations without a limit.
     """
 
     acceleration: PerJoint = None  #: Of |q̈| [rad/s² or m/s²].
     jerk: PerJoint = None  #: Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
-    #: Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a kinematic model cannot
-    #: tell what accelerations they leave.
+    #: Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a
+    #: kinematic model cannot tell what accelerations they leave.
     effort: PerJoint = None
-    #: Whether the box also keeps every joint such that it can stop within its range, and keeps its speed. Rows of joint
-    #: ranges and speeds have nothing left to do then.
+    #: Whether the box also keeps every joint such that it can stop within its range, and keeps its
+    #: speed. Rows of joint ranges and speeds have nothing left to do then.
     ranges: bool = False
     known: bool = True  #: Whether the control knows them. If not, only the robot has these limits.
 
@@ -37,7 +39,9 @@ class ActuatorLimits:
         for name in ("acceleration", "jerk", "effort"):
             object.__setattr__(self, name, _positive(name, getattr(self, name)))
         if self.ranges and (self.acceleration is None or not np.isfinite(self.acceleration).all()):
-            raise ConfigurationError("limits that keep ranges need a limit of every joint's acceleration")
+            raise ConfigurationError(
+                "limits that keep ranges need a limit of every joint's acceleration"
+            )
 
     @property
     def any(self) -> bool:
@@ -51,19 +55,28 @@ class ActuatorLimits:
     def arrays(self, ranges: tuple[Array, Array, Array], period: float | None) -> JointLimits:
         """What formulas take, for a robot with :attr:`.Robot.ranges` that is sampled with T_s [s].
 
-        Raises ConfigurationError if there is not one limit for each joint, and InvalidInput if T_s is not positive.
+        Raises ConfigurationError if there is not one limit for each joint, and InvalidInput if T_s
+        is not positive.
         """
         if period is None or not 0.0 < period < math.inf:
-            raise InvalidInput(f"limits of actuators need the sampling period in seconds, period=..., not {period}")
-        acceleration, jerk = (self.of_joint(name, len(ranges[0])) for name in ("acceleration", "jerk"))
+            raise InvalidInput(
+                f"limits of actuators need the sampling period in seconds, period=..., not {period}"
+            )
+        acceleration, jerk = (
+            self.of_joint(name, len(ranges[0])) for name in ("acceleration", "jerk")
+        )
         return JointLimits(acceleration, jerk * period, *ranges, int(self.ranges), float(period))
 
 
 def per_joint(what: str, value: PerJoint, n: int) -> Array:
-    """(n,) one number for all joints or n of them, infinite for None; raises ConfigurationError if there are not n."""
+    """(n,) one number for all joints or n of them, infinite for None; raises ConfigurationError if
+    there are not n.
+    """
     values = np.array(math.inf if value is None else value, dtype=np.float64)
     if values.shape not in ((), (n,)):
-        raise ConfigurationError(f"{what} must be one number or {n}, one per joint, not {len(values)}")
+        raise ConfigurationError(
+            f"{what} must be one number or {n}, one per joint, not {len(values)}"
+        )
     return np.broadcast_to(values, (n,)).copy()
 
 
@@ -75,9 +88,15 @@ def _positive(name: str, value: object) -> PerJoint:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         numbers = np.empty((0, 0))
-    if numbers.ndim > 1 or numbers.size == 0 or not (numbers > 0.0).all() or isinstance(value, bool | str):
+    if (
+        numbers.ndim > 1
+        or numbers.size == 0
+        or not (numbers > 0.0).all()
+        or isinstance(value, bool | str)
+    ):
         raise ConfigurationError(
-            f"a limit of {name} is a positive number, or one for each joint, so that a joint can stand still: not "
+            f"a limit of {name} is a positive number, or one for each joint, so that a joint can "
+            f"stand still: not "
             f"{shown(value)}"
         )
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())

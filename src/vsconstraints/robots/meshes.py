@@ -1,4 +1,6 @@
-"""Where the mesh files are that a URDF names: beside it, in the folders above, in given ones, and where ROS looks."""
+"""Where the mesh files are that a URDF names: beside it, in the folders above, in given ones, and
+where ROS looks.
+"""
 
 from __future__ import annotations
 
@@ -16,24 +18,30 @@ IN_PACKAGES = ("package", "model")  #: Schemes whose first folder is the name of
 DEPTH = 3  #: Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for.
 
 
-def mesh_folders(urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]) -> list[Path]:
+def mesh_folders(
+    urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]
+) -> list[Path]:
     """Folders that packages are looked for in, the first first.
 
-    These are ``package_dirs`` of packages, or packages, all folders above the file if None; then, by the variables of
-    the environment, every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and the folders of ``ROS_PACKAGE_PATH`` with those
-    in them that hold packages.
+    These are ``package_dirs`` of packages, or packages, all folders above the file if None; then,
+    by the variables of the environment, every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and the
+    folders of ``ROS_PACKAGE_PATH`` with those in them that hold packages.
     """
     named = urdf.resolve().parents if package_dirs is None else package_dirs
     shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
-    workspaces = [folder for path in _paths(environment, "ROS_PACKAGE_PATH") for folder in _holding(Path(path), DEPTH)]
+    workspaces = [
+        folder
+        for path in _paths(environment, "ROS_PACKAGE_PATH")
+        for folder in _holding(Path(path), DEPTH)
+    ]
     return list(dict.fromkeys([*map(Path, named), *shares, *workspaces]))
 
 
 def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | None:
     """The file that a mesh's name in a URDF means; None if there is none.
 
-    ``package://PACKAGE/PATH`` is looked for in the folders, ``file://PATH`` is there, and a name without a scheme is
-    looked for beside the URDF, in the folders, and in the current one.
+    ``package://PACKAGE/PATH`` is looked for in the folders, ``file://PATH`` is there, and a name
+    without a scheme is looked for beside the URDF, in the folders, and in the current one.
     """
     scheme, separator, rest = name.rpartition("://")
     if scheme == "file":
@@ -51,7 +59,9 @@ def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | N
 
 
 def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
-    """The mesh files that a URDF's collision geometry names, where they are there; none if it cannot be read."""
+    """The mesh files that a URDF's collision geometry names, where they are there; none if it
+    cannot be read.
+    """
     try:
         root = ElementTree.fromstring(read_regular(urdf))
     except (OSError, ValueError, LookupError, ElementTree.ParseError):
@@ -63,12 +73,17 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
 Purpose = Literal["collision", "visual"]  #: What geometry of a URDF's links is for.
 
 
-def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:
-    """The XML of a URDF with the paths of the files in the place of the names of meshes that are for that purpose.
+def with_whole_paths(
+    text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision"
+) -> str:
+    """The XML of a URDF with the paths of the files in the place of the names of meshes that are
+    for that purpose.
 
-    The scale of a mesh becomes one to metres: it is multiplied by the unit of length that a COLLADA file states.
+    The scale of a mesh becomes one to metres: it is multiplied by the unit of length that a COLLADA
+    file states.
 
-    Raises ConfigurationError that names the mesh, its link and what can be done, where there is no such file.
+    Raises ConfigurationError that names the mesh, its link and what can be done, where there is no
+    such file.
     """
     root = ElementTree.fromstring(text)
     for link in root.iter("link"):
@@ -78,8 +93,10 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpo
             if file is None:
                 places = ", ".join(map(str, folders)) or "no folder"
                 raise ConfigurationError(
-                    f"{urdf}: the link {link.get('name')!r} has the mesh {name!r}, which is not there (looked for in "
-                    f"{places}). package_dirs or ROS_PACKAGE_PATH name folders of packages; with link_radius, links "
+                    f"{urdf}: the link {link.get('name')!r} has the mesh {name!r}, which is not "
+                    f"there (looked for in "
+                    f"{places}). package_dirs or ROS_PACKAGE_PATH name folders of packages; with "
+                    f"link_radius, links "
                     "are capsules and need no mesh"
                 )
             mesh.set("filename", str(file.resolve()))
@@ -91,11 +108,13 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpo
 
 
 def unit_of_mesh(file: Path) -> float:
-    """Metres per unit of length of a mesh file: what a COLLADA file states in ``<unit meter="…">``, 1 for all others.
+    """Metres per unit of length of a mesh file: what a COLLADA file states in ``<unit meter="…">``,
+    1 for all others.
 
-    The loader of meshes ignores that unit, and the file's ``<up_axis>``. ROS's viewer RViz applies the unit and ignores
-    the axis, too, so that meshes that look right there are right here. A file that is no XML has the unit 1: reading
-    its geometry will say what is wrong. Raises ConfigurationError if the unit is not a positive number.
+    The loader of meshes ignores that unit, and the file's ``<up_axis>``. ROS's viewer RViz applies
+    the unit and ignores the axis, too, so that meshes that look right there are right here. A file
+    that is no XML has the unit 1: reading its geometry will say what is wrong. Raises
+    ConfigurationError if the unit is not a positive number.
     """
     if file.suffix.lower() != ".dae":
         return 1.0
@@ -106,13 +125,16 @@ def unit_of_mesh(file: Path) -> float:
         unit = math.nan
     if not 0.0 < unit < math.inf:
         raise ConfigurationError(
-            f'{file}: <unit meter="…"> must be a positive number of metres per unit of length, not {shown(stated)}'
+            f'{file}: <unit meter="…"> must be a positive number of metres per unit of length, '
+            f"not {shown(stated)}"
         )
     return unit
 
 
 def _stated_unit(file: Path) -> str:
-    """The text of the unit in the asset of the whole COLLADA file, which stands before its geometry."""
+    """The text of the unit in the asset of the whole COLLADA file, which stands before its
+    geometry.
+    """
     open_elements: list[str] = []
     try:
         for event, element in ElementTree.iterparse(file, events=("start", "end")):
@@ -130,7 +152,9 @@ def _stated_unit(file: Path) -> str:
     return "1"
 
 
-def _meshes(root: ElementTree.Element, purpose: Purpose = "collision") -> Iterator[ElementTree.Element]:
+def _meshes(
+    root: ElementTree.Element, purpose: Purpose = "collision"
+) -> Iterator[ElementTree.Element]:
     return (mesh for part in root.iter(purpose) for mesh in part.iter("mesh"))
 
 
@@ -146,7 +170,9 @@ def _holding(folder: Path, depth: int) -> Iterator[Path]:
     yield folder
     if depth > 1:
         try:
-            inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+            inside = sorted(
+                path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")
+            )
         except OSError:  # not there, or not for us
             return
         for path in inside:

@@ -1,4 +1,6 @@
-"""From accelerations to what a robot's controller takes (section 5.1): a pure integrator of the right order."""
+"""From accelerations to what a robot's controller takes (section 5.1): a pure integrator of the
+right order.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +10,22 @@ from .geometry import vector
 
 
 class OrderFilter:
-    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order hold of T_s [s].
+    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order
+    hold of T_s [s].
 
-    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c, ``qd`` (n,), and a smooth q_c, ``q`` (n,), which
-    position-controlled arms take; they begin where the robot stands and how fast it moves. Raises InvalidInput if a
-    number is not finite, sizes differ, or T_s is not positive.
+    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c, ``qd`` (n,), and a smooth
+    q_c, ``q`` (n,), which position-controlled arms take; they begin where the robot stands and how
+    fast it moves. Raises InvalidInput if a number is not finite, sizes differ, or T_s is not
+    positive.
     """
 
     def __init__(self, q: object, qd: object, Ts: float) -> None:
         if not 0.0 < Ts < float("inf"):
             raise InvalidInput(f"the sampling time must be a positive number of seconds, not {Ts}")
         n = len(q) if hasattr(q, "__len__") else 0
-        self.q, self.qd, self.Ts = vector(q, n, "q"), vector(qd, n, "qd"), float(Ts)
+        self.q = vector(q, n, "q")
+        self.qd = vector(qd, n, "qd")
+        self.Ts = float(Ts)
 
     def step(self, qdd: Array) -> Array:
         """(n,) q_c at the end of a sampling period with the acceleration ``qdd`` (n,)."""

@@ -24,17 +24,17 @@ from .urdf import UrdfSource, link_geometry, read_urdf
 
 #: θ offset [rad], d [m], a [m], α [rad] of a link.
 DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
-#: By how much of half its range a joint may be beyond it for rounding: ranges are written with six digits or so, and
-#: scores count a row as violated from ten times as much.
+#: By how much of half its range a joint may be beyond it for rounding: ranges are written with six
+#: digits or so, and scores count a row as violated from ten times as much.
 ROUNDED = 1e-5
 
 
 class Robot:
     """A serial arm with n joints, each revolute or prismatic.
 
-    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take one from :mod:`vsconstraints.robots.catalogue`. Ranges
-    ``q_min`` and ``q_max`` (n,) [rad or m] and speeds ``qd_min`` and ``qd_max`` (n,) are infinite where there is no
-    limit.
+    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take one from
+    :mod:`vsconstraints.robots.catalogue`. Ranges ``q_min`` and ``q_max`` (n,) [rad or m] and speeds
+    ``qd_min`` and ``qd_max`` (n,) are infinite where there is no limit.
     """
 
     def __init__(
@@ -54,15 +54,22 @@ class Robot:
             if low > high or speed <= 0.0
         ]
         if wrong:
-            raise ConfigurationError(f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}")
-        self.model, self.name, self._tip_frame = model, name, tip_frame
+            raise ConfigurationError(
+                f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}"
+            )
+        self.model = model
+        self.name = name
+        self._tip_frame = tip_frame
         self.source = source  #: The URDF file it was read from; None for other robots.
         self.joint_names: tuple[str, ...] = tuple(model.names[1:])  #: From base to tip.
-        self.q_min, self.q_max = q_min, q_max
-        self.qd_min, self.qd_max = -qd_max, qd_max
+        self.q_min = q_min
+        self.q_max = q_max
+        self.qd_min = -qd_max
+        self.qd_max = qd_max
         for limit in ("acceleration", "jerk", "effort"):
             limits.of_joint(limit, self.n)
-        #: What its actuators can do, as far as that is known; it counts where a control step or a scenario takes it.
+        #: What its actuators can do, as far as that is known; it counts where a control step or a
+        #: scenario takes it.
         self.limits = limits
         # scratch memory of the model's algorithms; every result is copied out of it
         self._data = model.createData()
@@ -96,16 +103,22 @@ class Robot:
 
     @cached_property
     def continuous(self) -> BoolArray:
-        """(n,) which joints turn without end: revolute ones without a range, whose angles count modulo 2π."""
+        """(n,) which joints turn without end: revolute ones without a range, whose angles count
+        modulo 2π.
+        """
         unbounded = np.isinf(self.q_min) & np.isinf(self.q_max)
         return unbounded & ~np.array(self.prismatic, dtype=np.bool_)
 
     def difference(self, a: Array, b: Array) -> Array:
-        """Return a − b (..., n) [rad or m], on the circle, in [−π, π], for joints that turn without end."""
+        """Return a − b (..., n) [rad or m], on the circle, in [−π, π], for joints that turn without
+        end.
+        """
         return self.nearest_turn(a, b) - b
 
     def nearest_turn(self, q: Array, near: Array) -> Array:
-        """Return ``q`` (..., n) with joints that turn without end in the turn nearest to ``near`` (..., n)."""
+        """Return ``q`` (..., n) with joints that turn without end in the turn nearest to ``near``
+        (..., n).
+        """
         away = q - near
         # numbers that are not finite stay as they are
         counted_by_turns = self.continuous & np.isfinite(away)
@@ -118,11 +131,14 @@ class Robot:
 
         Raises ConfigurationError if the joints are not a chain of revolute and prismatic ones.
         """
-        model, axes = self.model, np.empty((self.n, 3))
+        model = self.model
+        axes = np.empty((self.n, 3))
         for i, joint in enumerate(model.joints[1:]):
             if model.parents[i + 1] != i or joint.nq != 1 or joint.nv != 1:
                 name = model.names[i + 1]
-                raise ConfigurationError(f"control takes serial chains, not {name} ({joint.shortname()})")
+                raise ConfigurationError(
+                    f"control takes serial chains, not {name} ({joint.shortname()})"
+                )
             data = joint.createData()
             joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
             axes[i] = np.asarray(data.S).reshape(2, 3)[0 if self.prismatic[i] else 1]
@@ -131,7 +147,10 @@ class Robot:
     @property
     def links(self) -> tuple[str, ...]:
         """Names of the frames that points can be fixed to."""
-        return ("tip", *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")))
+        return (
+            "tip",
+            *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")),
+        )
 
     @classmethod
     def from_dh(
@@ -145,17 +164,23 @@ class Robot:
         name: str = "robot",
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From standard Denavit–Hartenberg parameters (n, 4): rows of θ offset [rad], d [m], a [m], α [rad].
+        """From standard Denavit–Hartenberg parameters (n, 4): rows of θ offset [rad], d [m], a [m],
+        α [rad].
 
-        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset; for a joint whose number, from
-        1, is in ``prismatic``, d = q_i + the table's d. The link frames are called ``link 1`` … ``link n``; the last is
-        the tip. Ranges and speeds (n,) are infinite if not given. Raises InvalidInput if the table or a limit has a
-        wrong shape or is not a number.
+        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset; for a
+        joint whose number, from 1, is in ``prismatic``, d = q_i + the table's d. The link frames
+        are called ``link 1`` … ``link n``; the last is the tip. Ranges and speeds (n,) are infinite
+        if not given. Raises InvalidInput if the table or a limit has a wrong shape or is not a
+        number.
         """
         model, frame = _read_dh(dh, prismatic, name)
         low, high, speed = (
             _joint_limits(np.full(model.nv, end) if value is None else value, model.nv, what)
-            for value, end, what in ((q_min, -np.inf, "q_min"), (q_max, np.inf, "q_max"), (qd_max, np.inf, "qd_max"))
+            for value, end, what in (
+                (q_min, -np.inf, "q_min"),
+                (q_max, np.inf, "q_max"),
+                (qd_max, np.inf, "qd_max"),
+            )
         )
         return cls(model, frame, name, low, high, speed, limits=limits)
 
@@ -170,35 +195,41 @@ class Robot:
         package_dirs: Sequence[str | Path] | None = None,
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From a URDF file; joint ranges, speeds and efforts are the file's, ``limits`` what is known beside them.
+        """From a URDF file; joint ranges, speeds and efforts are the file's, ``limits`` what is
+        known beside them.
 
-        Raises ConfigurationError if the file is missing or not a URDF, if several links may be the tip and none is
-        named, or if a link or a joint is unknown or of a kind an arm does not have.
+        Raises ConfigurationError if the file is missing or not a URDF, if several links may be the
+        tip and none is named, or if a link or a joint is unknown or of a kind an arm does not have.
 
         Parameters
         ----------
         urdf
             The URDF file. Its meshes are read by :meth:`collision_geometry` only.
         tip
-            Name of the link at the tip; it may be left out where only one link is the last one. Joints that do not move
-            it (a gripper's fingers) are locked at their neutral position, or where the joint that they mimic puts them.
+            Name of the link at the tip; it may be left out where only one link is the last one.
+            Joints that do not move it (a gripper's fingers) are locked at their neutral position,
+            or where the joint that they mimic puts them.
         locked
             Joints to lock, with their coordinate [rad or m].
         name
             For reports; the robot's name in the file if not given.
         package_dirs
-            Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
-            ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
+            Folders that ``package://`` paths of meshes start from; all folders above the file if
+            not given. Those that ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
         """
-        model, frame, source, (low, high, speed, effort) = read_urdf(urdf, tip, locked or {}, package_dirs)
+        model, frame, source, (low, high, speed, effort) = read_urdf(
+            urdf, tip, locked or {}, package_dirs
+        )
         if limits.effort is None and np.isfinite(effort).any():
             limits = replace(limits, effort=effort.tolist())
         return cls(model, frame, name or model.name, low, high, speed, source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
-        """The collision geometry of the URDF's links, in this robot's model; read anew by every call.
+        """The collision geometry of the URDF's links, in this robot's model; read anew by every
+        call.
 
-        Raises ConfigurationError if the robot is not from a URDF file, or a mesh cannot be read, which it names.
+        Raises ConfigurationError if the robot is not from a URDF file, or a mesh cannot be read,
+        which it names.
         """
         if self.source is None:
             raise ConfigurationError(
@@ -208,7 +239,9 @@ class Robot:
         return link_geometry(self.source)
 
     def frame_id(self, link: str) -> int:
-        """Index of a link's frame in the model; raises ConfigurationError that names the links there are."""
+        """Index of a link's frame in the model; raises ConfigurationError that names the links
+        there are.
+        """
         if link == "tip":
             return self._tip_frame
         if not self.model.existFrame(link):
@@ -229,7 +262,8 @@ class Robot:
         beyond = np.maximum(self.q_min - q, q - self.q_max)
         units = ["m" if slides else "rad" for slides in self.prismatic]
         return [
-            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.7g}, {beyond[i]:.3g} {units[i]} outside "
+            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.7g}, {beyond[i]:.3g} {units[i]} "
+            f"outside "
             f"[{self.q_min[i]:.7g}, {self.q_max[i]:.7g}]"
             for i in np.flatnonzero(beyond > tolerated)
         ]
@@ -241,12 +275,17 @@ class Robot:
         return Pose(np.array(placement.rotation), np.array(placement.translation))
 
     def jacobian(
-        self, q: ArrayLike, link: str = "tip", offset: Sequence[float] = (0.0, 0.0, 0.0), axes: str = "base"
+        self,
+        q: ArrayLike,
+        link: str = "tip",
+        offset: Sequence[float] = (0.0, 0.0, 0.0),
+        axes: str = "base",
     ) -> Array:
         """(6, n) Jacobian at ``q`` (n,) of the twist (v, ω) of a point fixed to a link.
 
-        ``offset`` (3,) is the point in the link's frame [m], and v and ω are in ``"base"`` or ``"tip"`` axes. Raises
-        ConfigurationError or InvalidInput if the link or the axes are unknown, or a shape is wrong.
+        ``offset`` (3,) is the point in the link's frame [m], and v and ω are in ``"base"`` or
+        ``"tip"`` axes. Raises ConfigurationError or InvalidInput if the link or the axes are
+        unknown, or a shape is wrong.
         """
         return self._twist(q, np.zeros(self.n), link, offset, axes)[0]
 
@@ -258,17 +297,27 @@ class Robot:
         offset: Sequence[float] = (0.0, 0.0, 0.0),
         axes: str = "base",
     ) -> Array:
-        """(6,) J̇ q̇ of :meth:`jacobian` at ``q`` and ``qd`` (n,), exactly: the derivative of that twist when q̈ = 0."""
+        """(6,) J̇ q̇ of :meth:`jacobian` at ``q`` and ``qd`` (n,), exactly: the derivative of that
+        twist when q̈ = 0.
+        """
         return self._twist(q, qd, link, offset, axes)[1]
 
-    def _twist(self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str) -> tuple[Array, Array]:
-        """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist, for :meth:`jacobian` and :meth:`drift`."""
+    def _twist(
+        self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str
+    ) -> tuple[Array, Array]:
+        """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist, for :meth:`jacobian` and
+        :meth:`drift`.
+        """
         if axes not in ("base", "tip"):
             raise unknown_name("axes", axes, ("base", "tip"))
-        q, qd = self.configuration(q), self.configuration(qd, "qd")
+        q = self.configuration(q)
+        qd = self.configuration(qd, "qd")
         x, y, z = vector(offset, 3, "offset")
         motion = self.kinematics(q, qd, [RobotPoint(link, (x, y, z))])
-        model, data, frame, world = self.model, self._data, self.frame_id(link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        model = self.model
+        data = self._data
+        frame = self.frame_id(link)
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         angular_J = np.array(pin.getFrameJacobian(model, data, frame, world)).reshape(6, -1)[3:]
         angular_drift = np.array(pin.getFrameAcceleration(model, data, frame, world).angular)
         J = np.concatenate((motion.point_J[0], angular_J))
@@ -297,9 +346,13 @@ def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[
     try:
         rows = np.array(dh, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}") from error
+        raise InvalidInput(
+            f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}"
+        ) from error
     if rows.ndim != 2 or rows.shape[1] != 4 or len(rows) == 0:
-        raise InvalidInput(f"the DH table must be (n, 4): θ offset, d, a, α; it has the shape {rows.shape}")
+        raise InvalidInput(
+            f"the DH table must be (n, 4): θ offset, d, a, α; it has the shape {rows.shape}"
+        )
     if not np.isfinite(rows).all():
         raise InvalidInput("the DH table must be finite")
     numbers = list(prismatic) if isinstance(prismatic, Sequence) else [prismatic]
@@ -325,5 +378,7 @@ def _joint_limits(value: ArrayLike, n: int, what: str) -> Array:
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != (n,) or np.isnan(array).any():
-        raise InvalidInput(f"{what} must be {n} numbers (infinite where there is no limit), not {shown(value)}")
+        raise InvalidInput(
+            f"{what} must be {n} numbers (infinite where there is no limit), not {shown(value)}"
+        )
     return array

@@ -1,4 +1,6 @@
-"""Serial arms from URDF files: Pinocchio parses the file's links and joints; errors name the joint or the link."""
+"""Serial arms from URDF files: Pinocchio parses the file's links and joints; errors name the joint
+or the link.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from .geometry import vector
 from .meshes import Purpose, mesh_folders, with_whole_paths
 from .urdf_checks import demand_sound
 
-UNBOUNDED = 1e9  #: A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none.
+#: A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none.
+UNBOUNDED = 1e9
 #: Elements that describe the arm; what else a file says is for simulators, drivers and controllers.
 OF_URDF = ("link", "joint", "material")
 #: In the name of a last link, or of its joint: such a link is no tip unless it is named as that.
@@ -30,21 +33,29 @@ OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
 
 @dataclass(frozen=True)
 class UrdfSource:
-    """Where a robot's links come from, for what is read only when asked for: their collision geometry."""
+    """Where a robot's links come from, for what is read only when asked for: their collision
+    geometry.
+    """
 
     path: Path  #: The URDF file.
-    package_dirs: tuple[str, ...]  #: Folders that ``package://`` paths of meshes start from, with the environment's.
+    #: Folders that ``package://`` paths of meshes start from, with the environment's.
+    package_dirs: tuple[str, ...]
     model: pin.Model  #: The whole file's.
     locked: tuple[int, ...]  #: Joints of it that are locked.
     positions: Array  #: Its coordinates then.
 
 
 def read_urdf(
-    path: str | Path, tip: str | None, locked: Mapping[str, float], package_dirs: Sequence[str | Path] | None
+    path: str | Path,
+    tip: str | None,
+    locked: Mapping[str, float],
+    package_dirs: Sequence[str | Path] | None,
 ) -> tuple[pin.Model, int, UrdfSource, tuple[Array, Array, Array, Array]]:
-    """The arm of a URDF file, the frame of its tip, where it comes from, and limits: see :meth:`.Robot.from_urdf`.
+    """The arm of a URDF file, the frame of its tip, where it comes from, and limits: see
+    :meth:`.Robot.from_urdf`.
 
-    Limits (n,) are the least and greatest coordinates, speeds, and efforts, infinite where there is none.
+    Limits (n,) are the least and greatest coordinates, speeds, and efforts, infinite where there is
+    none.
     """
     source = Path(path)
     file = _urdf_file(source)
@@ -52,7 +63,8 @@ def read_urdf(
         model = pin.buildModelFromXML(file.text)
     except (RuntimeError, ValueError, RecursionError) as error:
         raise ConfigurationError(
-            f"{str(source)!r} cannot be read as a URDF: {error} Its parser prints a reason on stderr, if it has one"
+            f"{str(source)!r} cannot be read as a URDF: {error} Its parser prints a reason on "
+            f"stderr, if it has one"
         ) from error
     bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
     if tip is None:
@@ -74,7 +86,8 @@ def read_urdf(
         if joint.nq != 1 or joint.nv != 1:
             raise ConfigurationError(
                 f"joint {joint_name!r} of {source.name} is a {joint.shortname()}: "
-                "only revolute, continuous and prismatic joints can be driven; lock it with locked={…}"
+                "only revolute, continuous and prismatic joints can be driven; lock it with "
+                "locked={…}"
             )
         if joint_name in file.mimics:
             raise ConfigurationError(
@@ -86,8 +99,10 @@ def read_urdf(
         np.where((limit <= 0.0) | (limit >= UNBOUNDED), np.inf, limit)
         for limit in (np.array(model.upperVelocityLimit), np.array(model.effortLimit))
     )
-    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
+    lower = np.array(model.lowerPositionLimit)
+    upper = np.array(model.upperPositionLimit)
+    lower[lower <= -UNBOUNDED] = -np.inf
+    upper[upper >= UNBOUNDED] = np.inf
     return model, model.getFrameId(tip), origin, (lower, upper, speed, effort)
 
 
@@ -101,7 +116,9 @@ def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.Geo
     try:
         geometry = pin.buildGeomFromUrdfString(source.model, text, kind)
     except (RuntimeError, ValueError) as error:
-        raise ConfigurationError(f"{purpose} geometry of {source.path} cannot be read: {error}") from error
+        raise ConfigurationError(
+            f"{purpose} geometry of {source.path} cannot be read: {error}"
+        ) from error
     return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
 
 
@@ -116,14 +133,19 @@ def _joints_of(model: pin.Model, link: str) -> list[int]:
 
 
 def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], name: str) -> str:
-    """The last link that a joint moves; raises ConfigurationError where there are several, or it may be a finger."""
+    """The last link that a joint moves; raises ConfigurationError where there are several, or it
+    may be a finger.
+    """
     last = file.last_links()
-    moved = [link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))]
+    moved = [
+        link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))
+    ]
     if len(moved) > 1:
         shared = set.intersection(*(set(file.above(link)) for link in moved))
         branch = next(link for link in file.above(moved[0]) if link in shared)
         raise ConfigurationError(
-            f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off {branch!r}. "
+            f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off "
+            f"{branch!r}. "
             'Say which link carries the camera: tip = "…"'
         )
     tip = (moved or last)[0]
@@ -132,14 +154,19 @@ def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], nam
     grips = any(word in f"{tip} {joint}".lower() for word in OF_GRIPPERS)
     if grips and _joint_of(model, tip) != _joint_of(model, carrier):
         raise ConfigurationError(
-            f"the last link of {name}, {tip!r}, seems to be a part of a gripper that joint {joint!r} moves. "
+            f"the last link of {name}, {tip!r}, seems to be a part of a gripper that joint "
+            f"{joint!r} moves. "
             f'Say which link carries the camera: tip = "{carrier}", or "{tip}" if it is that one'
         )
     return tip
 
 
-def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str) -> Array:
-    """Coordinates at which joints are locked: given ones, else neutral, or where the joint that one mimics puts it."""
+def _locked_positions(
+    model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str
+) -> Array:
+    """Coordinates at which joints are locked: given ones, else neutral, or where the joint that one
+    mimics puts it.
+    """
     positions: Array = pin.neutral(model)
     at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
     for joint, value in locked.items():
@@ -152,7 +179,8 @@ def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Map
             leader, factor, offset = mimics[joint]
             if leader in following:
                 raise ConfigurationError(
-                    f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with locked={{…}}"
+                    f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with "
+                    f"locked={{…}}"
                 )
             if leader in at:
                 return factor * position(leader, (*following, leader)) + offset
@@ -165,7 +193,9 @@ def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Map
 
 
 def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, str]:
-    """Rename joints that have a link's name, since Pinocchio looks up both by name; returns old names by new ones."""
+    """Rename joints that have a link's name, since Pinocchio looks up both by name; returns old
+    names by new ones.
+    """
     own_names = {f"{name} (joint)": name for name in model.names if name in bodies}
     for i, name in enumerate(model.names):
         if name in bodies:
@@ -190,8 +220,8 @@ class Mimic(NamedTuple):
 class UrdfFile(NamedTuple):
     """What a URDF file says of an arm."""
 
-    #: Its links and joints as XML. Every joint has a limit, and a continuous joint is a revolute one without bounds, so
-    #: that it has one coordinate.
+    #: Its links and joints as XML. Every joint has a limit, and a continuous joint is a revolute
+    #: one without bounds, so that it has one coordinate.
     text: str
     mimics: Mapping[str, Mimic]  #: How joints follow others, by their names.
     links: tuple[str, ...]  #: Their names, in the file's order.
@@ -211,9 +241,11 @@ class UrdfFile(NamedTuple):
 
 
 def _urdf_file(path: Path) -> UrdfFile:
-    """What a file says of an arm: without namespaces, and without what is for simulators, drivers and controllers.
+    """What a file says of an arm: without namespaces, and without what is for simulators, drivers
+    and controllers.
 
-    Raises ConfigurationError if the file is missing, cannot be read, is no URDF, or needs xacro to become one.
+    Raises ConfigurationError if the file is missing, cannot be read, is no URDF, or needs xacro to
+    become one.
     """
     if not path.is_file():
         raise ConfigurationError(f"no URDF file at {str(path)!r}")
@@ -233,14 +265,18 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     except (ValueError, LookupError) as error:  # in an unknown encoding
         raise ConfigurationError(f"{str(path)!r} cannot be read: {error}") from error
     if _plain(root.tag) != "robot":
-        raise ConfigurationError(f"{str(path)!r} is not a URDF: its root is <{_plain(root.tag)}>, not <robot>")
+        raise ConfigurationError(
+            f"{str(path)!r} is not a URDF: its root is <{_plain(root.tag)}>, not <robot>"
+        )
     if path.suffix == ".xacro" or _unexpanded(root):
         name = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
         name = name if name != path.name else f"expanded-{name}"
         made = path.with_name(name)
         raise ConfigurationError(
-            f"{str(path)!r} is a xacro file, of which xacro makes a URDF. With ROS set up: xacro {path} -o {made}. "
-            f"Without ROS: pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {made}, where FOLDER holds the "
+            f"{str(path)!r} is a xacro file, of which xacro makes a URDF. With ROS set up: xacro "
+            f"{path} -o {made}. "
+            f"Without ROS: pip install xacrodoc, then xacrodoc {path} -d FOLDER -o {made}, where "
+            f"FOLDER holds the "
             "packages that $(find …) names. Arguments that the file takes follow as NAME:=VALUE"
         )
     for element in root.iter():
@@ -263,14 +299,20 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
 def _mimics(root: ElementTree.Element) -> dict[str, Mimic]:
     mimics = {}
     for joint in root.findall("joint"):
-        mimic, name = joint.find("mimic"), joint.get("name", "")
+        mimic = joint.find("mimic")
+        name = joint.get("name", "")
         if mimic is not None:
             try:
-                factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+                factor = float(mimic.get("multiplier", "1"))
+                offset = float(mimic.get("offset", "0"))
             except ValueError as error:
-                raise ConfigurationError(f"the joint {name!r} mimics by no number: {error}") from error
+                raise ConfigurationError(
+                    f"the joint {name!r} mimics by no number: {error}"
+                ) from error
             if not math.isfinite(factor * offset):
-                raise ConfigurationError(f"by what the joint {name!r} mimics another one must be finite")
+                raise ConfigurationError(
+                    f"by what the joint {name!r} mimics another one must be finite"
+                )
             mimics[name] = Mimic(mimic.get("joint", ""), factor, offset)
     return mimics
 
@@ -286,7 +328,9 @@ def _plain(tag: object) -> str:
 
 
 def _unexpanded(root: ElementTree.Element) -> bool:
-    """Whether something is left for xacro to do in what describes the arm; elsewhere such texts may be a shell's."""
+    """Whether something is left for xacro to do in what describes the arm; elsewhere such texts may
+    be a shell's.
+    """
     if any("xacro" in str(element.tag).rpartition("}")[0] for element in root.iter()):
         return True
     parts = (inner for part in root if _plain(part.tag) in OF_URDF for inner in part.iter())
@@ -295,7 +339,8 @@ def _unexpanded(root: ElementTree.Element) -> bool:
 
 def _complete_limit(joint: ElementTree.Element, file: str) -> None:
     """Give a joint the limits that the URDF parser insists on; 0 stands for no speed limit."""
-    kind, limit = joint.get("type"), joint.find("limit")
+    kind = joint.get("type")
+    limit = joint.find("limit")
     if kind not in ("continuous", "revolute", "prismatic"):
         return
     if limit is None:

@@ -1,4 +1,5 @@
-"""Checks of a URDF before it is parsed: the parser drops what it cannot read, or says no more than that it is invalid.
+"""Checks of a URDF before it is parsed: the parser drops what it cannot read, or says no more than
+that it is invalid.
 
 Errors name the link or joint, the attribute and its value.
 """
@@ -12,13 +13,16 @@ from xml.etree.ElementTree import Element
 
 from ..errors import ConfigurationError, shown, unknown_name
 
-MOVING = ("revolute", "continuous", "prismatic", "planar")  #: Types of joints that move along or about an axis.
+#: Types of joints that move along or about an axis.
+MOVING = ("revolute", "continuous", "prismatic", "planar")
 TYPES = (*MOVING, "fixed", "floating")  #: Types of joints that a URDF may have.
 NO_AXIS = 1e-9  #: Length below which an axis has no direction.
 
 
 class Numbers(NamedTuple):
-    """An attribute that holds numbers: where it is below a joint or link, and how many there are."""
+    """An attribute that holds numbers: where it is below a joint or link, and how many there
+    are.
+    """
 
     element: str
     attribute: str
@@ -39,7 +43,10 @@ OF_LINKS = (
     Numbers("inertial/mass", "value", 1),
     Numbers("inertial/origin", "xyz", 3),
     Numbers("inertial/origin", "rpy", 3),
-    *(Numbers("inertial/inertia", entry, 1) for entry in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")),
+    *(
+        Numbers("inertial/inertia", entry, 1)
+        for entry in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    ),
     Numbers("collision/origin", "xyz", 3),
     Numbers("collision/origin", "rpy", 3),
     Numbers("collision/geometry/box", "size", 3),
@@ -52,12 +59,15 @@ OF_LINKS = (
 
 
 def demand_sound(root: Element, file: str) -> None:
-    """Raise ConfigurationError unless a robot's links and joints are a tree, with numbers where they must be.
+    """Raise ConfigurationError unless a robot's links and joints are a tree, with numbers where
+    they must be.
 
     ``root`` is without namespaces; joints of a moving type need an axis that has a direction.
     """
     if root.get("name") is None:
-        raise ConfigurationError(f'{file}: the robot has no name; its first line must be <robot name="…">')
+        raise ConfigurationError(
+            f'{file}: the robot has no name; its first line must be <robot name="…">'
+        )
     links = _names(root, "link", file)
     joints = _names(root, "joint", file)
     for name, link in links.items():
@@ -76,9 +86,13 @@ def _names(root: Element, kind: str, file: str) -> dict[str, Element]:
     for number, element in enumerate(root.findall(kind), start=1):
         name = element.get("name")
         if name is None:
-            raise ConfigurationError(f'{file}: {kind} number {number} has no name: <{kind} name="…">')
+            raise ConfigurationError(
+                f'{file}: {kind} number {number} has no name: <{kind} name="…">'
+            )
         if name in named:
-            raise ConfigurationError(f"{file} has two {kind}s of the name {name!r}: names must be different")
+            raise ConfigurationError(
+                f"{file} has two {kind}s of the name {name!r}: names must be different"
+            )
         named[name] = element
     return named
 
@@ -90,33 +104,44 @@ def _demand_joint(joint: Element, what: str) -> None:
     if kind not in TYPES:
         raise unknown_name(f"type of {what}", kind, TYPES)
     _demand_numbers(joint, OF_JOINTS, what)
-    axis, limit = joint.find("axis"), joint.find("limit")
+    axis = joint.find("axis")
+    limit = joint.find("limit")
     if kind in MOVING and axis is not None:
         direction = [float(part) for part in axis.get("xyz", "1 0 0").split()]
         if math.hypot(*direction) < NO_AXIS:
             raise ConfigurationError(
-                f"{what} is {kind}, but its axis {shown(axis.get('xyz'))} has no direction: it must not be zero; "
+                f"{what} is {kind}, but its axis {shown(axis.get('xyz'))} has no direction: it "
+                f"must not be zero; "
                 "a joint that does not move has the type fixed"
             )
     for attribute in ("velocity", "effort"):
         value = "0" if limit is None else limit.get(attribute, "0")
         if float(value) < 0.0:
             raise ConfigurationError(
-                f'{what} has the limit {attribute}="{value}", which is negative: it is the greatest amount in either '
+                f'{what} has the limit {attribute}="{value}", which is negative: it is the '
+                f"greatest amount in either "
                 "direction; 0 stands for no limit"
             )
 
 
 def _demand_numbers(element: Element, attributes: tuple[Numbers, ...], what: str) -> None:
-    """Raise ConfigurationError for an attribute that has other values than that many finite numbers."""
+    """Raise ConfigurationError for an attribute that has other values than that many finite
+    numbers.
+    """
     for path, attribute, count in attributes:
         for part in element.iterfind(path):
             text = part.get(attribute)
             if text is not None and not _are_numbers(text, count):
-                comma = "; decimals are written with a point, and numbers separated by spaces" if "," in text else ""
+                comma = (
+                    "; decimals are written with a point, and numbers separated by spaces"
+                    if "," in text
+                    else ""
+                )
                 numbers = "a finite number" if count == 1 else f"{count} finite numbers"
                 tag = path.rpartition("/")[2]
-                raise ConfigurationError(f'{what}: <{tag} {attribute}="{text[:60]}"> must be {numbers}{comma}')
+                raise ConfigurationError(
+                    f'{what}: <{tag} {attribute}="{text[:60]}"> must be {numbers}{comma}'
+                )
 
 
 def _are_numbers(text: str, count: int) -> bool:
@@ -130,22 +155,29 @@ def _are_numbers(text: str, count: int) -> bool:
 def _demand_connected(
     name: str, joint: Element, links: Mapping[str, Element], carriers: dict[str, str], file: str
 ) -> None:
-    """Raise ConfigurationError unless a joint connects two links, the second of which no other joint carries.
+    """Raise ConfigurationError unless a joint connects two links, the second of which no other
+    joint carries.
 
     ``carriers`` are the joints so far by the links that they carry; this one is added.
     """
     for role in ("parent", "child"):
         link = _end(joint, role)
         if not link:
-            raise ConfigurationError(f'the joint {name!r} of {file} has no {role}: <{role} link="…"/>')
+            raise ConfigurationError(
+                f'the joint {name!r} of {file} has no {role}: <{role} link="…"/>'
+            )
         if link not in links:
             raise unknown_name(f"{role} link of the joint {name!r} of {file}", link, links)
-    parent, child = _end(joint, "parent"), _end(joint, "child")
+    parent = _end(joint, "parent")
+    child = _end(joint, "child")
     if parent == child:
-        raise ConfigurationError(f"the joint {name!r} of {file} connects the link {child!r} to itself")
+        raise ConfigurationError(
+            f"the joint {name!r} of {file} connects the link {child!r} to itself"
+        )
     if child in carriers:
         raise ConfigurationError(
-            f"the link {child!r} of {file} is the child of two joints, {carriers[child]!r} and {name!r}: a link has "
+            f"the link {child!r} of {file} is the child of two joints, {carriers[child]!r} and "
+            f"{name!r}: a link has "
             "one parent; a closed chain cannot be a URDF"
         )
     carriers[child] = name
@@ -157,17 +189,22 @@ def _end(joint: Element, role: str) -> str:
 
 
 def _demand_tree(links: list[str], parents: Mapping[str, str], file: str) -> None:
-    """Raise ConfigurationError unless exactly one link has no parent, and every other one is carried by it."""
+    """Raise ConfigurationError unless exactly one link has no parent, and every other one is
+    carried by it.
+    """
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
         raise ConfigurationError(
-            f"{file} has {len(roots)} links without a parent: {', '.join(roots)}; only the base has none: connect the "
+            f"{file} has {len(roots)} links without a parent: {', '.join(roots)}; only the base "
+            f"has none: connect the "
             "others by joints of the type fixed, or leave them out"
         )
     for link in links:
         chain = list(_upwards(link, parents))
         if chain[-1] not in roots:
-            raise ConfigurationError(f"links of {file} carry each other in a circle: {' → '.join(reversed(chain))}")
+            raise ConfigurationError(
+                f"links of {file} carry each other in a circle: {' → '.join(reversed(chain))}"
+            )
 
 
 def _upwards(link: str, parents: Mapping[str, str]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """The language between a scene and a controller: rows, a task, and the command that answers them.
 
-Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and 18); every
-visual task becomes one equality J q̈ = b (eq. 14). A controller sees nothing else.
+Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and
+18); every visual task becomes one equality J q̈ = b (eq. 14). A controller sees nothing else.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)  #: No joint has bounds.
 Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
 """What a controller says of its command.
 
-``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other; the command
-violates them least and says which, by how much. ``suboptimal``: every row is met, but rounding keeps the law from what
-it defines below them; the reason says what. ``rank-loss``: the active rows have lost full row rank, so that
-their fulfilment is not guaranteed and the operation should be aborted (section 5.2). ``failed``: no command could
-be computed; ``qdd`` is zero.
+``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other;
+the command violates them least and says which, by how much. ``suboptimal``: every row is met, but
+rounding keeps the law from what it defines below them; the reason says what. ``rank-loss``: the
+active rows have lost full row rank, so that their fulfilment is not guaranteed and the operation
+should be aborted (section 5.2). ``failed``: no command could be computed; ``qdd`` is zero.
 """
 
 
@@ -38,21 +38,25 @@ be computed; ``qdd`` is zero.
 class Rows:
     """Constraint rows at one instant: m rows for a robot with n joints."""
 
-    phi: Array  #: (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤ 0.
+    #: (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤
+    #: 0.
+    phi: Array
     Lg: Array  #: (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
-    Lf: Array  #: (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    #: (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    Lf: Array
     switching_gain: Array  #: (m,) u⁺ of each row (eq. 11), in units of φ per second.
     labels: tuple[str, ...]  #: m names such as ``"fov[marker 2]"``.
-    #: (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for distances.
-    #: Ones if not given.
+    #: (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's
+    #: radius for distances. Ones if not given.
     scale: Array = field(default_factory=lambda: UNKNOWN)
-    #: (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not use
-    #: them. Of a row on φ itself, such as a speed, σ = φ.
+    #: (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for
+    #: laws that do not use them. Of a row on φ itself, such as a speed, σ = φ.
     sigma: Array = field(default_factory=lambda: UNKNOWN)
     sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
     K: Array = field(default_factory=lambda: UNKNOWN)
-    #: (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated. Braking may demand
-    #: a box without zero. No command leaves it: a law that does not keep it is brought back joint by joint.
+    #: (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated.
+    #: Braking may demand a box without zero. No command leaves it: a law that does not keep it is
+    #: brought back joint by joint.
     qdd_min: Array = field(default_factory=lambda: UNKNOWN)
     qdd_max: Array = field(default_factory=lambda: UNKNOWN)
 
@@ -61,13 +65,16 @@ class Rows:
             if len(self.scale) == 0:
                 self.scale = np.ones(len(self.labels))
         except TypeError as error:
-            raise InvalidInput(f"rows need a tuple of labels and an array of scales: {error}") from error
+            raise InvalidInput(
+                f"rows need a tuple of labels and an array of scales: {error}"
+            ) from error
 
     @in_one_line
     def __repr__(self) -> str:
         if not len(self.labels):
             return "<Rows: none>"
-        worst, reached = int(np.argmax(self.phi)), [self.labels[i] for i in np.flatnonzero(self.phi >= 0.0)]
+        worst = int(np.argmax(self.phi))
+        reached = [self.labels[i] for i in np.flatnonzero(self.phi >= 0.0)]
         size = f"{counted(len(self.labels), 'row')} of {counted(np.shape(self.Lg)[-1], 'joint')}"
         greatest = f"greatest φ {amount(self.phi[worst])} ({self.labels[worst]})"
         return f"<Rows: {size}, {greatest}, φ ≥ 0: {enumerated(reached) or 'none'}>"
@@ -88,9 +95,11 @@ class Task:
 
     J: Array  #: (k, n) Jacobian J_s of the visual features.
     b: Array  #: (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
-    error: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) e; (0,) for laws that do not use it.
+    #: (k,) e; (0,) for laws that do not use it.
+    error: Array = field(default_factory=lambda: UNKNOWN)
     error_rate: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) ė, likewise.
-    rest: Array = field(default_factory=lambda: UNKNOWN)  #: (n,) q̈₀ [rad/s² or m/s²]; (0,) for zero.
+    #: (n,) q̈₀ [rad/s² or m/s²]; (0,) for zero.
+    rest: Array = field(default_factory=lambda: UNKNOWN)
 
     @in_one_line
     def __repr__(self) -> str:
@@ -109,15 +118,18 @@ class Command:
     acted: BoolArray  #: (m,) which rows shaped the command.
     labels: tuple[str, ...]  #: The m labels of the rows it was given.
     reason: str = ""  #: Why the status is not ``ok``; names the rows concerned. Empty otherwise.
-    #: (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if the law has no
-    #: demand to measure.
+    #: (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if
+    #: the law has no demand to measure.
     slack: Array | None = None
     #: The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
     solver: str = ""
     iterations: int = 0
-    fallback: str = ""  #: Why another solver than the one asked for gave the answer. Empty otherwise.
-    remark: str = ""  #: What else should be known, such as an option that concerns none of the rows. Empty otherwise.
-    #: (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is stated.
+    #: Why another solver than the one asked for gave the answer. Empty otherwise.
+    fallback: str = ""
+    #: What else should be known, such as an option that concerns none of the rows. Empty otherwise.
+    remark: str = ""
+    #: (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is
+    #: stated.
     saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
 
     @in_one_line
@@ -143,7 +155,8 @@ class Command:
 GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")  #: What rows say, m of each.
 OPTIONAL = ("sigma", "sigma_dot", "K")  #: What rows need not say, (m,) each.
 BOX = ("qdd_min", "qdd_max")  #: Bounds of q̈, (n,) each, likewise.
-AT_END = 1e-9  #: Distance from an end of a box, as a fraction of the acceleration, that is rounding.
+#: Distance from an end of a box, as a fraction of the acceleration, that is rounding.
+AT_END = 1e-9
 
 
 def at_end(qdd: Any, least: Any, greatest: Any) -> Any:
@@ -157,7 +170,9 @@ def in_box(rows: Rows, qdd: Array) -> Array:
 
 
 def keep_box(rows: Rows, command: Command) -> None:
-    """Bring a command into the box of the rows, if they have one, and say which joints are at an end of it."""
+    """Bring a command into the box of the rows, if they have one, and say which joints are at an
+    end of it.
+    """
     if len(rows.qdd_max) and command.status != "failed":
         command.qdd = in_box(rows, command.qdd)
         command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)

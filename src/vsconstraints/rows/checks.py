@@ -1,4 +1,6 @@
-"""What rows, a task and a command must be for a law to be asked, and for its answer to mean anything."""
+"""What rows, a task and a command must be for a law to be asked, and for its answer to mean
+anything.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +10,13 @@ from ..errors import InvalidInput, shown
 from . import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
 
 ROUNDING = 2.0**-53  #: Largest relative error of one operation in floating point.
-FARTHEST = 1e30  #: How many times its scale φ may be: a law that pushes in proportion has no answer long before.
+#: How many times its scale φ may be: a law that pushes in proportion has no answer long before.
+FARTHEST = 1e30
 
 
 def beyond_rounding(rows: Rows, qdd: Array) -> str:
-    """Say which row cannot be told met from unmet at these accelerations, and how far outside it is; empty if none.
+    """Say which row cannot be told met from unmet at these accelerations, and how far outside it
+    is; empty if none.
 
     Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
     """
@@ -24,16 +28,21 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
         return ""
     names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
     return (
-        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names} "
+        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds "
+        f"the gain of {names} "
         f"(φ up to {rows.phi[lost].max():.1e})"
     )
 
 
 def check(rows: Rows, task: Task) -> None:
-    """Raise InvalidInput unless shapes agree, all is finite and φ in reach; names the row or entry at fault."""
+    """Raise InvalidInput unless shapes agree, all is finite and φ in reach; names the row or entry
+    at fault.
+    """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
-    if not (isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)):
+    if not (
+        isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)
+    ):
         raise InvalidInput(f"rows.labels must be a tuple of names, not {shown(rows.labels)}")
     for name, array in (
         ("task.J", task.J),
@@ -47,9 +56,11 @@ def check(rows: Rows, task: Task) -> None:
             raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
     if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
         raise InvalidInput(
-            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and {task.b.shape}"
+            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and "
+            f"{task.b.shape}"
         )
-    m, n = len(rows.labels), task.J.shape[1]
+    m = len(rows.labels)
+    n = task.J.shape[1]
     if n == 0:
         raise InvalidInput("task.J has no column: there is no joint to command")
     for name, array, shape in (
@@ -58,23 +69,34 @@ def check(rows: Rows, task: Task) -> None:
         ("Lf", rows.Lf, (m,)),
         ("switching_gain", rows.switching_gain, (m,)),
         ("scale", rows.scale, (m,)),
-        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if getattr(rows, name).shape != (0,)),
+        *(
+            (name, getattr(rows, name), (m,))
+            for name in OPTIONAL
+            if getattr(rows, name).shape != (0,)
+        ),
     ):
         if array.shape != shape:
             raise InvalidInput(
-                f"rows.{name} has the shape {array.shape}; with {m} labels and {n} joints it must be {shape}"
+                f"rows.{name} has the shape {array.shape}; with {m} labels and {n} joints it must "
+                f"be {shape}"
             )
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
+            raise InvalidInput(
+                f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}"
+            )
     if len(rows.qdd_min) or len(rows.qdd_max):
         _check_box(rows, n)
     k = len(task.b)
     for name, array in (("error", task.error), ("error_rate", task.error_rate)):
         if array.shape not in ((0,), (k,)):
-            raise InvalidInput(f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}")
+            raise InvalidInput(
+                f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}"
+            )
     if task.rest.shape not in ((0,), (n,)):
-        raise InvalidInput(f"task.rest has the shape {task.rest.shape}; with {n} joints it must be {(n,)}")
+        raise InvalidInput(
+            f"task.rest has the shape {task.rest.shape}; with {n} joints it must be {(n,)}"
+        )
     for name in ("J", "b", "error", "error_rate", "rest"):
         array = getattr(task, name)
         if not np.isfinite(array).all():
@@ -82,21 +104,29 @@ def check(rows: Rows, task: Task) -> None:
             raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")
     if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
         at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
-        raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")
+        raise InvalidInput(
+            f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} "
+            f"is not"
+        )
     if (rows.phi / FARTHEST > rows.scale).any():
         at = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
-        far = ", ".join(f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at)
+        far = ", ".join(
+            f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at
+        )
         raise InvalidInput(
-            f"no law can compute with φ beyond {FARTHEST:g} times its scale: {far}. Give both in the same units, in "
+            f"no law can compute with φ beyond {FARTHEST:g} times its scale: {far}. Give both in "
+            f"the same units, in "
             "which the scale is the size of the allowed range"
         )
 
 
 def _check_box(rows: Rows, n: int) -> None:
-    low, high = rows.qdd_min, rows.qdd_max
+    low = rows.qdd_min
+    high = rows.qdd_max
     if low.shape != (n,) or high.shape != (n,):
         raise InvalidInput(
-            f"rows.qdd_min and rows.qdd_max must both be {(n,)}, or neither be given: they have the shapes {low.shape} "
+            f"rows.qdd_min and rows.qdd_max must both be {(n,)}, or neither be given: they have "
+            f"the shapes {low.shape} "
             f"and {high.shape}"
         )
     at = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))

@@ -11,12 +11,14 @@ from ..errors import ConfigurationError, shown
 
 @dataclass(frozen=True)
 class RowFactors:
-    """What a law's rows have in place of the scene's K and u⁺, as factors: for all rows, or by kind of constraint.
+    """What a law's rows have in place of the scene's K and u⁺, as factors: for all rows, or by kind
+    of constraint.
 
-    σ and the boundaries stay those of the scene, and so do all scores: a larger K makes a row act earlier and more
-    slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have no K; ``speed_gain`` is a further
-    factor on u⁺ of joint speeds. A number is for every kind; of a table, kinds that it does not name have the factor 1.
-    Raises ConfigurationError if a factor is not positive.
+    σ and the boundaries stay those of the scene, and so do all scores: a larger K makes a row act
+    earlier and more slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have
+    no K; ``speed_gain`` is a further factor on u⁺ of joint speeds. A number is for every kind; of a
+    table, kinds that it does not name have the factor 1. Raises ConfigurationError if a factor is
+    not positive.
     """
 
     K: float | Mapping[str, float] = field(default_factory=dict)
@@ -27,11 +29,16 @@ class RowFactors:
         for name, value in vars(self).items():
             by_kind = isinstance(value, Mapping) and name != "speed_gain"
             for kind, factor in value.items() if by_kind else [("", value)]:
-                number = isinstance(factor, float | int) and factor is not True and 0.0 < factor < float("inf")
+                number = (
+                    isinstance(factor, float | int)
+                    and factor is not True
+                    and 0.0 < factor < float("inf")
+                )
                 if not (number and isinstance(kind, str)):
                     where = f"{name}.{kind}" if kind else name
                     raise ConfigurationError(
-                        f"{where} of a law is a factor on the scene's, positive: not {shown(factor)}"
+                        f"{where} of a law is a factor on the scene's, positive: not "
+                        f"{shown(factor)}"
                     )
 
     def options(self) -> dict[str, Any]:
@@ -48,7 +55,11 @@ class RowFactors:
         """Which kinds are named of which there is no row; empty if none is."""
         tables = [value for value in self.options().values() if isinstance(value, Mapping)]
         absent = dict.fromkeys(kind for table in tables for kind in table if kind not in kinds)
-        return f"factors of the law name {', '.join(absent)}, of which there is no row" if absent else ""
+        return (
+            f"factors of the law name {', '.join(absent)}, of which there is no row"
+            if absent
+            else ""
+        )
 
 
 FACTORS = tuple(each.name for each in fields(RowFactors))  #: Options of every law.

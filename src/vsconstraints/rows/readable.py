@@ -22,7 +22,8 @@ def in_one_line(text: Callable[[Any], str]) -> Callable[[Any], str]:
     def representation(self: Any) -> str:
         try:
             return " ".join(text(self).split())
-        except Exception:  # incomplete objects, and those with wrong arrays, are shown in messages about that
+        # incomplete objects, and those with wrong arrays, are shown in messages about that
+        except Exception:
             return object.__repr__(self)
 
     return representation
@@ -39,7 +40,9 @@ def amounts(values: Iterable[float], unit: str = "") -> str:
 
 
 def span(low: Array, high: Array, unit: str) -> str:
-    """From the least to the greatest of ranges (n,): ``−6.28 to 6.28 rad``, or that there is none."""
+    """From the least to the greatest of ranges (n,): ``−6.28 to 6.28 rad``, or that there is
+    none.
+    """
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         return f"not all limited [{unit}]" if np.isfinite((low, high)).any() else "no ranges"
     return f"{amount(low.min(initial=np.inf))} to {amount(high.max(initial=-np.inf))} {unit}"

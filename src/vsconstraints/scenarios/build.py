@@ -36,7 +36,9 @@ from .views import make_camera, make_goal
 
 @dataclass(frozen=True)
 class File:
-    """Keys of a scenario's file, with their types and defaults; docs/scenarios.md says what they mean."""
+    """Keys of a scenario's file, with their types and defaults; docs/scenarios.md says what they
+    mean.
+    """
 
     robot: str | Table
     camera: Table
@@ -61,17 +63,23 @@ class File:
 
 
 def build(
-    tables: Table, where: str, folder: Path, deviation: np.random.Generator | None = None, seed: tuple[int, ...] = (0,)
+    tables: Table,
+    where: str,
+    folder: Path,
+    deviation: np.random.Generator | None = None,
+    seed: tuple[int, ...] = (0,),
 ) -> Setup:
     """The setup that a scenario's tables describe.
 
-    ``where`` is its name for messages; paths are relative to ``folder``; ``deviation`` draws the numbers in [−1, 1],
-    one per joint, by which the start deviates, times ``start_deviation``; ``seed`` is that of everything random in the
-    disturbances. Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable values.
+    ``where`` is its name for messages; paths are relative to ``folder``; ``deviation`` draws the
+    numbers in [−1, 1], one per joint, by which the start deviates, times ``start_deviation``;
+    ``seed`` is that of everything random in the disturbances. Raises ConfigurationError or
+    InvalidInput, which name them, for unknown keys and unusable values.
     """
     file: File = from_table(File, tables, where)
     bare = build_scene(tables, where, folder)
-    robot, camera = bare.robot, bare.camera
+    robot = bare.robot
+    camera = bare.camera
     q0 = robot.configuration(file.q0, "q0")
     qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
     if deviation is not None:
@@ -98,17 +106,25 @@ def build(
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
         _by_type(file.plant, PLANTS, f"{where}.plant"),
-        _by_type({"type": file.sensor} if isinstance(file.sensor, str) else file.sensor, SENSORS, f"{where}.sensor"),
+        _by_type(
+            {"type": file.sensor} if isinstance(file.sensor, str) else file.sensor,
+            SENSORS,
+            f"{where}.sensor",
+        ),
     )
 
 
 def build_scene(tables: Table, where: str, folder: Path) -> Scene:
-    """Robot, camera and target of a scenario's tables, without its task and its constraints; arguments as above."""
+    """Robot, camera and target of a scenario's tables, without its task and its constraints;
+    arguments as above.
+    """
     missing = [key for key in ("robot", "camera", "target") if key not in tables]
     if missing:
         raise ConfigurationError(f"{where}: the key {missing[0]!r} is missing")
     robot = _robot(checked(tables["robot"], str | Table, where, "robot"), f"{where}.robot", folder)
-    camera = make_camera(demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder)
+    camera = make_camera(
+        demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder
+    )
     markers, motion = _target(demand_table(tables["target"], f"{where}.target"), f"{where}.target")
     return Scene(robot, camera, markers, (), motion)
 
@@ -125,7 +141,11 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
 
 def _by_type(table: Table | None, candidates: Any, where: str) -> Any:
     values = dict(table or {})
-    return None if table is None else from_table(chosen(values, "type", candidates, where), values, where)
+    return (
+        None
+        if table is None
+        else from_table(chosen(values, "type", candidates, where), values, where)
+    )
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:
@@ -163,7 +183,9 @@ def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
     of_translation, of_turn = split(of_motion["motion"], at, Motion, Turn)
     turn = from_table(Turn, of_turn, at)
     centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
-    return markers, TargetMotion(from_table(Motion, of_translation, at), np.array(turn.angular_velocity), centre)
+    return markers, TargetMotion(
+        from_table(Motion, of_translation, at), np.array(turn.angular_velocity), centre
+    )
 
 
 def _moving(motion: Table) -> None:
@@ -176,7 +198,11 @@ def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) 
 
 def _square_target(square: Square) -> Array:
     demand_positive(square.side, "side of a square target")
-    corners = 0.5 * square.side * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    corners = (
+        0.5
+        * square.side
+        * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    )
     return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
 
 
@@ -189,7 +215,9 @@ def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
     goals = checked(of_task.pop("goals", []), list[Any], where, "goals")
     context = {
         "feature": from_table(feature, of_feature, where),
-        "goals": [make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)],
+        "goals": [
+            make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)
+        ],
         "gains": from_table(TrackingGains, of_gains, where),
     }
     return from_table(VisualTask, of_task, where, context)

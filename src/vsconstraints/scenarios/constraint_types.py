@@ -58,7 +58,8 @@ from .reading import (
     takes_any,
 )
 
-#: What makes a constraint of each type that scenario files know; others are named as ``module:Class``.
+#: What makes a constraint of each type that scenario files know; others are named as
+#: ``module:Class``.
 CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
     "field-of-view": FieldOfView,
     "occlusion": Occlusion,
@@ -77,11 +78,20 @@ CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
 
 
 def make_constraint(
-    table: object, where: str, robot: Robot, camera: Camera, folder: Path, goals: Sequence[Goal] = ()
+    table: object,
+    where: str,
+    robot: Robot,
+    camera: Camera,
+    folder: Path,
+    goals: Sequence[Goal] = (),
 ) -> Constraint:
-    """The constraint that a table describes; raises ConfigurationError for unknown types and keys."""
+    """The constraint that a table describes; raises ConfigurationError for unknown types and
+    keys.
+    """
     values = demand_table(table, where)
-    motion = from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
+    motion = (
+        from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
+    )
     kind = values.get("type")
     own = isinstance(kind, str) and ":" in kind
     if own:
@@ -101,12 +111,15 @@ def make_constraint(
     except (Exception, SystemExit) as error:  # an own constraint may fail in any way
         if not own:
             raise
-        raise ConfigurationError(f"{where}: {kind} cannot be made with {shown(values)}: {described(error)}") from error
+        raise ConfigurationError(
+            f"{where}: {kind} cannot be made with {shown(values)}: {described(error)}"
+        ) from error
     if motion is None:
         return constraint
     if not isinstance(constraint, PositionConstraint):
         raise ConfigurationError(
-            f"{where}: {constraint.kind} cannot move; what can are obstacles in the image and forbidden regions"
+            f"{where}: {constraint.kind} cannot move; what can are obstacles in the image and "
+            f"forbidden regions"
         )
     return constraint.moving(motion)
 
@@ -114,16 +127,26 @@ def make_constraint(
 def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
     """The keys of a constraint's table, with their annotations and defaults as parameters."""
     own = {
-        name: key.replace(default=()) if key.annotation in STEPS and not STEPS[key.annotation].required else key
+        name: key.replace(default=())
+        if key.annotation in STEPS and not STEPS[key.annotation].required
+        else key
         for name, key in parameters(make).items()
     }
-    further = [key for step in _steps(make) for made in step.makes for key in parameters(made).values()]
+    further = [
+        key for step in _steps(make) for made in step.makes for key in parameters(made).values()
+    ]
     found = own | {key.name: key for key in further if key.name not in own}
-    return {name: key for name, key in found.items() if name not in ("robot", "camera", "folder", "goals")}
+    return {
+        name: key
+        for name, key in found.items()
+        if name not in ("robot", "camera", "folder", "goals")
+    }
 
 
 class Step(NamedTuple):
-    """How an argument of another type is made: what takes keys out of a table, and what declares further keys."""
+    """How an argument of another type is made: what takes keys out of a table, and what declares
+    further keys.
+    """
 
     take: Callable[[Table, str, Context], dict[str, Any]]
     makes: tuple[Callable[..., Any], ...] = ()
@@ -146,9 +169,14 @@ def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
     """Robot points that a list names, or along the links: obstacles are enlarged for these."""
     points = table.pop("points", [])
     if isinstance(points, str) and points != "links":
-        raise ConfigurationError(f'{where}: points must be a list of tables, or "links", not {shown(points)}')
+        raise ConfigurationError(
+            f'{where}: points must be a list of tables, or "links", not {shown(points)}'
+        )
     if not isinstance(points, str):
-        return {"points": tuple(checked(points, Sequence[RobotPoint], where, "points")) or (RobotPoint(),)}
+        return {
+            "points": tuple(checked(points, Sequence[RobotPoint], where, "points"))
+            or (RobotPoint(),)
+        }
     along = from_table(link_points, _taken(table, link_points), where, context)
     return {
         "points": along.points,
@@ -212,7 +240,9 @@ def _half_space() -> coal.CollisionGeometry:
     return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
-def _box(size: Annotated[Sequence[Positive], msgspec.Meta(min_length=3, max_length=3)]) -> coal.CollisionGeometry:
+def _box(
+    size: Annotated[Sequence[Positive], msgspec.Meta(min_length=3, max_length=3)],
+) -> coal.CollisionGeometry:
     return coal.Box(*size)
 
 
@@ -237,7 +267,8 @@ SOLIDS: dict[str, Callable[..., coal.CollisionGeometry]] = {
     "half-space": _half_space,
     "mesh": mesh,
 }
-#: Arguments by their annotation that are no values of files, and what makes them from a constraint's table.
+#: Arguments by their annotation that are no values of files, and what makes them from a
+#: constraint's table.
 STEPS: dict[Any, Step] = {
     Curve | Shape: Step(_curve),
     Sequence[RobotPoint]: Step(_points, (link_points,), required=False),

@@ -1,4 +1,6 @@
-"""The start and the goals of a setup: where the robot is there, what the camera sees, and what is wrong."""
+"""The start and the goals of a setup: where the robot is there, what the camera sees, and what is
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -21,21 +23,23 @@ from ..vision.scene import MINIMUM_DEPTH, Scene
 from .families.placements import inverse_kinematics, tip_of
 
 ROUNDING = 1e-9  # of σ relative to the row's scale, that counts as none
-#: Configurations from which one at a goal is sought, besides those that are near; and turns of the camera about its
-#: optical axis, from which the pose behind an image is sought.
-TRIES, TURNS = 20, 4
-#: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given as an image, seen
-#: from the pose that explains it best, relative to its width.
-SAME, MAX_MISS = 1e-6, 0.1
+#: Configurations from which one at a goal is sought, besides those that are near; and turns of the
+#: camera about its optical axis, from which the pose behind an image is sought.
+TRIES = 20
+TURNS = 4
+#: Distance of two poses [m, rad] that counts as none; and how far markers may be from a goal given
+#: as an image, seen from the pose that explains it best, relative to its width.
+SAME = 1e-6
+MAX_MISS = 0.1
 
 
 @dataclass(frozen=True)
 class Moment:
     """The ``start``, a ``goal`` or ``goal 2``, at time t [s].
 
-    ``q`` (n,) is None if no configuration was found; ``pixels`` (M, 2) are from the image's centre, NaN for markers not
-    in front of the camera; ``phi`` and ``clearance`` (m,) are those of each row, NaN where they are not known;
-    ``problems`` are sentences on what is wrong.
+    ``q`` (n,) is None if no configuration was found; ``pixels`` (M, 2) are from the image's centre,
+    NaN for markers not in front of the camera; ``phi`` and ``clearance`` (m,) are those of each
+    row, NaN where they are not known; ``problems`` are sentences on what is wrong.
     """
 
     name: str
@@ -49,10 +53,13 @@ class Moment:
 
 def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
     """The robot at ``q`` and ``qd`` (n,) at time ``t`` [s]."""
-    scene, constraints = setup.scene, setup.constraints
-    robot, camera = scene.robot, scene.camera
+    scene = setup.scene
+    constraints = setup.constraints
+    robot = scene.robot
+    camera = scene.camera
     P = scene.camera_pose(q, t).inverse.act(scene.markers)
-    seen, pixels = P[:, 2] >= MINIMUM_DEPTH, np.full((len(P), 2), np.nan)
+    seen = P[:, 2] >= MINIMUM_DEPTH
+    pixels = np.full((len(P), 2), np.nan)
     pixels[seen] = camera.pixels(P[seen, :2] / P[seen, 2:])
     phi = clearance = np.full(len(constraints.labels), np.nan)
     problems = robot.outside_ranges(q)
@@ -60,19 +67,27 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
         if not seen[i - 1]:
             problems.append(f"marker {i} is behind the camera (depth {P[i - 1, 2]:.3g} m)")
         elif not camera.sees(pixels[i - 1]):
-            problems.append(f"marker {i} is outside the image, at ({u:.0f}, {v:.0f}) px from its centre")
+            problems.append(
+                f"marker {i} is outside the image, at ({u:.0f}, {v:.0f}) px from its centre"
+            )
     if seen.all():
         try:
             hidden = LinesOfSight(scene).hidden(q[None], [t])[0]
-            problems += [f"marker {number} is hidden by the robot's own {link}" for number, link in hidden]
+            problems += [
+                f"marker {number} is hidden by the robot's own {link}" for number, link in hidden
+            ]
         except ConfigurationError as error:
             problems.append(f"lines of sight are not checked: {error}")
         try:
             now = setup.world().evaluate(t, q, qd)
-            rows, sigma, places = now.rows, now.sigma, (now.pixels[None], now.points[None])
-            phi, clearance = rows.phi, setup.clearance(np.array([t]), q[None], qd[None], *places)[0]
+            rows = now.rows
+            sigma = now.sigma
+            places = (now.pixels[None], now.points[None])
+            phi = rows.phi
+            clearance = setup.clearance(np.array([t]), q[None], qd[None], *places)[0]
             problems += [
-                f"{rows.labels[i]} is violated: {abs(clearance[i]):.4g} {constraints.units[i]} outside"
+                f"{rows.labels[i]} is violated: {abs(clearance[i]):.4g} {constraints.units[i]} "
+                f"outside"
                 for i in np.flatnonzero(sigma > ROUNDING * rows.scale)
             ]
         except Exception as error:  # own constraints may raise anything
@@ -82,7 +97,8 @@ def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
 
 def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> Moment:
     """A goal of which no more is known than its image (M, 2) [px]."""
-    unknown, problems = np.full(len(setup.constraints.labels), np.nan), [problem]
+    unknown = np.full(len(setup.constraints.labels), np.nan)
+    problems = [problem]
     for constraint in setup.constraints.constraints:
         if isinstance(constraint, ImageConstraint) and constraint.motion is None:
             outside = constraint.sigma(constraint.of_markers(pixels)) > 0.0
@@ -92,13 +108,17 @@ def nowhere(setup: Setup, name: str, t: float, pixels: Array, problem: str) -> M
 
 
 def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[Array, float]:
-    """Where the robot is (n,) when a goal is reached at time ``t`` [s], and how far markers are off at most [px].
+    """Where the robot is (n,) when a goal is reached at time ``t`` [s], and how far markers are off
+    at most [px].
 
-    Where the file says it and the camera is right there, that; else what inverse kinematics finds from there, from the
-    start, and then from :data:`TRIES` others, always the same. What is given as an image counts as the pose that
-    explains it best. Raises SceneError if nothing is found within the joints' ranges.
+    Where the file says it and the camera is right there, that; else what inverse kinematics finds
+    from there, from the start, and then from :data:`TRIES` others, always the same. What is given
+    as an image counts as the pose that explains it best. Raises SceneError if nothing is found
+    within the joints' ranges.
     """
-    robot, missed, camera = scene.robot, 0.0, goal.camera
+    robot = scene.robot
+    missed = 0.0
+    camera = goal.camera
     if camera is None:
         camera, missed = _seen_from(scene, goal, q0)
     elif goal.q is not None and max(distance(scene.camera_pose(goal.q, t), camera)) < SAME:
@@ -113,13 +133,20 @@ def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> tuple[A
         q = inverse_kinematics(robot, tip, near)
         if q is not None:
             return q, missed
-    raise SceneError("no configuration within the joints' ranges was found that reaches it: it may be out of reach")
+    raise SceneError(
+        "no configuration within the joints' ranges was found that reaches it: it may be out of "
+        "reach"
+    )
 
 
 def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
-    """The pose that explains a goal's image best, and by how much it misses the markers at most [px]."""
-    camera, poses = scene.camera, []
-    start, seen = scene.camera_pose(q0), camera.normalised(goal.pixels)
+    """The pose that explains a goal's image best, and by how much it misses the markers at most
+    [px].
+    """
+    camera = scene.camera
+    poses = []
+    start = scene.camera_pose(q0)
+    seen = camera.normalised(goal.pixels)
     for turn in np.arange(TURNS) * (2.0 * np.pi / TURNS):
         near = start @ Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
         try:
@@ -128,7 +155,9 @@ def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
             continue
         P = pose.inverse.act(scene.markers)
         if (P[:, 2] > MINIMUM_DEPTH).all():
-            poses.append((pose, float(np.abs(camera.pixels(P[:, :2] / P[:, 2:]) - goal.pixels).max())))
+            poses.append(
+                (pose, float(np.abs(camera.pixels(P[:, :2] / P[:, 2:]) - goal.pixels).max()))
+            )
     best = min(poses, key=lambda pair: pair[1], default=None)
     if best is None or not best[1] < MAX_MISS * camera.size[0]:
         raise SceneError("no pose of the camera was found from which the markers look like this")
@@ -152,11 +181,19 @@ def moments_at_goals(setup: Setup) -> Iterator[Moment]:
             continue
         moment = moment_at(setup, name, t, q, np.zeros_like(q))
         if missed > setup.tolerances.feature_px:
-            inexact = f"no pose shows the markers just so: the best found misses one by {missed:.3g} px"
+            inexact = (
+                f"no pose shows the markers just so: the best found misses one by {missed:.3g} px"
+            )
             moment = replace(moment, problems=(inexact, *moment.problems))
         yield moment
 
 
 def problems_at_goals(setup: Setup) -> list[str]:
-    """Sentences on what is wrong at the goals of a setup that can start, each with the goal's name."""
-    return [f"{moment.name}: {problem}" for moment in moments_at_goals(setup) for problem in moment.problems]
+    """Sentences on what is wrong at the goals of a setup that can start, each with the goal's
+    name.
+    """
+    return [
+        f"{moment.name}: {problem}"
+        for moment in moments_at_goals(setup)
+        for problem in moment.problems
+    ]

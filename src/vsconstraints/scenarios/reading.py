@@ -1,7 +1,9 @@
-"""From a table of a file to what is made of it: the signature of what is made declares keys, types and defaults.
+"""From a table of a file to what is made of it: the signature of what is made declares keys, types
+and defaults.
 
-A parameter is a key of the same name; its annotation says what the key's value must be, and its default makes the key
-optional. What a table stands in for (a pose, a motion, another dataclass) is made from that table in the same way.
+A parameter is a key of the same name; its annotation says what the key's value must be, and its
+default makes the key optional. What a table stands in for (a pose, a motion, another dataclass) is
+made from that table in the same way.
 """
 
 from __future__ import annotations
@@ -32,13 +34,18 @@ UNIONS = (Union, types.UnionType)
 Made = TypeVar("Made")
 
 
-def from_table(make: Callable[..., Made], table: object, where: str, context: Context = NOTHING) -> Made:
-    """What a class or function makes with the values of a table, each checked against its parameter's annotation.
+def from_table(
+    make: Callable[..., Made], table: object, where: str, context: Context = NOTHING
+) -> Made:
+    """What a class or function makes with the values of a table, each checked against its
+    parameter's annotation.
 
-    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not say. Raises
-    ConfigurationError for keys that are unknown (it names those there are) or missing, and for values that do not fit.
+    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not
+    say. Raises ConfigurationError for keys that are unknown (it names those there are) or missing,
+    and for values that do not fit.
     """
-    keys, values = parameters(make), demand_table(table, where)
+    keys = parameters(make)
+    values = demand_table(table, where)
     known = [name for name in keys if name not in context]
     arguments = {name: value for name, value in values.items() if name not in known}
     if not takes_any(make):
@@ -53,8 +60,12 @@ def from_table(make: Callable[..., Made], table: object, where: str, context: Co
     return make(**arguments)
 
 
-def split(table: object, where: str, *makes: Callable[..., Any], without: Iterable[str] = ()) -> list[Table]:
-    """One table as several, one for each of what is made of it; a key that none of them has is refused."""
+def split(
+    table: object, where: str, *makes: Callable[..., Any], without: Iterable[str] = ()
+) -> list[Table]:
+    """One table as several, one for each of what is made of it; a key that none of them has is
+    refused.
+    """
     values = demand_table(table, where)
     known = [[name for name in parameters(make) if name not in without] for make in makes]
     demand_known(values, [name for names in known for name in names], where)
@@ -62,7 +73,9 @@ def split(table: object, where: str, *makes: Callable[..., Any], without: Iterab
 
 
 def parameters(make: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    """The parameters of a class or function by their names, their annotations evaluated where that is possible."""
+    """The parameters of a class or function by their names, their annotations evaluated where that
+    is possible.
+    """
     return _signature(make)[0]
 
 
@@ -79,11 +92,15 @@ def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter
     except NameError:  # somebody's own annotations may name what is there for type checkers only
         signature = inspect.signature(make)
     named = {
-        name: parameter.replace(annotation=Any) if isinstance(parameter.annotation, str) else parameter
+        name: parameter.replace(annotation=Any)
+        if isinstance(parameter.annotation, str)
+        else parameter
         for name, parameter in signature.parameters.items()
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     }
-    any_key = any(parameter.kind is parameter.VAR_KEYWORD for parameter in signature.parameters.values())
+    any_key = any(
+        parameter.kind is parameter.VAR_KEYWORD for parameter in signature.parameters.values()
+    )
     return types.MappingProxyType(named), any_key
 
 
@@ -102,7 +119,9 @@ def demand_known(table: Table, known: Iterable[str], where: str) -> None:
             raise unknown_name(f"key in {where}", key, names)
 
 
-def chosen(table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()) -> Any:
+def chosen(
+    table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()
+) -> Any:
     """Take a key out of a table whose value names one of some candidates, and return that one."""
     if key not in table:
         names = ", ".join((*candidates, *others))
@@ -114,7 +133,8 @@ def chosen(table: Table, key: str, candidates: Mapping[str, Any], where: str, ot
 
 
 def checked(value: object, kind: Any, where: str, key: str, context: Context = NOTHING) -> Any:
-    """The value of a key as what its annotation ``kind`` says; raises ConfigurationError that names key and value.
+    """The value of a key as what its annotation ``kind`` says; raises ConfigurationError that names
+    key and value.
 
     What neither a file can hold nor a table describes is left to whoever takes the value.
     """
@@ -131,8 +151,15 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
             if not several:
                 return from_table(make, value, f"{where}.{key}", inner)
             tables = checked(value, list[Any], where, key)
-            return [from_table(make, table, f"{where}.{key}[{i}]", inner) for i, table in enumerate(tables)]
-        if get_origin(option) is Literal and isinstance(value, str) and value not in get_args(option):
+            return [
+                from_table(make, table, f"{where}.{key}[{i}]", inner)
+                for i, table in enumerate(tables)
+            ]
+        if (
+            get_origin(option) is Literal
+            and isinstance(value, str)
+            and value not in get_args(option)
+        ):
             raise unknown_name(f"{key} in {where}", value, get_args(option))
         if option is Path:
             return context["folder"] / checked(value, str, where, key)
@@ -149,7 +176,9 @@ def checked(value: object, kind: Any, where: str, key: str, context: Context = N
     except FloatingPointError as error:
         raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
     except msgspec.ValidationError as error:
-        raise ConfigurationError(f"{where}: {key} must be {_words(kind)}, not {shown(value)}") from error
+        raise ConfigurationError(
+            f"{where}: {key} must be {_words(kind)}, not {shown(value)}"
+        ) from error
 
 
 def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Pose:
@@ -164,7 +193,9 @@ def _options(kind: Any) -> list[Any]:
 
 @lru_cache(maxsize=512)
 def _of_files(kind: Any) -> tuple[Any, bool]:
-    """What files may hold, for msgspec, None if an annotation allows anything else; and whether it is checked later."""
+    """What files may hold, for msgspec, None if an annotation allows anything else; and whether it
+    is checked later.
+    """
     options = _options(kind)
     whole = Union[tuple(options)] if all(map(_plain, options)) else None  # noqa: UP007
     return whole, any(Any in get_args(option) for option in options)
@@ -172,20 +203,37 @@ def _of_files(kind: Any) -> tuple[Any, bool]:
 
 def _plain(kind: Any) -> bool:
     if get_origin(kind) in (Annotated, tuple, list, dict, Sequence, Mapping):
-        inner = (part for part in get_args(kind) if part is not Ellipsis and not isinstance(part, msgspec.Meta))
+        inner = (
+            part
+            for part in get_args(kind)
+            if part is not Ellipsis and not isinstance(part, msgspec.Meta)
+        )
         return all(map(_plain, inner))
-    return get_origin(kind) is Literal or kind in (float, int, str, bool, dict, list, Any, types.NoneType)
+    return get_origin(kind) is Literal or kind in (
+        float,
+        int,
+        str,
+        bool,
+        dict,
+        list,
+        Any,
+        types.NoneType,
+    )
 
 
 def _finite(value: Any) -> Any:
-    """A value with Python's own numbers for NumPy's; raises FloatingPointError if one of them is not finite."""
+    """A value with Python's own numbers for NumPy's; raises FloatingPointError if one of them is
+    not finite.
+    """
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, float | int) and not -1e308 <= value <= 1e308:
         raise FloatingPointError
     if isinstance(value, list | tuple):
         return [_finite(inner) for inner in value]
-    return {key: _finite(inner) for key, inner in value.items()} if isinstance(value, dict) else value
+    return (
+        {key: _finite(inner) for key, inner in value.items()} if isinstance(value, dict) else value
+    )
 
 
 #: What one value, and several, of a type are called in messages.
@@ -202,13 +250,17 @@ _NAMES = {
 
 
 def _words(kind: Any, several: bool = False) -> str:
-    origin, inner = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    inner = get_args(kind)
     if origin in UNIONS:
-        return " or ".join(_words(option) for option in _options(kind) if option is not types.NoneType)
+        return " or ".join(
+            _words(option) for option in _options(kind) if option is not types.NoneType
+        )
     if origin is Annotated and inner[0] is float:
         return "positive numbers" if several else "a positive number"
     if origin is Annotated:
-        count, items = inner[1].min_length, _words(get_args(inner[0])[0], several=True)
+        count = inner[1].min_length
+        items = _words(get_args(inner[0])[0], several=True)
         if inner[1].max_length is None:
             return f"one or more {items}"
         return f"rows of {count} {items}" if several else f"{count} {items}"

@@ -38,9 +38,11 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Described:
-    """What a file says; its name is the file's without the ending, and paths in its tables are relative to ``folder``.
+    """What a file says; its name is the file's without the ending, and paths in its tables are
+    relative to ``folder``.
 
-    Code that it names as ``module:Class`` may run if it is ``trusted``: not where it was read from results.
+    Code that it names as ``module:Class`` may run if it is ``trusted``: not where it was read from
+    results.
     """
 
     name: str
@@ -71,11 +73,12 @@ class Scenario(Described):
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
-        """A shipped scenario by name, ``"case-study-6r"``, or one from a TOML file by its path, relative to ``base``.
+        """A shipped scenario by name, ``"case-study-6r"``, or one from a TOML file by its path,
+        relative to ``base``.
 
-        A file with ``extends = "…"``, a name or a path, says only what is different there: tables are merged,
-        everything else is replaced. Paths in both are relative to it. Raises ConfigurationError if there is none of
-        that name, or the file cannot be read.
+        A file with ``extends = "…"``, a name or a path, says only what is different there: tables
+        are merged, everything else is replaced. Paths in both are relative to it. Raises
+        ConfigurationError if there is none of that name, or the file cannot be read.
         """
         path = file_named("scenario", str(name_or_path), SHIPPED, shipped_scenarios(), base)
         return cls(path.stem, _extended(path), path.parent)
@@ -109,26 +112,42 @@ class Scenario(Described):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files besides its own that the scenario names: URDF and its meshes, those of obstacles, SRDF, own modules."""
-        files = [path for path in (self.folder / text for text in _texts(self.tables)) if _mode(path, stat.S_ISREG)]
+        """Files besides its own that the scenario names: URDF and its meshes, those of obstacles,
+        SRDF, own modules.
+        """
+        files = [
+            path
+            for path in (self.folder / text for text in _texts(self.tables))
+            if _mode(path, stat.S_ISREG)
+        ]
         robot = self.tables.get("robot")
         packages = robot.get("package_dirs") if isinstance(robot, dict) else None
-        at = [self.folder / path for path in packages if isinstance(path, str)] if isinstance(packages, list) else None
+        at = (
+            [self.folder / path for path in packages if isinstance(path, str)]
+            if isinstance(packages, list)
+            else None
+        )
         urdfs = [file for file in files if file.suffix.lower() in (".urdf", ".xml")]
-        meshes = [mesh for file in urdfs for mesh in mesh_files(file, mesh_folders(file, at, os.environ))]
+        meshes = [
+            mesh for file in urdfs for mesh in mesh_files(file, mesh_folders(file, at, os.environ))
+        ]
         return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
-        """What is simulated; VsconstraintsError if it cannot be built, or names code that is not trusted.
+        """What is simulated; VsconstraintsError if it cannot be built, or names code that is not
+        trusted.
 
-        Trial 0 starts at the file's q0; every other trial deviates from it by up to ``start_deviation`` [rad or m]
-        in each joint, drawn from the seed and the trial's number and so the same for every controller.
+        Trial 0 starts at the file's q0; every other trial deviates from it by up to
+        ``start_deviation`` [rad or m] in each joint, drawn from the seed and the trial's number and
+        so the same for every controller.
         """
         if not self.trusted:
             demand_data(self.name, self.tables, self.folder)
         for what, number in (("trial", trial), ("seed", seed)):
             if number < 0 or number % 1:
-                raise ConfigurationError(f"{self.name}: a {what} is a whole number from 0 on, not {number}")
+                raise ConfigurationError(
+                    f"{self.name}: a {what} is a whole number from 0 on, not {number}"
+                )
         deviation = np.random.default_rng([seed, trial]) if trial > 0 else None
         try:
             folder = self.folder if self.trusted else None
@@ -139,16 +158,22 @@ class Scenario(Described):
                 raise
             raise type(error)(f"{self.name}: {error}") from error
         except ArithmeticError as error:
-            raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {described(error)}") from error
+            raise ConfigurationError(
+                f"{self.name}: its numbers cannot be computed with: {described(error)}"
+            ) from error
 
 
 def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
-    """Raise ConfigurationError if to build it would run code, or read what is no file, such as a device."""
+    """Raise ConfigurationError if to build it would run code, or read what is no file, such as a
+    device.
+    """
     if code := list(code_named(tables)):
         raise untrusted(what, code)
     for text in _texts(tables):
         if _mode(folder / text, lambda mode: not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))):
-            raise ConfigurationError(f"{what} names {shown(text)}, which is neither a file nor a folder")
+            raise ConfigurationError(
+                f"{what} names {shown(text)}, which is neither a file nor a folder"
+            )
 
 
 def _mode(path: Path, test: Any) -> bool:
@@ -168,17 +193,25 @@ def _from_base(key: str, value: object, base: Path) -> object:
 
 def _extended(path: Path) -> dict[str, Any]:
     """What a file says, over what the one that it extends says, and so on."""
-    files, parts = [path], [read_toml(path)]
+    files = [path]
+    parts = [read_toml(path)]
     while "extends" in parts[-1]:
-        name, last = parts[-1].pop("extends"), files[-1]
+        name = parts[-1].pop("extends")
+        last = files[-1]
         if not isinstance(name, str):
-            raise ConfigurationError(f"{last}: extends must be the name or the path of a scenario, not {shown(name)}")
+            raise ConfigurationError(
+                f"{last}: extends must be the name or the path of a scenario, not {shown(name)}"
+            )
         files.append(file_named("scenario", name, SHIPPED, shipped_scenarios(), last.parent))
         parts.append(read_toml(files[-1]))
         if any(files[-1].samefile(other) for other in files[:-1]):
-            raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
+            raise ConfigurationError(
+                f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}"
+            )
         if len(files) > MAX_EXTENDED:
-            raise ConfigurationError(f"{path} extends a file that extends another …, more than {MAX_EXTENDED} in all")
+            raise ConfigurationError(
+                f"{path} extends a file that extends another …, more than {MAX_EXTENDED} in all"
+            )
     tables = parts.pop()
     for over in reversed(parts):
         if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):

@@ -16,24 +16,40 @@ from ..plugins.regular_files import read_regular
 #: Tables of which one says where a camera is.
 PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", "base_in_camera")
 #: Tables that need not be in a file, and are made when a key in them is overridden.
-OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sensor", "payload", "friction", *PLACES)
+OPTIONAL = (
+    "disturbances",
+    "tolerances",
+    "motion",
+    "distortion",
+    "plant",
+    "sensor",
+    "payload",
+    "friction",
+    *PLACES,
+)
 
 BY_TYPE = ("sensor",)  #: tables for which their ``type`` alone may stand
 MAX_DEPTH = 30  #: levels of tables and lists in each other that a file may have
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
+    """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be
+    read.
+    """
     try:
         str(path.absolute()).encode()  # results name it, in UTF-8
-        text = read_regular(path).decode("utf-8-sig")  # some editors begin files with a byte order mark
+        # some editors begin files with a byte order mark
+        text = read_regular(path).decode("utf-8-sig")
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
     return parse_toml(text, os.fspath(path))
 
 
-def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: Path | None) -> Path:
-    """The file of one of these names in the folder ``shipped``, or a path as it is seen from ``base``.
+def file_named(
+    what: str, name: str, shipped: Path, names: Sequence[str], base: Path | None
+) -> Path:
+    """The file of one of these names in the folder ``shipped``, or a path as it is seen from
+    ``base``.
 
     Raises ConfigurationError that says ``what`` is not known, with the names.
     """
@@ -45,7 +61,9 @@ def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: 
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """The tables of a TOML text; ConfigurationError that names ``where``, also for what is too large or too deep."""
+    """The tables of a TOML text; ConfigurationError that names ``where``, also for what is too
+    large or too deep.
+    """
     too_deep = f"{where}: tables and lists lie in each other more than {MAX_DEPTH} levels deep"
     try:
         tables = tomllib.loads(text)
@@ -57,10 +75,16 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise ConfigurationError(f"{where}: {error}") from error
     level: list[Any] = [tables]
     for _ in range(MAX_DEPTH + 1):
-        level = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
+        level = [
+            value
+            for outer in level
+            for value in (outer.values() if isinstance(outer, dict) else outer)
+        ]
         for value in level:
             if isinstance(value, int) and not -(2**63) <= value < 2**63:
-                raise ConfigurationError(f"{where}: integers have at most 64 bits, not {value.bit_length()}")
+                raise ConfigurationError(
+                    f"{where}: integers have at most 64 bits, not {value.bit_length()}"
+                )
         level = [value for value in level if isinstance(value, (dict, list))]
     if level:
         raise ConfigurationError(too_deep)
@@ -70,7 +94,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 def toml_items(table: Mapping[str, Any]) -> list[str]:
     """Each key of a table with its value as TOML has it."""
     return [
-        f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else toml_text(key)} = {toml_text(table[key])}"
+        f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else toml_text(key)} = "
+        f"{toml_text(table[key])}"
         for key in table
     ]
 
@@ -87,8 +112,8 @@ def toml_text(value: Any) -> str:
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
     """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
 
-    A table on the way must exist, or be one of :data:`OPTIONAL`; where its type alone stands for it, it becomes one.
-    Whether the last key is known is decided by whoever reads the table.
+    A table on the way must exist, or be one of :data:`OPTIONAL`; where its type alone stands for
+    it, it becomes one. Whether the last key is known is decided by whoever reads the table.
     """
     at: Any = table
     *way, last = key.split(".")
@@ -115,7 +140,9 @@ def merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 def _child(at: Any, name: str, where: str) -> Any:
     if isinstance(at, list):
         if not (name.isascii() and name.isdecimal()) or int(name) >= len(at):
-            raise unknown_name(f"entry of a list in {where}", name, [str(i) for i in range(len(at))])
+            raise unknown_name(
+                f"entry of a list in {where}", name, [str(i) for i in range(len(at))]
+            )
         return at[int(name)]
     if not isinstance(at, dict) or (name not in at and name not in OPTIONAL):
         raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])

@@ -1,4 +1,6 @@
-"""What a scenario's file says of views: the camera, from its keys or a calibration file, and the goals of the task."""
+"""What a scenario's file says of views: the camera, from its keys or a calibration file, and the
+goals of the task.
+"""
 
 from __future__ import annotations
 
@@ -42,13 +44,18 @@ def pose_from(
     matrix: Matrix4 | None = None,
     file: Path | None = None,
 ) -> Pose | Path:
-    """A pose, or the file of a hand–eye calibration that has it; it says nothing where it changes nothing."""
+    """A pose, or the file of a hand–eye calibration that has it; it says nothing where it changes
+    nothing.
+    """
     turns = [
-        turn for turn in (rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix, file) if turn is not None
+        turn
+        for turn in (rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix, file)
+        if turn is not None
     ]
     if len(turns) > 1:
         raise InvalidInput(
-            "a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix and file"
+            "a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw, rotation_vector, matrix "
+            "and file"
         )
     if file is not None:
         if any(xyz):
@@ -63,7 +70,9 @@ def pose_from(
     if rotation_vector is not None:
         return Pose.from_rotation_vector(xyz, rotation_vector)
     if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
-        raise InvalidInput(f"rpy are radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?")
+        raise InvalidInput(
+            f"rpy are radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?"
+        )
     return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
 
 
@@ -82,18 +91,27 @@ def without_replaced(under: Table, over: Table) -> Table:
 def make_camera(table: Table, where: str, folder: Path) -> Camera:
     """The camera that a table describes; paths in it are relative to ``folder``.
 
-    Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable values.
+    Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable
+    values.
     """
-    values, places = demand_table(table, where), parameters(Places)
-    demand_known(values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where)
+    values = demand_table(table, where)
+    places = parameters(Places)
+    demand_known(
+        values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where
+    )
     mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
     if len(mounts) > 1:
-        raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(mounts)}")
+        raise ConfigurationError(
+            f"{where}: one key says where a camera is, not {' and '.join(mounts)}"
+        )
     if "calibration" in values:
         twice = [key for key in CALIBRATED if key in values]
         if twice:
-            raise ConfigurationError(f"{where}: the calibration says {' and '.join(twice)}: give one of the two")
-        with warnings.catch_warnings(action="ignore", category=CalibrationWarning):  # said at the start of every run
+            raise ConfigurationError(
+                f"{where}: the calibration says {' and '.join(twice)}: give one of the two"
+            )
+        # said at the start of every run
+        with warnings.catch_warnings(action="ignore", category=CalibrationWarning):
             camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
         camera = from_table(Camera, values, where)
@@ -120,25 +138,42 @@ class GoalTable:
 
 
 def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
-    """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
+    """A goal as the control knows it: shown to the real camera, turned into coordinates by the
+    believed one.
+    """
     goal = from_table(GoalTable, table, where)
-    factor, q, camera, depth = goal.tolerance_factor, None, None, None
+    factor = goal.tolerance_factor
+    q = None
+    camera = None
+    depth = None
     if not (np.isfinite(factor) and factor > 0.0):
         raise ConfigurationError(f"{where}: tolerance_factor must be positive, not {factor}")
-    kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if getattr(goal, key) is not None]
+    kinds = [
+        key
+        for key in ("camera_at_q", "camera_pose", "markers_px")
+        if getattr(goal, key) is not None
+    ]
     if len(kinds) != 1:
         raise ConfigurationError(
-            f"{where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
+            f"{where} needs one of camera_at_q, camera_pose and markers_px; it has "
+            f"{kinds or 'none'}"
         )
     reference = None if goal.reach_in is None else MinimumJerk(goal.reach_in)
     if goal.markers_px is not None:
-        m, depth = len(scene.markers), None if goal.depth_m is None else np.array(goal.depth_m)
+        m = len(scene.markers)
+        depth = None if goal.depth_m is None else np.array(goal.depth_m)
         if len(goal.markers_px) != m:
-            raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(goal.markers_px)}")
+            raise ConfigurationError(
+                f"{where}: markers_px must be {m} × 2 numbers, not {shown(goal.markers_px)}"
+            )
         if depth is not None and len(depth) != m:
-            raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
+            raise ConfigurationError(
+                f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}"
+            )
         if depth is not None and (depth < MINIMUM_DEPTH).any():
-            raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
+            raise ConfigurationError(
+                f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}"
+            )
         try:
             pixels = scene.camera.undistort(np.array(goal.markers_px))
         except InvalidInput as error:
@@ -152,9 +187,19 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
             q = scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q")
             camera = scene.camera_pose(q)
         try:
-            pixels, depth = scene.project(camera), scene.depth(camera)
+            pixels = scene.project(camera)
+            depth = scene.depth(camera)
         except SceneError as error:
             at = np.zeros(scene.robot.n) if q is None else q
             doubts = "".join(f"; {doubt}" for doubt in implausible_at(scene, "camera_at_q", at))
             raise ConfigurationError(f"{where}: at the goal, {error}{doubts}") from error
-    return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q, factor)
+    return Goal(
+        goal.from_time,
+        pixels,
+        shown_to(scene.camera, believed, pixels),
+        camera,
+        depth,
+        reference,
+        q,
+        factor,
+    )

@@ -1,4 +1,6 @@
-"""Images in the loop: rendered as the camera sees the scene, searched for tags, and moved on by the known motion."""
+"""Images in the loop: rendered as the camera sees the scene, searched for tags, and moved on by the
+known motion.
+"""
 
 from __future__ import annotations
 
@@ -27,22 +29,33 @@ from .disturbances import Disturbances
 from .occluders import Occluders
 from .sensing import Sensor
 
-POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")  #: Of images that are not rendered.
+#: Of images that are not rendered.
+POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")
 STOPPING = 0.1  #: Time constant with which an arm without images is braked [s].
 
 
 class SceneRenderer:
-    """Renders images of a scene's markers, which are corners of tags, as they are seen from the start ``q0`` (n,) on.
+    """Renders images of a scene's markers, which are corners of tags, as they are seen from the
+    start ``q0`` (n,) on.
 
-    Curves of constraints that occlude are in front of the target, and bodies and regions as the settings have it. The
-    noise of image number i follows from the seed and is the same whatever the controller does. Raises
-    ConfigurationError if the markers can be no board of tags, or packages are missing.
+    Curves of constraints that occlude are in front of the target, and bodies and regions as the
+    settings have it. The noise of image number i follows from the seed and is the same whatever the
+    controller does. Raises ConfigurationError if the markers can be no board of tags, or packages
+    are missing.
     """
 
     def __init__(
-        self, scene: Scene, settings: ImageSettings, constraints: Sequence[Constraint], q0: Array, seed: tuple[int, ...]
+        self,
+        scene: Scene,
+        settings: ImageSettings,
+        constraints: Sequence[Constraint],
+        q0: Array,
+        seed: tuple[int, ...],
     ) -> None:
-        self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
+        self.scene = scene
+        self.settings = settings
+        self._constraints = constraints
+        self._seed = seed
         curves = [curve for curve in constraints if isinstance(curve, Occlusion)]
         self._moving = [curve for curve in curves if curve.motion is not None]
         self._still = [curve for curve in curves if curve.motion is None]
@@ -53,7 +66,8 @@ class SceneRenderer:
 
     def image(self, number: int, state: State) -> Pixels:
         """The image (H, W) of that number, of a state in the middle of its exposure."""
-        velocity, turning = state.camera_twist[:3], state.camera_twist[3:]
+        velocity = state.camera_twist[:3]
+        turning = state.camera_twist[3:]
 
         def where(after: float) -> Pose:
             if after == 0.0:
@@ -64,8 +78,13 @@ class SceneRenderer:
         if self._still:
             masks.append(self._always)
         # solids, and the board's plane, in the camera's frame
-        eye = self.scene.camera.fixed or self.scene.robot.pose(state.robot.q) @ self.scene.camera.mount.inverse
-        solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(state.robot.q, state.t)]
+        eye = (
+            self.scene.camera.fixed
+            or self.scene.robot.pose(state.robot.q) @ self.scene.camera.mount.inverse
+        )
+        solids = [
+            (points - eye.t) @ eye.R for points in self._occluders.solids(state.robot.q, state.t)
+        ]
         if solids:
             seen = self.renderer.board.camera_in_board(state.camera)
             masks.append(covered(solids, np.append(seen.R[2], -seen.t[2]), self.scene.camera))
@@ -80,13 +99,17 @@ class SceneRenderer:
     @cached_property
     def _always(self) -> BoolArray:
         """(H, W) pixels before which curves stand that do not move."""
-        always: BoolArray = np.logical_or.reduce([self._before(curve, 0.0) for curve in self._still])
+        always: BoolArray = np.logical_or.reduce(
+            [self._before(curve, 0.0) for curve in self._still]
+        )
         return always
 
     def _before(self, curve: Occlusion, t: float) -> BoolArray:
         """(H, W) before which pixels a curve stands."""
         shape, ideal = self._ideal
-        inside: BoolArray = curve.sigma(curve.displaced(ideal[None], np.array([t]))[0]) > curve.margin
+        inside: BoolArray = (
+            curve.sigma(curve.displaced(ideal[None], np.array([t]))[0]) > curve.margin
+        )
         return inside.reshape(shape)
 
     @cached_property
@@ -104,7 +127,9 @@ class SceneRenderer:
 
 
 class Exposure(NamedTuple):
-    """One image: when it was taken [s], what it says, the markers' true ideal pixels, the camera's true pose."""
+    """One image: when it was taken [s], what it says, the markers' true ideal pixels, the camera's
+    true pose.
+    """
 
     taken: float
     tags: TagPose
@@ -113,7 +138,9 @@ class Exposure(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What was last seen: the camera's pose then, as measured and as the model had it, and measured pixels."""
+    """What was last seen: the camera's pose then, as measured and as the model had it, and measured
+    pixels.
+    """
 
     taken: float
     camera: Pose
@@ -124,27 +151,38 @@ class _Memory(NamedTuple):
 class ImageSensor(Sensor):
     """A sensor that renders images, detects tags in them, and believes what they say.
 
-    From an image that can be used until the next one, the camera's pose moves on as the control's kinematics, and the
-    target's motion as far as it is known, say that it moved since the image was taken; markers move along with that
-    pose, by as much beside it as they were seen then. Raises ConfigurationError if disturbances postulate what images
-    have by themselves, or a package is missing.
+    From an image that can be used until the next one, the camera's pose moves on as the control's
+    kinematics, and the target's motion as far as it is known, say that it moved since the image was
+    taken; markers move along with that pose, by as much beside it as they were seen then. Raises
+    ConfigurationError if disturbances postulate what images have by themselves, or a package is
+    missing.
     """
 
     exposures: list[Exposure]  #: Every image so far.
 
     def __init__(
-        self, scene: Scene, disturbances: Disturbances, settings: ImageSettings, renderer: SceneRenderer, Ts: float
+        self,
+        scene: Scene,
+        disturbances: Disturbances,
+        settings: ImageSettings,
+        renderer: SceneRenderer,
+        Ts: float,
     ) -> None:
         for name in POSTULATED:
             if getattr(disturbances, name):
                 raise ConfigurationError(
-                    f'disturbances.{name} is of markers that are seen without images: with sensor = "images", rate_hz, '
+                    f"disturbances.{name} is of markers that are seen without images: with sensor "
+                    f'= "images", rate_hz, '
                     "latency_s, noise and blur_px of the sensor say what an image is like"
                 )
         super().__init__(scene, disturbances, Ts)
-        self.settings, self._renderer, self._Ts = settings, renderer, Ts
+        self.settings = settings
+        self._renderer = renderer
+        self._Ts = Ts
         self.disturbed = True
-        self._board = Board.of_markers(self.believed.markers, renderer.seen_from, settings.tag_side_m, settings.tags)
+        self._board = Board.of_markers(
+            self.believed.markers, renderer.seen_from, settings.tag_side_m, settings.tags
+        )
         known = scene.motion if scene.motion is not None and scene.motion.known else None
         self._model = Scene(scene.robot, self.camera, self.believed.markers, (), known)
 
@@ -154,7 +192,9 @@ class ImageSensor(Sensor):
         self.exposures = []
         self._waiting: deque[tuple[float, _Memory | None]] = deque()
         self._last: _Memory | None = None
-        self._taken, self._braked, self.blind = -1, 0, False
+        self._taken = -1
+        self._braked = 0
+        self.blind = False
         self._newest: tuple[int, Measurement] | None = None
 
     estimates = False  # not by compiled code
@@ -166,7 +206,8 @@ class ImageSensor(Sensor):
     def measured(self, k: int, q: Array, qd: Array, world: Evaluation | None = None) -> Measurement:
         """What is measured in sample k, at ``q`` and ``qd`` (n,).
 
-        Raises SceneError if no tag is seen in the first image, or a marker is believed to be behind the camera.
+        Raises SceneError if no tag is seen in the first image, or a marker is believed to be behind
+        the camera.
         """
         if self._newest is None or self._newest[0] != k:
             self._newest = k, self._measured(k * self._Ts, q, qd)
@@ -181,24 +222,32 @@ class ImageSensor(Sensor):
             self._last = self._waiting.popleft()[1] or self._last
         last = self._last
         if last is None:
-            tags, why = self.exposures[0].tags, ""
+            tags = self.exposures[0].tags
+            why = ""
             if tags.unfit:
                 why = ": those that are seen are not where those of the board can be"
             elif tags.foreign:
                 why = f", but tags {', '.join(map(str, tags.foreign))}"
             raise SceneError(f"no tag that is looked for is seen in the first image{why}")
-        self.blind = t - last.taken > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
+        self.blind = (
+            t - last.taken
+            > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
+        )
         self._braked += self.blind
         depth = self.settings.depth
         if isinstance(depth, str):
             Z = self._model.depth(last.camera if depth == "pose" else last.model)
         else:
             Z = np.full(len(last.pixels), float(depth))
-        return Measurement(last.pixels, Z, last.taken if self.settings.prediction else t, last.camera)
+        return Measurement(
+            last.pixels, Z, last.taken if self.settings.prediction else t, last.camera
+        )
 
     def _take(self, number: int, t: float, q: Array, qd: Array) -> None:
         """Take an image, and find out at once what it will say."""
-        state, model, last = self.scene.evaluate(t, q, qd), self._model.camera_pose(q, t), self._last
+        state = self.scene.evaluate(t, q, qd)
+        model = self._model.camera_pose(q, t)
+        last = self._last
         near = None if last is None else last.camera @ (last.model.inverse @ model)
         image = self._renderer.image(number, state)
         seen = locate_board(image, self._detector, self._board, self.camera, near)
@@ -208,23 +257,31 @@ class ImageSensor(Sensor):
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
 
     def braking(self, qd: Array) -> Array:
-        """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they will."""
+        """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they
+        will.
+        """
         return -qd / STOPPING
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of the images."""
-        exposures, remarks = self.exposures, []
+        exposures = self.exposures
+        remarks = []
         unusable = [image.taken for image in exposures if image.tags.camera is None]
         if unusable:
             remarks.append(
-                f"{len(unusable)} of {len(exposures)} images could not be used, the first at {unusable[0]:.3g} s"
+                f"{len(unusable)} of {len(exposures)} images could not be used, the first at "
+                f"{unusable[0]:.3g} s"
             )
         unfit = sum(image.tags.unfit for image in exposures)
         if unfit:
             remarks.append(f"in {unfit} images the tags were not where those of the board can be")
         foreign = sorted({number for image in exposures for number in image.tags.foreign})
         if foreign:
-            remarks.append(f"tags were seen that are not the board's: {', '.join(map(str, foreign))}")
+            remarks.append(
+                f"tags were seen that are not the board's: {', '.join(map(str, foreign))}"
+            )
         if self._braked:
-            remarks.append(f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s")
+            remarks.append(
+                f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s"
+            )
         return remarks

@@ -11,39 +11,52 @@ from ..rows import Array, IntArray
 from .plant import Plant
 from .setup import Setup
 
-#: Into so many parts a sampling period is divided that is inspected; into halves of these where that is not enough.
+#: Into so many parts a sampling period is divided that is inspected; into halves of these where
+#: that is not enough.
 QUARTERS = 4
 FINEST = 2.0**-8  #: No part is smaller than this share of a period.
-NEAR = 0.05  #: Clearance, as a fraction of the characteristic length, up to which the least one of a run is looked for.
+#: Clearance, as a fraction of the characteristic length, up to which the least one of a run is
+#: looked for.
+NEAR = 0.05
 
 DIP = 2.0, 0.001
-"""How much less than at both its ends a clearance may be inside a period: a multiple of its greatest change in this
-period and those beside it, and a fraction of the characteristic length, below which nothing is looked for.
+"""How much less than at both its ends a clearance may be inside a period: a multiple of its
+greatest change in this period and those beside it, and a fraction of the characteristic length,
+below which nothing is looked for.
 
-Half the change would do at a constant rate: what is passed at full speed was neared in the period before.
+Half the change would do at a constant rate: what is passed at full speed was neared in the period
+before.
 """
 
-#: Way that a joint goes out and back inside a period [rad or m] from which on its turning counts near a boundary, and
-#: wherever it is: what turns at every sample never changes its clearance from one to the next.
+#: Way that a joint goes out and back inside a period [rad or m] from which on its turning counts
+#: near a boundary, and wherever it is: what turns at every sample never changes its clearance from
+#: one to the next.
 BACK = 1e-5, 1e-3
 
 
-def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
-    """(N, m) least clearance inside the period after each sample; infinite where none was inspected.
+def intersample_clearance(
+    setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array
+) -> Array:
+    """(N, m) least clearance inside the period after each sample; infinite where none was
+    inspected.
 
-    Inspected are periods inside which a row may be outside, or have its least clearance of the run: those in which its
-    clearance might come to zero at the rate at which it changes there (:data:`DIP`), however far from its boundary it
-    is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as, at
-    the rate seen in it, a row may be deeper outside within a part. Samples have states (N, s, n), clearances (N, m).
+    Inspected are periods inside which a row may be outside, or have its least clearance of the run:
+    those in which its clearance might come to zero at the rate at which it changes there
+    (:data:`DIP`), however far from its boundary it is in the samples, or in which a joint turns
+    back inside (:data:`BACK`). Parts of a period are halved as long as, at the rate seen in it, a
+    row may be deeper outside within a part. Samples have states (N, s, n), clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)
     if m == 0 or N < 2:
         return least
-    periods, length = inspected_periods(setup, plant, states, clearance), setup.constraints.characteristic_length
+    periods = inspected_periods(setup, plant, states, clearance)
+    length = setup.constraints.characteristic_length
 
     def look(at: IntArray, share: float) -> Array:
-        """(P, m) clearances a share of the period after some samples, which are noted; infinite where unseen."""
+        """(P, m) clearances a share of the period after some samples, which are noted; infinite
+        where unseen.
+        """
         there = np.full((len(at), m), np.inf)
         q, qd = plant.within(states, at, share)
         t = (at + share) * setup.Ts
@@ -71,13 +84,16 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
             if len(at):
                 middle = look(periods[at], begin + 0.5 * width)
                 halves += [(begin, at, first, middle), (begin + 0.5 * width, at, middle, last)]
-        parts, width, change = halves, 0.5 * width, 0.5 * change
+        parts = halves
+        width = 0.5 * width
+        change = 0.5 * change
     return least
 
 
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
     """Numbers of the periods that are inspected."""
-    length, least = setup.constraints.characteristic_length, clearance.min(axis=0)
+    length = setup.constraints.characteristic_length
+    least = clearance.min(axis=0)
     near = NEAR * length
     ends = np.minimum(clearance[:-1], clearance[1:])
     with np.errstate(invalid="ignore"):
@@ -88,7 +104,8 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     # what is deep outside at both ends is so inside as well
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)
-    # half of what a joint goes out and back, at a constant acceleration; at two, if the command changes inside
+    # half of what a joint goes out and back, at a constant acceleration; at two, if the command
+    # changes inside
     speeds = [states[:-1, 1], states[1:, 1]]
     if plant.switch:
         speeds.insert(1, plant.within(states, np.arange(len(states) - 1), plant.switch)[1])

@@ -31,7 +31,8 @@ from .setup import Setup
 from .trajectory import Outcome, RunScores, Trajectory
 
 CHUNK = 512  #: Samples that compiled code runs at once: in between, signals are handled.
-PATIENCE = 3.0  #: How many times as long as undisturbed tracking alone a run may take to settle at the last goal.
+#: How many times as long as undisturbed tracking alone a run may take to settle at the last goal.
+PATIENCE = 3.0
 
 
 def simulate(
@@ -45,16 +46,18 @@ def simulate(
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
     With a time limit, a run that is not at rest at the end of its duration goes on until it is, see
-    :func:`.until_settled`. A scene that can no longer be evaluated, a controller that fails, and own parts that raise
-    anything end the run with the status ``failed``; what was simulated until then is kept. The command of the last
-    sample is computed but not carried out. The reason also holds ``remarks``, those of :meth:`Setup.check_start` unless
-    given, and the controller's, how often another QP solver had to answer, and how often a law claimed a loss of rank
-    that its rows do not show, at which no run is stopped.
+    :func:`.until_settled`. A scene that can no longer be evaluated, a controller that fails, and
+    own parts that raise anything end the run with the status ``failed``; what was simulated until
+    then is kept. The command of the last sample is computed but not carried out. The reason also
+    holds ``remarks``, those of :meth:`Setup.check_start` unless given, and the controller's, how
+    often another QP solver had to answer, and how often a law claimed a loss of rank that its rows
+    do not show, at which no run is stopped.
 
-    With ``by_public_call`` every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that
-    the times of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled
-    step, which is faster; their commands are the same. What was ``prepared`` of this setup may be used again. Raises
-    ConfigurationError if the robot cannot start.
+    With ``by_public_call`` every law is asked by ``controller.command(rows, task)``, as a user's
+    own loop does, so that the times of different laws are those of the same call. Otherwise
+    compiled laws run on the arrays of the compiled step, which is faster; their commands are the
+    same. What was ``prepared`` of this setup may be used again. Raises ConfigurationError if the
+    robot cannot start.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -68,31 +71,41 @@ def simulate(
 def trajectory_of(run: Run, remarks: Sequence[str]) -> Trajectory:
     """What a run left, with these and its own remarks as part of the reason."""
     trajectory = run.trajectory()
-    remarks = (*remarks, *hidden_markers(run.setup.scene, trajectory.t, trajectory.q), *run.remarks())
+    remarks = (
+        *remarks,
+        *hidden_markers(run.setup.scene, trajectory.t, trajectory.q),
+        *run.remarks(),
+    )
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
 
 
 def score_run(setup: Setup, controller: Controller) -> RunScores:
-    """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials run on.
+    """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials
+    run on.
 
-    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
+    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start
+    alone.
     """
     prepared = Prepared(setup, controller.factors)
     remarks = setup.check_start(prepared.world)
     run = Run(prepared, controller, whole=False)
     run.to_the_end()
     scores = run.scores()
-    return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
+    return replace(
+        scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks())))
+    )
 
 
 def until_settled(setup: Setup) -> Setup:
-    """The same setup, whose runs go on beyond its duration until they are at rest, at the last goal or elsewhere.
+    """The same setup, whose runs go on beyond its duration until they are at rest, at the last goal
+    or elsewhere.
 
-    Where a run is cut then does not decide which law arrives. Its time limit is :data:`PATIENCE` times as long as
-    tracking alone takes to settle at the last goal, without constraints and disturbances: the same for every law. There
-    is none, so that a run ends with its duration, where the target moves, since who follows it is judged at the end of
-    the motion that the scenario states; and where even tracking alone is still on its way at the end of the duration.
-    Where tracking alone fails, it is the multiple of the duration. Raises as :func:`simulate` does.
+    Where a run is cut then does not decide which law arrives. Its time limit is :data:`PATIENCE`
+    times as long as tracking alone takes to settle at the last goal, without constraints and
+    disturbances: the same for every law. There is none, so that a run ends with its duration, where
+    the target moves, since who follows it is judged at the end of the motion that the scenario
+    states; and where even tracking alone is still on its way at the end of the duration. Where
+    tracking alone fails, it is the multiple of the duration. Raises as :func:`simulate` does.
     """
     if setup.scene.motion is not None:
         return setup
@@ -111,26 +124,44 @@ def until_settled(setup: Setup) -> Setup:
     tracking = score_run(ideal, Tracking())
     if tracking.status in ("slow", "unfinished"):
         return setup
-    begin, needed = setup.task.goals[-1].from_time, tracking.settling_times_s[-1]
+    begin = setup.task.goals[-1].from_time
+    needed = tracking.settling_times_s[-1]
     limit = begin + PATIENCE * (needed if np.isfinite(needed) else setup.duration - begin)
     return replace(setup, time_limit=limit) if limit > setup.duration else setup
 
 
 class Run:
-    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the rest."""
+    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the
+    rest.
+    """
 
     def __init__(
-        self, prepared: Prepared, controller: Controller, *, whole: bool = True, by_public_call: bool = False
+        self,
+        prepared: Prepared,
+        controller: Controller,
+        *,
+        whole: bool = True,
+        by_public_call: bool = False,
     ) -> None:
         prepared.restart()
-        self.prepared, self.setup, self.controller, self.whole = prepared, prepared.setup, controller, whole
-        self.control, self.bound, self.gradient_error = prepared.control, prepared.bound, prepared.gradient_error
-        self.plant, self.sensor = self.setup.plant(), self.setup.sensor()
-        #: How many are done, how often another QP solver had to answer, and a law claimed a loss of rank in vain.
+        self.prepared = prepared
+        self.setup = prepared.setup
+        self.controller = controller
+        self.whole = whole
+        self.control = prepared.control
+        self.bound = prepared.bound
+        self.gradient_error = prepared.gradient_error
+        self.plant = self.setup.plant()
+        self.sensor = self.setup.sensor()
+        #: How many are done, how often another QP solver had to answer, and a law claimed a loss of
+        #: rank in vain.
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended: Ended = ""
-        self.reason, self.compiled, self.law = "", False, 0
-        #: What a compiled law is asked with, which it leaves as it is; others may change their arrays.
+        self.reason = ""
+        self.compiled = False
+        self.law = 0
+        #: What a compiled law is asked with, which it leaves as it is; others may change their
+        #: arrays.
         self._given: tuple[Rows, Task] | None = None
         loop = None
         believe = self.sensor if self.setup.disturbances.sensing else None
@@ -142,24 +173,32 @@ class Run:
             loop = self._compiled_loop(by_public_call)
         except VsconstraintsError:
             raise
-        except (Exception, SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
+        # a law ends its own run, not the process
+        except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
         self._begin(loop or self._python_loop())
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""
-        setup, N = self.setup, self.setup.samples
-        further, dwell = math.ceil(setup.rest_time / setup.Ts), setup.tolerances.dwell_s
+        setup = self.setup
+        N = self.setup.samples
+        further = math.ceil(setup.rest_time / setup.Ts)
+        dwell = setup.tolerances.dwell_s
         try:
             self._run_to(N)
-            while setup.samples_at_most > N and not self.ended and self._outcome(dwell)[0] in ("slow", "unfinished"):
+            while (
+                setup.samples_at_most > N
+                and not self.ended
+                and self._outcome(dwell)[0] in ("slow", "unfinished")
+            ):
                 N = min(N + further, setup.samples_at_most)
                 self._run_to(N)
                 # crossing the goal at the moment of the check is not settling there
                 dwell = further * setup.Ts
         except SceneError as error:
             self._end("failed", str(error))
-        # own constraints and laws may raise anything; the samples so far are kept. KeyboardInterrupt is the user's
+        # own constraints and laws may raise anything; the samples so far are kept.
+        # KeyboardInterrupt is the user's
         except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
 
@@ -167,7 +206,8 @@ class Run:
         return judge(self.setup, self.loop, self.samples, self.ended, self.reason, dwell)
 
     def _end(self, ended: Ended, reason: str) -> None:
-        self.ended, self.reason = ended, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
+        self.ended = ended
+        self.reason = f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
 
     def _run_to(self, last: int) -> None:
         """Run all samples before this one, unless something ends the run."""
@@ -176,7 +216,12 @@ class Run:
         while stage != STEP or (self.samples < last and not self.ended):
             begun = self.samples
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
-            if stage == STEP and isinstance(self.sensor, ImageSensor) and self.bound is not None and self.loop.parts[0]:
+            if (
+                stage == STEP
+                and isinstance(self.sensor, ImageSensor)
+                and self.bound is not None
+                and self.loop.parts[0]
+            ):
                 self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
                 # without a usable image no law is called, and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
@@ -188,18 +233,27 @@ class Run:
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
         """A loop whose step is compiled; None where it has no compiled form."""
-        setup, bound, true, alone = self.setup, self.bound, self.prepared.true, self.prepared.alone
+        setup = self.setup
+        bound = self.bound
+        true = self.prepared.true
+        alone = self.prepared.alone
         if bound is None or true is None or alone is None:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = believed.step.evaluate, believed.workspace.address, true.packed.workspace.address
+        loop.parts[:3] = (
+            believed.step.evaluate,
+            believed.workspace.address,
+            true.packed.workspace.address,
+        )
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing and self.sensor.estimates:
             self._sensing = self.sensor.sensing(setup.samples_at_most)
             self._sensed = Workspace(self._sensing)
             loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
-        law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
+        law = self.controller.bind(
+            bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd
+        )
         self.compiled = law is not None and load("compiler").compiles()
         if law is not None:
             self._given = bound.now.rows, bound.now.task
@@ -209,20 +263,26 @@ class Run:
             loop.parts[3] = self.law = law.workspace.address
             # the same rank tolerance: the law's way to its answer may lead by tracking alone
             same = law.arrays.options[0] == alone.arrays.options[0]
-            answer = loop.answer._replace(slack=law.slack, alone=loop.alone if same else loop.answer.alone)
+            answer = loop.answer._replace(
+                slack=law.slack, alone=loop.alone if same else loop.answer.alone
+            )
             loop = loop._replace(answer=answer)
         return loop
 
     def _python_loop(self, features: int = 0) -> Loop:
-        """A loop whose step and law run in Python; the number of features is known after the first sample."""
+        """A loop whose step and law run in Python; the number of features is known after the first
+        sample.
+        """
         blank = blank_step(self.setup, self.control.constraints, features)._replace(
             last_command=self.control.last_command
         )
         return make_loop(self.setup, self.plant, blank, blank, self.whole)
 
     def _begin(self, loop: Loop) -> None:
-        self.loop, loop.parts[7:] = loop, self.plant.mover
-        # whether Python moves the robot: then, or where it renders images, it does so sample by sample
+        self.loop = loop
+        loop.parts[7:] = self.plant.mover
+        # whether Python moves the robot: then, or where it renders images, it does so sample by
+        # sample
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
         self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
@@ -233,21 +293,27 @@ class Run:
             self.plant.check()
             rows, task = self._evaluate(k)
             # before the law, which may change the task's arrays
-            self.loop.alone[:] = self.prepared.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
+            self.loop.alone[:] = self.prepared.baseline.command(
+                Rows.none(self.plant.x.shape[1]), task
+            ).qdd
         elif self._given is not None:
             rows, task = self._given
         else:
             assert self.bound is not None
             step = Evaluation(self.bound.packed, self.control.constraints, self.bound.out.copy())
-            rows, task = step.rows, step.task
+            rows = step.rows
+            task = step.task
         self._ask_law(k, rows, task)
         return ALONE if stage == LAW else MOVE
 
     def _evaluate(self, k: int) -> tuple[Rows, Task]:
         """Rows and task that the control believes in; the true ones are written to the loop."""
-        t, q, qd = k * self.setup.Ts, self.plant.q, self.plant.qd
+        t = k * self.setup.Ts
+        q = self.plant.q
+        qd = self.plant.qd
         started = perf_counter()
-        world, measured = None, None
+        world = None
+        measured = None
         if self.prepared.world is not self.control:
             world = self.prepared.world.evaluate(t, q, qd)
             measured = self.sensor.measured(k, q, qd, world)
@@ -255,23 +321,32 @@ class Run:
             started = perf_counter()
         step = self.control.evaluate_measured(t, q, qd, measured)
         rows = self.gradient_error(step.rows, qd)
-        ready, true = perf_counter(), world or step
+        ready = perf_counter()
+        true = world or step
         if k == 0 and len(step.error) != len(self.loop.task.error):
             self._begin(self._python_loop(len(step.error)))
         loop = self.loop
-        loop.true.phi[:], loop.true.Lg[:], loop.true.Lf[:] = true.rows.phi, true.rows.Lg, true.rows.Lf
-        loop.true.sigma[:], loop.pixels[:], loop.points[:] = true.sigma, true.pixels, true.points
-        loop.camera_R[:], loop.camera_t[:] = true.camera_R, true.camera_t
+        loop.true.phi[:] = true.rows.phi
+        loop.true.Lg[:] = true.rows.Lg
+        loop.true.Lf[:] = true.rows.Lf
+        loop.true.sigma[:] = true.sigma
+        loop.pixels[:] = true.pixels
+        loop.points[:] = true.points
+        loop.camera_R[:] = true.camera_R
+        loop.camera_t[:] = true.camera_t
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
-        """Take the controller's command, or end the run; a claimed loss of rank counts where the rows show it."""
+        """Take the controller's command, or end the run; a claimed loss of rank counts where the
+        rows show it.
+        """
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        times, given = self.loop.kept.step_time, rows
+        times = self.loop.kept.step_time
+        given = rows
         if self._given is None:
             given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
@@ -293,10 +368,13 @@ class Run:
         """What a reader should know of the law in this run."""
         remarks = []
         if self.fallbacks:
-            remarks.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
+            remarks.append(
+                f"another QP solver than the one asked for answered in {self.fallbacks} samples"
+            )
         if self.unfounded:
             remarks.append(
-                f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
+                f"the law claimed a loss of rank in {self.unfounded} samples in which its rows "
+                f"have full rank"
             )
         of_law = self.controller.remark(self.setup.constraints.labels)
         of_factors = self.controller.factors.remark(self.setup.constraints.kinds)
@@ -308,13 +386,26 @@ class Run:
 
     def trajectory(self) -> Trajectory:
         """What was simulated."""
-        setup, N, kept = self.setup, self.samples, self.loop.kept
+        setup = self.setup
+        N = self.samples
+        kept = self.loop.kept
         states = kept.states[:N]
         q, qd, qdd = (np.ascontiguousarray(states[:, i]) for i in (0, 1, -2))
-        t, pixels, points = np.arange(N) * setup.Ts, kept.pixels[:N], kept.points[:N]
+        t = np.arange(N) * setup.Ts
+        pixels = kept.pixels[:N]
+        points = kept.points[:N]
         clearance = setup.clearance(t, q, qd, pixels, points)
         status, reason = self._outcome()
-        same = "error", "camera_error", "phi", "sigma", "active", "saturated", "rows_time", "step_time"
+        same = (
+            "error",
+            "camera_error",
+            "phi",
+            "sigma",
+            "active",
+            "saturated",
+            "rows_time",
+            "step_time",
+        )
         return Trajectory(
             status=status,
             reason=reason,
@@ -329,7 +420,9 @@ class Run:
             labels=setup.constraints.labels,
             clearance=clearance,
             share_to_hold=self.loop.scores.share_to_hold,
-            between_clearance=intersample_clearance(setup, self.prepared.world, self.plant, states, clearance),
+            between_clearance=intersample_clearance(
+                setup, self.prepared.world, self.plant, states, clearance
+            ),
             fallbacks=self.fallbacks,
             compiled=self.compiled,
             **{name: getattr(kept, name)[:N] for name in same},
@@ -337,6 +430,8 @@ class Run:
 
 
 def loses_rank(rows: Rows) -> bool:
-    """Whether L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2), whatever the rows' units."""
+    """Whether L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2), whatever the rows'
+    units.
+    """
     reached = rows.phi >= 0.0
     return bool(dependent_rows(unit_rows(rows, rows.phi, reached)[0], RANK_TOLERANCE).shape[1])

@@ -1,4 +1,6 @@
-"""How a simulation ended, judged by its motion and not by what a controller reports, and its scores."""
+"""How a simulation ended, judged by its motion and not by what a controller reports, and its
+scores.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from ..vision.features import CameraPose
 from .setup import Setup
 from .trajectory import Outcome, RunScores
 
-Ended = Literal["", "failed", "aborted"]  #: How the loop itself ended; empty if all samples were run.
+#: How the loop itself ended; empty if all samples were run.
+Ended = Literal["", "failed", "aborted"]
 
 
 def judge(
@@ -22,17 +25,22 @@ def judge(
 ) -> tuple[Outcome, str]:
     """Status and reason of a run of so many samples.
 
-    ``reason`` is why the loop ended early, if it did; ``dwell`` how long the run must have stayed at the last goal [s],
-    that of the tolerances if None.
+    ``reason`` is why the loop ended early, if it did; ``dwell`` how long the run must have stayed
+    at the last goal [s], that of the tolerances if None.
     """
     if ended:
         return ended, reason
-    kept, speed = loop.kept, setup.goal_tolerances[-1, 3]
-    t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
-    unreached, first = loop.scores.unreached, first_samples(loop.goals.begins, samples, setup.Ts)
+    kept = loop.kept
+    speed = setup.goal_tolerances[-1, 3]
+    t = np.arange(samples) * setup.Ts
+    last = (samples - 1) % len(kept.camera_error)
+    unreached = loop.scores.unreached
+    first = first_samples(loop.goals.begins, samples, setup.Ts)
     settled = settling_times(unreached, loop.goals.begins, samples, setup.Ts)
     # a goal that begins and ends between two samples is not missed
-    missed = np.flatnonzero((first[:-1] < first[1:]) & (first[1:] < samples) & np.isnan(settled[:-1]))
+    missed = np.flatnonzero(
+        (first[:-1] < first[1:]) & (first[1:] < samples) & np.isnan(settled[:-1])
+    )
     dwelling = int(np.argmax(t >= t[-1] - (setup.tolerances.dwell_s if dwell is None else dwell)))
     there = first[-1] <= dwelling and unreached[-1] < dwelling
     if there and not missed.size:
@@ -42,7 +50,10 @@ def judge(
         return "unfinished", "; ".join(left)
     distance, angle = 1e3 * kept.camera_error[last]
     off = f"{_amount(distance)} mm and {_amount(angle)} mrad"
-    final = f"ends {off if np.isfinite(distance) else f'{_amount(kept.feature_error[last])} px'} from the goal"
+    final = (
+        f"ends {off if np.isfinite(distance) else f'{_amount(kept.feature_error[last])} px'} "
+        f"from the goal"
+    )
     # half a period for the rounding of times
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
@@ -50,10 +61,15 @@ def judge(
     same_goal = not ((begin < first) & (first < samples)).any()
     if enough and same_goal and _time_to_go(setup, loop, since) < t[-1]:
         return "slow", "; ".join([f"still approaching, {final}", *left])
-    camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
+    camera_R = kept.camera_R[since]
+    camera_t = kept.camera_t[since]
     moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
     fastest = np.abs(kept.states[(samples - 1) % len(kept.states), 1]).max()
-    still = moved < setup.tolerances.translation_m and turned < setup.tolerances.rotation_rad and fastest <= speed
+    still = (
+        moved < setup.tolerances.translation_m
+        and turned < setup.tolerances.rotation_rad
+        and fastest <= speed
+    )
     if enough and still:
         return "trapped", "; ".join([f"at rest, {final}", *left])
     at = f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
@@ -61,33 +77,41 @@ def judge(
 
 
 def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
-    """In how long the last goal is reached at the pace of these samples [s]; infinite where it comes no nearer.
+    """In how long the last goal is reached at the pace of these samples [s]; infinite where it
+    comes no nearer.
 
-    The pace is that of the error in units of its tolerance, from the mean of the samples' first half to that of their
-    second, which noise moves less than single samples.
+    The pace is that of the error in units of its tolerance, from the mean of the samples' first
+    half to that of their second, which noise moves less than single samples.
     """
-    tolerance, kept = setup.goal_tolerances[-1], loop.kept
+    tolerance = setup.goal_tolerances[-1]
+    kept = loop.kept
     if isinstance(setup.task.feature, CameraPose):
         error = (kept.camera_error[since] / tolerance[:2]).max(axis=1)
     else:
         error = kept.feature_error[since] / tolerance[2]
     half = len(error) // 2
-    pace = (error[:half].mean() - error[half:].mean()) / (0.5 * len(error) * setup.Ts) if half else 0.0
+    pace = (
+        (error[:half].mean() - error[half:].mean()) / (0.5 * len(error) * setup.Ts) if half else 0.0
+    )
     return float((error[-1] - 1.0) / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
 
 
 def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
-    """(g,) the first of so many samples in which each goal or a later one holds, ``samples`` where there is none."""
+    """(g,) the first of so many samples in which each goal or a later one holds, ``samples`` where
+    there is none.
+    """
     first = np.searchsorted(np.arange(samples) * Ts + ROUNDING, begins)
     first[0] = 0  # the first goal also holds before it begins
     return first
 
 
 def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) -> Array:
-    """(g,) from when each goal begins until it is reached for good, before the next one begins or the run ends [s].
+    """(g,) from when each goal begins until it is reached for good, before the next one begins or
+    the run ends [s].
 
-    NaN where it is not. Leaving a goal early does not help: when each begins is fixed. ``unreached`` (g,) is the last
-    sample in which a goal is not reached while it holds, −1 if there is none; goals begin at ``begins`` (g,) [s].
+    NaN where it is not. Leaving a goal early does not help: when each begins is fixed.
+    ``unreached`` (g,) is the last sample in which a goal is not reached while it holds, −1 if there
+    is none; goals begin at ``begins`` (g,) [s].
     """
     first = first_samples(begins, samples, Ts)
     reached = np.maximum(unreached + 1, first)
@@ -95,13 +119,19 @@ def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) 
     return np.where(there, np.maximum(reached * Ts - begins, 0.0), np.nan)
 
 
-def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:
+def scores_of(
+    setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool
+) -> RunScores:
     """The scores of a loop after so many samples."""
-    Ts, kept, scores = setup.Ts, loop.kept, loop.scores
+    Ts = setup.Ts
+    kept = loop.kept
+    scores = loop.scores
     last = (samples - 1) % len(kept.camera_error)
     errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
     steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
-    first_active, last_active = (np.where(at < 0, np.nan, at * Ts) for at in (scores.first_active, scores.last_active))
+    first_active, last_active = (
+        np.where(at < 0, np.nan, at * Ts) for at in (scores.first_active, scores.last_active)
+    )
     return RunScores(
         *outcome,
         compiled=compiled,
@@ -129,4 +159,10 @@ def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, st
 
 def _amount(value: float) -> str:
     """Three significant digits, never with an exponent."""
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}" if value >= 0.001 else "less than 0.001"
+    return (
+        f"{value:.0f}"
+        if value >= 100.0
+        else f"{value:.3g}"
+        if value >= 0.001
+        else "less than 0.001"
+    )

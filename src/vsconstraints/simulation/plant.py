@@ -1,4 +1,6 @@
-"""The robot as the control sees it: q̈ = C q̈_c + d_c (eq. 6), solved exactly for a zero-order hold."""
+"""The robot as the control sees it: q̈ = C q̈_c + d_c (eq. 6), solved exactly for a zero-order
+hold.
+"""
 
 from __future__ import annotations
 
@@ -21,24 +23,28 @@ POSITION_LOOP = 6  #: Size of the system of an arm that follows q_c.
 
 
 class Plant:
-    """n joints alike: each a linear system whose state holds q, q̇, what the low-level loop remembers, q̈_c and d_c.
+    """n joints alike: each a linear system whose state holds q, q̇, what the low-level loop
+    remembers, q̈_c and d_c.
 
-    With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if τ is zero. With
-    position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c, where q_c is what an
-    :class:`vsconstraints.robots.order_filter.OrderFilter` gives. The loop brings commands beyond ``limits`` to them
-    (:func:`vsconstraints.compiled.samples.saturate`). A command acts the delay δ after its period has begun: the last
-    ⌈δ/T_s⌉ commands, which are under way, are part of the state, zeros at the start.
+    With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at
+    once if τ is zero. With position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c,
+    where q_c is what an :class:`vsconstraints.robots.order_filter.OrderFilter` gives. The loop
+    brings commands beyond ``limits`` to them (:func:`vsconstraints.compiled.samples.saturate`). A
+    command acts the delay δ after its period has begun: the last ⌈δ/T_s⌉ commands, which are under
+    way, are part of the state, zeros at the start.
     """
 
-    #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last, the commands before q̈_c
-    #: above it, the latest next to it.
+    #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last, the
+    #: commands before q̈_c above it, the latest next to it.
     x: Array
     transition: Array  #: (s, s) from there to the end of the period.
-    #: Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the mover goes there.
+    #: Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the
+    #: mover goes there.
     follows = False
     #: Of a period, after which another command acts than at its beginning; 0 if none does.
     switch = 0.0
-    #: Addresses of the compiled function that does, and of what it works with; 0 where there is none.
+    #: Addresses of the compiled function that does, and of what it works with; 0 where there is
+    #: none.
     mover: tuple[int, int] = (0, 0)
 
     def __init__(
@@ -51,25 +57,32 @@ class Plant:
         limits: JointLimits | None = None,
     ) -> None:
         tau = disturbances.time_constant
-        self._offset, self._noise = disturbances.per_joint("acceleration", len(q0)), disturbances.acceleration_noise
+        self._offset = disturbances.per_joint("acceleration", len(q0))
+        self._noise = disturbances.acceleration_noise
         self._seed = (*disturbances.seed, 2)
         self._random = np.random.default_rng(self._seed)
         if actuation == "position" and tau == 0.0 and (self._offset.any() or self._noise):
             raise InvalidInput(
-                "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
+                "accelerations disturb a position-controlled arm only through its position loop: "
+                "give time_constant too"
             )
-        self.Ts, self._limits = float(Ts), without_limits(Ts) if limits is None else limits
+        self.Ts = float(Ts)
+        self._limits = without_limits(Ts) if limits is None else limits
         self._system = _system(actuation, tau)
         self._delay = split_delay("disturbance command_delay", disturbances.command_delay, self.Ts)
         self.switch = self._delay[1] / self.Ts
         self.transition = np.array(_transition(self._system, self._delay, self.Ts))
         # what is under way grows older by a period
-        s, waiting = len(self.transition), pending_commands(self._delay)
+        s = len(self.transition)
+        waiting = pending_commands(self._delay)
         self.transition[s - 2 - waiting : s - 2] = np.eye(s)[s - 1 - waiting : s - 1]
         self.x = np.zeros((s, len(q0)))
-        self.x[0], self.x[1], self.x[-1] = q0, qd0, self._offset
+        self.x[-1] = self._offset
+        self.x[1] = qd0
+        self.x[0] = q0
         if len(self._system) == POSITION_LOOP:
-            self.x[2], self.x[3] = q0, qd0
+            self.x[2] = q0
+            self.x[3] = qd0
 
     @property
     def q(self) -> Array:
@@ -84,14 +97,20 @@ class Plant:
         return qd
 
     def arrays(self, periods: int, last: Array) -> PlantArrays:
-        """What the loop moves the robot with, which writes its commands to ``last`` (n,); d_c is drawn beforehand."""
+        """What the loop moves the robot with, which writes its commands to ``last`` (n,); d_c is
+        drawn beforehand.
+        """
         pushes = self._pushes(np.random.default_rng(self._seed), periods)
-        return PlantArrays(self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last)
+        return PlantArrays(
+            self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last
+        )
 
     def _pushes(self, random: np.random.Generator, periods: int) -> Array:
         """(N, n) d_c of the periods to come; (1, n) if it is always the same."""
         n = len(self._offset)
-        return self._offset + (self._noise * random.standard_normal((periods, n)) if self._noise else np.zeros((1, n)))
+        return self._offset + (
+            self._noise * random.standard_normal((periods, n)) if self._noise else np.zeros((1, n))
+        )
 
     def begin(self, qdd: Array) -> None:
         """Begin a period with the command ``qdd`` (n,)."""
@@ -112,11 +131,15 @@ class Plant:
         return []
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
-        """Q and q̇ (P, n) a share of the period after the beginning of some periods, given states (N, s, n)."""
+        """Q and q̇ (P, n) a share of the period after the beginning of some periods, given states
+        (N, s, n).
+        """
         return self.inside(states[periods].transpose(0, 2, 1), share * self.Ts)
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
-        """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""
+        """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n,
+        s).
+        """
         moved = states @ _transition(self._system, self._delay, after)[:2].T
         return moved[..., 0], moved[..., 1]
 
@@ -134,24 +157,39 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
         # x = (q, q̇, a, q̈_c, d_c)
         return ((0, 1, 0, 0, 0), (0, 0, 1, 0, 1), (0, 0, -1 / tau, 1 / tau, 0), (0,) * 5, (0,) * 5)
     # x = (q, q̇, q_c, q̇_c, q̈_c, d_c)
-    k, d = 1 / tau**2, 2 / tau
-    return ((0, 1, 0, 0, 0, 0), (-k, -d, k, d, 0, 1), (0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 1, 0), (0,) * 6, (0,) * 6)
+    k = 1 / tau**2
+    d = 2 / tau
+    return (
+        (0, 1, 0, 0, 0, 0),
+        (-k, -d, k, d, 0, 1),
+        (0, 0, 0, 1, 0, 0),
+        (0, 0, 0, 0, 1, 0),
+        (0,) * 6,
+        (0,) * 6,
+    )
 
 
 def pending_commands(delay: tuple[int, float]) -> int:
-    """How many commands before the newest are still to act, or act: as many as a delay has periods, begun ones too."""
+    """How many commands before the newest are still to act, or act: as many as a delay has periods,
+    begun ones too.
+    """
     return delay[0] + (delay[1] > 0.0)
 
 
 @lru_cache(maxsize=64)
-def _transition(system: tuple[tuple[float, ...], ...], delay: tuple[int, float], after: float) -> Array:
-    """(s, s) from the beginning of a period to ``after`` [s] in it: exp(A t), with one command and then another."""
+def _transition(
+    system: tuple[tuple[float, ...], ...], delay: tuple[int, float], after: float
+) -> Array:
+    """(s, s) from the beginning of a period to ``after`` [s] in it: exp(A t), with one command and
+    then another.
+    """
     whole, rest = delay
     s = len(system) + pending_commands(delay)
 
     def held(periods: int, t: float) -> Array:
         """With the command that is so many periods old."""
-        A, own = np.zeros((s, s)), [*range(len(system) - 2), s - 2 - periods, s - 1]
+        A = np.zeros((s, s))
+        own = [*range(len(system) - 2), s - 2 - periods, s - 1]
         A[np.ix_(own, own)] = system
         moved: Array = expm(A * t)
         return moved
@@ -162,9 +200,19 @@ def _transition(system: tuple[tuple[float, ...], ...], delay: tuple[int, float],
     return held(whole, after - first) @ held(whole + 1, first)
 
 
-def cubic(begin: tuple[Array, Array], end: tuple[Array, Array], T: float, share: float) -> tuple[Array, Array]:
-    """Q and q̇ a share of a period of T [s] after its beginning: on the cubic with given q and q̇ at both ends."""
-    s, (q0, v0), (q1, v1) = share, begin, end
+def cubic(
+    begin: tuple[Array, Array], end: tuple[Array, Array], T: float, share: float
+) -> tuple[Array, Array]:
+    """Q and q̇ a share of a period of T [s] after its beginning: on the cubic with given q and q̇
+    at both ends.
+    """
+    s = share
+    q0, v0 = begin
+    q1, v1 = end
     q = q0 + s * s * (3.0 - 2.0 * s) * (q1 - q0) + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
-    qd = 6.0 * s * (1.0 - s) * (q1 - q0) / T + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    qd = (
+        6.0 * s * (1.0 - s) * (q1 - q0) / T
+        + (1.0 - s) * (1.0 - 3.0 * s) * v0
+        + s * (3.0 * s - 2.0) * v1
+    )
     return q, qd

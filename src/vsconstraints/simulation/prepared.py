@@ -19,26 +19,35 @@ from .setup import Setup
 
 
 class Prepared:
-    """The control steps of a setup for laws with these factors, and the law of tracking alone beside them.
+    """The control steps of a setup for laws with these factors, and the law of tracking alone
+    beside them.
 
-    Runs follow one another, each begun by :meth:`restart`; own constraints and laws may remember more than it forgets.
+    Runs follow one another, each begun by :meth:`restart`; own constraints and laws may remember
+    more than it forgets.
     """
 
     def __init__(self, setup: Setup, factors: RowFactors = AS_THEY_ARE) -> None:
-        self.setup, self.factors = setup, factors
-        self.control, self.gradient_error = setup.control(factors), setup.gradient_error(factors)
-        # what is kept is what is true; where nothing is disturbed, that is what the control believes
+        self.setup = setup
+        self.factors = factors
+        self.control = setup.control(factors)
+        self.gradient_error = setup.gradient_error(factors)
+        # what is kept is what is true; where nothing is disturbed, that is what the control
+        # believes
         self.world = self.control
         if setup.sensor().disturbed or self.gradient_error.any or factors.options():
             self.world = setup.world()
         self.baseline = Tracking()
         #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
-        self.bound, self.true = self.control.bound(), self.world.bound()
+        self.bound = self.control.bound()
+        self.true = self.world.bound()
         #: Tracking alone on the arrays of the control's step.
         self.alone: BoundLaw | None = None
         if self.bound is not None:
-            size, now = self.bound.packed.size, self.bound.now
-            self.alone = self.baseline.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+            size = self.bound.packed.size
+            now = self.bound.now
+            self.alone = self.baseline.bind(
+                now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n)
+            )
 
     def restart(self) -> None:
         """Begin a new run."""
@@ -49,8 +58,11 @@ class Prepared:
 def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
     """Arrays for a step whose rows and task Python evaluates."""
     scene = setup.scene
-    step, _ = Size(scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features).step()
-    step.rows.switching_gain[:], step.rows.scale[:] = constraints.switching_gain, constraints.scale
+    step, _ = Size(
+        scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features
+    ).step()
+    step.rows.switching_gain[:] = constraints.switching_gain
+    step.rows.scale[:] = constraints.scale
     step.rows.K[:] = constraints.approach_time
     return step
 
@@ -58,13 +70,22 @@ def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
 def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
     """A loop whose parts all run in Python, until compiled ones replace them.
 
-    ``believed`` and ``true`` are the steps of control and world; unless the ``whole`` run is kept, only the last poses
-    and errors of the camera are.
+    ``believed`` and ``true`` are the steps of control and world; unless the ``whole`` run is kept,
+    only the last poses and errors of the camera are.
     """
-    N, (m, n), (states, _) = setup.samples_at_most, true.rows.Lg.shape, plant.x.shape
+    N = setup.samples_at_most
+    m, n = true.rows.Lg.shape
+    states, _ = plant.x.shape
     window = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
     samples, poses = (N, N) if whole else (1, window)
-    lengths = {"m": m, "n": n, "k": len(believed.task.error), "M": len(true.pixels), "P": len(true.points), "s": states}
+    lengths = {
+        "m": m,
+        "n": n,
+        "k": len(believed.task.error),
+        "M": len(true.pixels),
+        "P": len(true.points),
+        "s": states,
+    }
     lengths |= {"N": samples, "poses": poses, "goals": len(setup.task.goals)}
     nowhere = Pose(np.full((3, 3), np.nan), np.full(3, np.nan))
     poses_wanted = [goal.camera or nowhere for goal in setup.task.goals]
@@ -79,7 +100,8 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     scores: Running = zeros(Running, lengths)
     scores.phi_max[:] = scores.sigma_max[:] = -np.inf
     scores.first_active[:] = scores.last_active[:] = scores.unreached[:] = -1
-    scores.common[:], scores.share_to_hold[:] = setup.samples, np.nan
+    scores.common[:] = setup.samples
+    scores.share_to_hold[:] = np.nan
     none = np.empty(0)
     return Loop(
         parts=np.zeros(9, dtype=np.int64),

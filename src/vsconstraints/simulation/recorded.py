@@ -1,6 +1,8 @@
-"""Runs in two parts: a law's commands, recorded in one process, and the motion that follows from them in another one.
+"""Runs in two parts: a law's commands, recorded in one process, and the motion that follows from
+them in another one.
 
-Nothing that a law does to its own process reaches the process in which its motion is simulated, judged and scored.
+Nothing that a law does to its own process reaches the process in which its motion is simulated,
+judged and scored.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ MAX_TEXT = 10_000  #: Characters of a reason or of remarks that are taken from a
 class Recorded:
     """What a law commanded in a run of N samples on n joints, and what its process says of it.
 
-    The law's process can say anything, so that nothing but ``qdd`` has an influence on motion and scores.
+    The law's process can say anything, so that nothing but ``qdd`` has an influence on motion and
+    scores.
     """
 
     qdd: Array  #: (N, n) the commands.
@@ -41,8 +44,15 @@ class Recorded:
 
     @classmethod
     def of(cls, setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Recorded:
-        """Run a law and record its commands; see :func:`.simulate` for the parameters and what is raised."""
-        run = Run(Prepared(setup, controller.factors), controller, whole=True, by_public_call=by_public_call)
+        """Run a law and record its commands; see :func:`.simulate` for the parameters and what is
+        raised.
+        """
+        run = Run(
+            Prepared(setup, controller.factors),
+            controller,
+            whole=True,
+            by_public_call=by_public_call,
+        )
         run.to_the_end()
         kept = run.loop.kept
         N = run.samples
@@ -66,7 +76,9 @@ class Recorded:
 
     @classmethod
     def from_plain(cls, values: object, joints: int) -> Recorded:
-        """The inverse of :meth:`plain`; raises ValueError, TypeError or KeyError for what is no recording."""
+        """The inverse of :meth:`plain`; raises ValueError, TypeError or KeyError for what is no
+        recording.
+        """
         if not isinstance(values, dict):
             raise TypeError("it is no table")
         ended = values["ended"]
@@ -104,10 +116,11 @@ def replay(
     remarks: Sequence[str] | None = None,
     prepared: Prepared | None = None,
 ) -> Trajectory:
-    """Simulate the motion that recorded commands lead to; it is judged as that of :func:`.simulate`.
+    """Simulate the motion that recorded commands lead to; it is judged as that of
+    :func:`.simulate`.
 
-    Motion, rows and status follow from the commands alone. What the recording says of computing times, of its early end
-    and of its law is taken over.
+    Motion, rows and status follow from the commands alone. What the recording says of computing
+    times, of its early end and of its law is taken over.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -141,11 +154,14 @@ class _Replay(Run):
         recorded = self._recorded
         super().to_the_end()
         if self.ended and self.samples == len(recorded.qdd) and recorded.ended:
-            self.ended, self.reason = recorded.ended, recorded.reason
+            self.ended = recorded.ended
+            self.reason = recorded.reason
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
         if k >= len(self._recorded.qdd):
-            raise _NoCommandError("the law's process gave no further commands, though the run is not over")
+            raise _NoCommandError(
+                "the law's process gave no further commands, though the run is not over"
+            )
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
         else:

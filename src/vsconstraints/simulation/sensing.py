@@ -1,4 +1,6 @@
-"""What a controller believes: late, noisy or lost images, through a camera not quite known; erroneous gradients."""
+"""What a controller believes: late, noisy or lost images, through a camera not quite known;
+erroneous gradients.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +27,20 @@ from .disturbances import VISIBILITY, Disturbances
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
-    """The camera that the control calculates with; raises ConfigurationError if a distortion factor does not fit it."""
-    believed, wrong = camera, disturbances
+    """The camera that the control calculates with; raises ConfigurationError if a distortion factor
+    does not fit it.
+    """
+    believed = camera
+    wrong = disturbances
     if wrong.distortion:
-        factors, lens = np.asarray(wrong.distortion_factor, dtype=np.float64), camera.distortion
+        factors = np.asarray(wrong.distortion_factor, dtype=np.float64)
+        lens = camera.distortion
         if lens is None:
             raise ConfigurationError("disturbance distortion_factor needs a camera with distortion")
         if len(factors) not in (1, len(lens.coefficients)):
             raise ConfigurationError(
-                f"disturbance distortion_factor must be one number or {len(lens.coefficients)}, one per coefficient, "
+                f"disturbance distortion_factor must be one number or {len(lens.coefficients)}, "
+                f"one per coefficient, "
                 f"not {len(factors)}"
             )
         believed = replace(believed, distortion=lens.scaled(factors))
@@ -53,7 +60,8 @@ def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
 
 def believed_scene(scene: Scene, disturbances: Disturbances) -> Scene:
     """The scene that the control calculates with; the true one where it does not differ."""
-    camera, markers = believed_camera(scene.camera, disturbances), scene.markers
+    camera = believed_camera(scene.camera, disturbances)
+    markers = scene.markers
     if disturbances.target:
         middle = markers.mean(axis=0)
         markers = middle + disturbances.marker_distance_factor * (markers - middle)
@@ -70,25 +78,32 @@ def ideal_pixels(camera: Camera, pixels: Array) -> Array:
 
 
 def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
-    """(..., 2) normalised coordinates by a believed camera of what is at these ideal pixels of the true one."""
+    """(..., 2) normalised coordinates by a believed camera of what is at these ideal pixels of the
+    true one.
+    """
     return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
 
 
 class Sensor:
     """Makes measurements of what is true, sample after sample.
 
-    The camera's pose is estimated from the measured image by least squares (section 2, third part of the computer
-    vision algorithm); where the markers do not determine it, it is taken from the kinematics. Robot coordinates and
-    speeds are measured without error. ``unknown_motion`` says whether something that constraints forbid moves unknown
-    to the controller. Raises ConfigurationError if images do not come at samples.
+    The camera's pose is estimated from the measured image by least squares (section 2, third part
+    of the computer vision algorithm); where the markers do not determine it, it is taken from the
+    kinematics. Robot coordinates and speeds are measured without error. ``unknown_motion`` says
+    whether something that constraints forbid moves unknown to the controller. Raises
+    ConfigurationError if images do not come at samples.
     """
 
     blind = False  #: Whether there is nothing to go by, and the arm has to be braked.
 
-    def __init__(self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False) -> None:
-        self.scene, self.disturbances = scene, disturbances
+    def __init__(
+        self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False
+    ) -> None:
+        self.scene = scene
+        self.disturbances = disturbances
         self.believed = believed_scene(scene, disturbances)
-        self.camera, self._Ts = self.believed.camera, Ts
+        self.camera = self.believed.camera
+        self._Ts = Ts
         period = disturbances.image_period / Ts if disturbances.image_period else 1.0
         self._every = max(int(np.round(period)), 1)
         if abs(period - self._every) > 1e-6:
@@ -107,15 +122,23 @@ class Sensor:
         self._images: Images | None = None
 
     def images(self, samples: int) -> Images:
-        """What a run of so many samples sees: what goes wrong with each image is drawn beforehand."""
-        settings, markers = self.disturbances, len(self.scene.markers)
+        """What a run of so many samples sees: what goes wrong with each image is drawn
+        beforehand.
+        """
+        settings = self.disturbances
+        markers = len(self.scene.markers)
         noise: Array = np.zeros((1, markers, 2))
         lost: BoolArray = np.zeros(1, dtype=np.bool_)
         if settings.pixel_noise or settings.lost_frames:
             normal, uniform = _drawn((*settings.seed, 1), 1 + (samples - 1) // self._every, markers)
-            noise, lost = settings.pixel_noise * normal, uniform < settings.lost_frames
+            noise = settings.pixel_noise * normal
+            lost = uniform < settings.lost_frames
         slots = settings.delay + 1
-        memory = (np.zeros((slots, markers, 2)), np.zeros(slots)) if self._images is None else self._images[-2:]
+        memory = (
+            (np.zeros((slots, markers, 2)), np.zeros(slots))
+            if self._images is None
+            else self._images[-2:]
+        )
         self._images = Images(self._every, int(settings.delay_known), noise, lost, *memory)
         self._covered = samples
         return self._images
@@ -128,17 +151,23 @@ class Sensor:
 
     def sensing(self, samples: int) -> Sensing:
         """What the compiled form of :meth:`measured` works with, in a run of so many samples."""
-        M, camera, address = len(self.scene.markers), self.scene.camera, 0
+        M = len(self.scene.markers)
+        camera = self.scene.camera
+        address = 0
         if camera.distortion is not None:
             address = load("lenses").address_of(camera.distortion.model)
         lenses = Lenses(address, np.array(camera.eye), np.array(self.camera.eye), np.empty((M, 2)))
         scratch = Scratch(np.empty(64 * M + 256), np.zeros(1, dtype=np.int64))
         return Sensing(self.images(samples), lenses, scratch)
 
-    def measured(self, k: int, q: Array, qd: Array, world: Evaluation | None = None) -> Measurement | None:
-        """What is measured in sample k of what is true then, None where that is what the believed scene predicts.
+    def measured(
+        self, k: int, q: Array, qd: Array, world: Evaluation | None = None
+    ) -> Measurement | None:
+        """What is measured in sample k of what is true then, None where that is what the believed
+        scene predicts.
 
-        Raises SceneError if the image cannot be explained by any pose with all markers in front of the camera.
+        Raises SceneError if the image cannot be explained by any pose with all markers in front of
+        the camera.
         """
         if not self.estimates or world is None:
             return None
@@ -154,11 +183,15 @@ class Sensor:
         try:
             Z = self.believed.depth(camera)
         except SceneError as error:
-            raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
+            raise SceneError(
+                f"the measured image is explained by no pose that sees it: {error}"
+            ) from error
         return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
     def write(self, step: Step) -> None:
-        """Let a compiled step believe what would be seen of a state to come: at once and without noise."""
+        """Let a compiled step believe what would be seen of a state to come: at once and without
+        noise.
+        """
         write_camera(step, self.camera)
         step.markers[:] = self.believed.markers
         step.camera["depth_factor"] = self.disturbances.depth_factor
@@ -170,12 +203,14 @@ class Sensor:
 
 @lru_cache(maxsize=4)
 def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Array]:
-    """(N, m, 2) and (N,) standard normal and uniform numbers: drawn for one image after the other, used or not.
+    """(N, m, 2) and (N,) standard normal and uniform numbers: drawn for one image after the other,
+    used or not.
 
     So every controller meets the same ones; they are kept for the next one.
     """
     random = np.random.default_rng(seed)
-    normal, uniform = np.empty((images, markers, 2)), np.empty(images)
+    normal = np.empty((images, markers, 2))
+    uniform = np.empty(images)
     for i in range(images):
         random.standard_normal(out=normal[i])
         uniform[i] = random.random()
@@ -183,26 +218,39 @@ def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Arr
 
 
 class GradientError:
-    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ and L_fφ."""
+    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ
+    and L_fφ.
+    """
 
     def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
-        kinds, known = disturbances.gradient_error_rows, set(constraints.kinds)
+        kinds = disturbances.gradient_error_rows
+        known = set(constraints.kinds)
         if disturbances.gradient_error:
             # of the visibility rows, which are the default, some may be absent
             wrong = [kind for kind in kinds if kind not in known and kind not in VISIBILITY]
             if wrong:
-                raise unknown_name("kind of rows in gradient_error_rows", str(wrong[0]), sorted(known))
+                raise unknown_name(
+                    "kind of rows in gradient_error_rows", str(wrong[0]), sorted(known)
+                )
             if not known & set(kinds):
                 raise ConfigurationError(
-                    f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which there is none; "
+                    f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which "
+                    f"there is none; "
                     f"gradient_error_rows may name {', '.join(sorted(known)) or 'nothing here'}"
                 )
-            speeds = sorted({c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)} & set(kinds))
+            speeds = sorted(
+                {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}
+                & set(kinds)
+            )
             if speeds:
-                raise ConfigurationError(f"gradient_error_rows cannot name {', '.join(speeds)}: a speed is not σ + K σ̇")
-        concerned, signs = np.isin(constraints.kinds, kinds), disturbances.per_joint("gradient_error_signs", n)
+                raise ConfigurationError(
+                    f"gradient_error_rows cannot name {', '.join(speeds)}: a speed is not σ + K σ̇"
+                )
+        concerned = np.isin(constraints.kinds, kinds)
+        signs = disturbances.per_joint("gradient_error_signs", n)
         self._share = disturbances.gradient_error * np.outer(concerned, signs)
-        self._K, self._in_phi = constraints.K, disturbances.gradient_error_in_phi
+        self._K = constraints.K
+        self._in_phi = disturbances.gradient_error_in_phi
         self.any = bool(self._share.any())
 
     def __call__(self, rows: Rows, qd: Array) -> Rows:
@@ -213,10 +261,13 @@ class GradientError:
         if not self._in_phi:
             return replace(rows, Lg=rows.Lg + error)
         change = error @ qd
-        return replace(rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K)
+        return replace(
+            rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K
+        )
 
     def write(self, step: Step) -> None:
         """Let a compiled step make the same rows."""
         if self.any:
             step.gradient_error["address"] = load("constraint_rows").APPLY_GRADIENT_ERROR
-            step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share
+            step.gradient_error["in_phi"] = self._in_phi
+            step.gradient_share[:] = self._share

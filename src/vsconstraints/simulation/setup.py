@@ -11,7 +11,14 @@ import numpy as np
 from ..constraints import ConstraintSet, Trace
 from ..control import ControlStep
 from ..controllers.delay import split_delay
-from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described, listed
+from ..errors import (
+    ConfigurationError,
+    InvalidInput,
+    SceneError,
+    VsconstraintsError,
+    described,
+    listed,
+)
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..robots.geometry import demand_sign
@@ -33,8 +40,9 @@ from .units import implausible
 
 MIN_SAMPLING_TIME = 1e-9  #: Of a simulation [s]: numbers of samples in a second fit an integer.
 MAX_MEMORY = 2e9  #: Memory that a run may take, which is kept whole [bytes].
-#: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
-#: ``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
+#: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest,
+#: however short ``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled
+#: rarely looks the same.
 REST = 1.0, 10
 
 
@@ -42,15 +50,17 @@ REST = 1.0, 10
 class Tolerances:
     """When a motion counts as settled or at rest."""
 
-    translation_m: float = 0.005  #: Error of the camera's pose below which a goal counts as reached, if it is a pose.
+    #: Error of the camera's pose below which a goal counts as reached, if it is a pose.
+    translation_m: float = 0.005
     rotation_rad: float = 0.005
-    feature_px: float = 2.0  #: Greatest error of a marker in the image likewise; if the goal, or the task, is an image.
-    #: Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or m/s]; it may be any
-    #: where the target moves, which joints have to follow.
+    #: Greatest error of a marker in the image likewise; if the goal, or the task, is an image.
+    feature_px: float = 2.0
+    #: Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or
+    #: m/s]; it may be any where the target moves, which joints have to follow.
     joint_speed: float = 0.1
     dwell_s: float = 0.2  #: How long it must stay there until the end.
-    #: How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to count as at rest; less
-    #: than 1 s, or ten sampling periods, counts as that.
+    #: How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to
+    #: count as at rest; less than 1 s, or ten sampling periods, counts as that.
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
@@ -68,37 +78,48 @@ class Setup:
     qd0: Array  #: (n,) how fast.
     sampling_time: float  #: T_s [s].
     duration: float  #: [s]. Every run lasts as long, and scores per second are of this time.
-    on_rank_loss: Literal["abort", "continue"] = "abort"  #: What follows a loss of row rank (section 5.2).
+    #: What follows a loss of row rank (section 5.2).
+    on_rank_loss: Literal["abort", "continue"] = "abort"
     tolerances: Tolerances = field(default_factory=Tolerances)
     disturbances: Disturbances = field(default_factory=Disturbances)
     actuation: Actuation = "acceleration"  #: What the robot's own controller takes.
-    on_hidden_markers: Literal["refuse", "continue"] = "refuse"  #: At a start with markers hidden by the robot's links.
+    #: At a start with markers hidden by the robot's links.
+    on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
-    dynamics: ArmDynamics | None = None  #: Masses, joint controller and friction of the robot; without them, eq. (6).
-    images: ImageSettings | None = None  #: Of rendered images; without them, the control knows where markers are.
-    #: Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
+    #: Masses, joint controller and friction of the robot; without them, eq. (6).
+    dynamics: ArmDynamics | None = None
+    #: Of rendered images; without them, the control knows where markers are.
+    images: ImageSettings | None = None
+    #: Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`;
+    #: not at all if None.
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
+                raise InvalidInput(
+                    f"{name} must be a positive number of seconds, not {getattr(self, name)}"
+                )
         if self.sampling_time < MIN_SAMPLING_TIME:
             least = f"sampling_time must be {MIN_SAMPLING_TIME:g} s or more"
             raise InvalidInput(f"{least}, not {self.sampling_time:g} s: is it in seconds?")
         for name in ("q0", "qd0"):
             self.scene.robot.configuration(getattr(self, name), name)
         self.task.rest_of(self.scene.robot.n, 6)
-        samples, most = self.duration / self.Ts, MAX_MEMORY / self.sample_memory
+        samples = self.duration / self.Ts
+        most = MAX_MEMORY / self.sample_memory
         if samples > most:
             raise ConfigurationError(
                 f"{self.duration} s in steps of {self.Ts} s are {samples:.3g} samples, which take "
-                f"{samples * self.sample_memory / 1e9:.3g} GB of memory; a run may have {most:.3g} samples, "
+                f"{samples * self.sample_memory / 1e9:.3g} GB of memory; a run may have "
+                f"{most:.3g} samples, "
                 f"{MAX_MEMORY / 1e9:g} GB"
             )
         if self.duration < self.Ts:
             rate = ": is the sampling time a rate in Hz, or in ms, not s?" if self.Ts >= 1.0 else ""
-            raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s{rate}")
+            raise ConfigurationError(
+                f"the duration {self.duration} s is shorter than one sample, {self.Ts} s{rate}"
+            )
         for part in (self.plant, self.sensor, self.gradient_error):
             part()
 
@@ -114,27 +135,35 @@ class Setup:
         return self.sampling_time
 
     def plant(self) -> Plant:
-        """The robot, at its start; raises ConfigurationError if an arm with mass is also described by eq. (6)."""
+        """The robot, at its start; raises ConfigurationError if an arm with mass is also described
+        by eq. (6).
+        """
         limits = self.limits.arrays(self.scene.robot.ranges, self.Ts) if self.limits.any else None
         if self.dynamics is None:
             return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
         if self.actuation != "acceleration":
             raise ConfigurationError(
-                f'actuation = "{self.actuation}" is of an arm without mass: with plant, plant.controller says what '
+                f'actuation = "{self.actuation}" is of an arm without mass: with plant, '
+                f"plant.controller says what "
                 "drives the joints"
             )
         for name in ("acceleration", "acceleration_noise", "time_constant", "command_delay"):
             if np.any(getattr(self.disturbances, name)):
                 raise ConfigurationError(
-                    f"disturbances.{name} is of an arm without mass: with plant, it follows from controller, friction "
+                    f"disturbances.{name} is of an arm without mass: with plant, it follows from "
+                    f"controller, friction "
                     "and gears (plant.dead_time delays torques)"
                 )
         return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
-        """The control step, as far as its controller's command, with the law's factors on the rows."""
+        """The control step, as far as its controller's command, with the law's factors on the
+        rows.
+        """
         limits = self.limits if self.limits.known else NO_LIMITS
-        return ControlStep(self.scene, self.constraints.scaled(factors), self.task, limits=limits, period=self.Ts)
+        return ControlStep(
+            self.scene, self.constraints.scaled(factors), self.task, limits=limits, period=self.Ts
+        )
 
     def world(self) -> ControlStep:
         """Rows and task as they are: with the motion of everything known."""
@@ -143,18 +172,28 @@ class Setup:
     def sensor(self) -> Sensor:
         """What turns true states into what a controller believes."""
         if self.images is not None:
-            return ImageSensor(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
-        return Sensor(self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene))
+            return ImageSensor(
+                self.scene, self.disturbances, self.images, self.photographer(), self.Ts
+            )
+        return Sensor(
+            self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene)
+        )
 
     def photographer(self) -> SceneRenderer:
-        """What takes the images that the control sees; raises ConfigurationError where it sees none."""
+        """What takes the images that the control sees; raises ConfigurationError where it sees
+        none.
+        """
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        return SceneRenderer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
+        return SceneRenderer(
+            self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed
+        )
 
     def gradient_error(self, factors: RowFactors = AS_THEY_ARE) -> GradientError:
         """Errors of the rows' gradients."""
-        return GradientError(self.constraints.scaled(factors), self.disturbances, self.scene.robot.n)
+        return GradientError(
+            self.constraints.scaled(factors), self.disturbances, self.scene.robot.n
+        )
 
     @cached_property
     def forbidden(self) -> list[str]:
@@ -169,7 +208,8 @@ class Setup:
 
     @cached_property
     def doubts(self) -> list[str]:
-        """Numbers that suggest another unit, and goals that the image does not determine; one sentence each.
+        """Numbers that suggest another unit, and goals that the image does not determine; one
+        sentence each.
 
         See :func:`vsconstraints.simulation.units.implausible` and
         :func:`vsconstraints.simulation.start.undetermined_goals`.
@@ -178,12 +218,16 @@ class Setup:
         # numbers beyond the range of floating point are refused where they are computed with
         with np.errstate(all="ignore"):
             undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
-            numbers = implausible(self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts)
+            numbers = implausible(
+                self.scene, self.constraints, self.task, self.limits, self.q0, self.Ts
+            )
         return numbers + undetermined
 
     @property
     def samples(self) -> int:
-        """Number of samples from t = 0 to the end, which is the last whole period within the duration."""
+        """Number of samples from t = 0 to the end, which is the last whole period within the
+        duration.
+        """
         return self._samples_of(self.duration)
 
     @property
@@ -203,17 +247,32 @@ class Setup:
     @property
     def sample_memory(self) -> int:
         """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
-        n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
-        # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
-        waiting = pending_commands(split_delay("disturbance command_delay", self.disturbances.command_delay, self.Ts))
-        kept = (6 + waiting) * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
+        n = self.scene.robot.n
+        m = len(self.constraints.labels)
+        markers = len(self.scene.markers)
+        # floats that a log keeps: states and command, error, camera, markers, points, φ and σ,
+        # times
+        waiting = pending_commands(
+            split_delay("disturbance command_delay", self.disturbances.command_delay, self.Ts)
+        )
+        kept = (
+            (6 + waiting) * n
+            + max(6, 2 * markers)
+            + 12
+            + 2 * markers
+            + 3 * len(self.scene.points)
+            + 2 * m
+            + 12
+        )
         # computed from them at the end: states, clearances, errors
         scored = 3 * n + 3 * m + 2 * markers + 8
         return 8 * (kept + scored) + 2 * m
 
     @property
     def goal_tolerances(self) -> Array:
-        """(g, 4) distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] with which each goal is reached."""
+        """(g, 4) distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] with which each
+        goal is reached.
+        """
         own = self.tolerances
         at_rest = own.joint_speed if self.scene.motion is None else np.inf
         factors = np.array([goal.tolerance_factor for goal in self.task.goals])
@@ -225,28 +284,37 @@ class Setup:
         return np.array([float(goal.from_time) for goal in self.task.goals])
 
     def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
-        """(N,) whether the goal of the time is reached, by the camera's pose or the markers, with the joints at rest.
+        """(N,) whether the goal of the time is reached, by the camera's pose or the markers, with
+        the joints at rest.
 
-        For times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N, 2), greatest distances of a
-        marker from it (N,) [px], and joint speeds (N, n).
+        For times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N, 2),
+        greatest distances of a marker from it (N,) [px], and joint speeds (N, n).
         """
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
         by_pose = isinstance(self.task.feature, CameraPose)
-        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, speed, tolerance, by_pose)
+        there: BoolArray = reached(
+            camera_error[:, 0], camera_error[:, 1], feature_error, speed, tolerance, by_pose
+        )
         return there
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:
-        """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the arguments."""
-        return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene))
+        """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the
+        arguments.
+        """
+        return self.constraints.clearance(
+            Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene)
+        )
 
     def check_start(self, world: ControlStep | None = None) -> list[str]:
-        """What a reader of the results should know, one sentence each; raises ConfigurationError if there is no start.
+        """What a reader of the results should know, one sentence each; raises ConfigurationError if
+        there is no start.
 
-        That is: a joint is outside its range, a marker behind the camera, outside the image, or hidden by the robot's
-        own links as far as it has collision geometry, an error outside its funnel, or the rows cannot be evaluated. Any
-        other constraint violated at the start is no error: every controller is built to come back. Nor is a goal that
-        puts markers where a constraint forbids them, which no controller can reach. ``world`` is that of the setup, if
+        That is: a joint is outside its range, a marker behind the camera, outside the image, or
+        hidden by the robot's own links as far as it has collision geometry, an error outside its
+        funnel, or the rows cannot be evaluated. Any other constraint violated at the start is no
+        error: every controller is built to come back. Nor is a goal that puts markers where a
+        constraint forbids them, which no controller can reach. ``world`` is that of the setup, if
         it is there already.
         """
         robot = self.scene.robot
@@ -254,7 +322,9 @@ class Setup:
         # what is wrong with numbers is often why there is no start
         doubts = "".join(f"; {doubt}" for doubt in self.doubts)
         if outside:
-            raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}{doubts}")
+            raise ConfigurationError(
+                f"{robot.name} starts outside its ranges: {'; '.join(outside)}{doubts}"
+            )
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return self._remarks_at_start(world or self.world())
@@ -262,13 +332,21 @@ class Setup:
             raise ConfigurationError(f"at the start, {error}{doubts}") from error
         except VsconstraintsError:
             raise
-        except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
-            raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
+        # own constraints may raise anything, and numbers may leave the range of floats
+        except Exception as error:
+            raise ConfigurationError(
+                f"the start cannot be evaluated: {described(error)}"
+            ) from error
 
     def _remarks_at_start(self, world: ControlStep) -> list[str]:
-        camera, start = self.scene.camera, world.evaluate(0.0, self.q0, self.qd0)
+        camera = self.scene.camera
+        start = world.evaluate(0.0, self.q0, self.qd0)
         pixels = enumerate(start.pixels, start=1)
-        unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]
+        unseen = [
+            f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px"
+            for i, uv in pixels
+            if not camera.sees(uv)
+        ]
         if unseen:
             raise ConfigurationError(
                 f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: "
@@ -277,7 +355,9 @@ class Setup:
             )
         remarks = list(self.doubts)
         remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
-        rows, sigma, first = start.rows, start.sigma, 0
+        rows = start.rows
+        sigma = start.sigma
+        first = 0
         beyond = ~np.isfinite(np.column_stack((sigma, rows.phi, rows.Lf, rows.Lg))).all(axis=1)
         if beyond.any():
             labels = ", ".join(listed([rows.labels[i] for i in np.flatnonzero(beyond)], "rows"))
@@ -288,6 +368,8 @@ class Setup:
             if refusal:
                 raise ConfigurationError(refusal)
         violated = np.flatnonzero(sigma > 0.0)
-        outside = [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated]
+        outside = [
+            f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated
+        ]
         remarks += listed(outside, "rows that are violated at the start")
         return remarks + self.forbidden + self.separated

@@ -1,8 +1,8 @@
 """Numbers of a setup that suggest another unit, or another camera, than those that are documented.
 
-Each check yields sentences that end in the question a person would ask: "degrees?", "mm?", "Hz?". Bounds are
-far beyond what the shipped scenarios and the arms of example-robot-data have, so that nothing that is right is asked
-about.
+Each check yields sentences that end in the question a person would ask: "degrees?", "mm?", "Hz?".
+Bounds are far beyond what the shipped scenarios and the arms of example-robot-data have, so that
+nothing that is right is asked about.
 """
 
 from __future__ import annotations
@@ -19,30 +19,44 @@ from ..vision.camera import Camera
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 
-#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°.
+#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye
+#: lenses reach 130°.
 MAX_VIEW = 150.0
-#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m].
+#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres
+#: are suspected [m].
 MAX_LENGTH = 3.0
-#: Size of an arm, and distance of camera and target from it, beyond which millimetres are suspected [m].
+#: Size of an arm, and distance of camera and target from it, beyond which millimetres are suspected
+#: [m].
 FAR = 20.0
-#: Two turns: a coordinate beyond which degrees are suspected [rad]. Those of joints that turn more often, and
-#: placeholders, are beyond ``MANY_TURNS``.
-TWO_TURNS, MANY_TURNS = 4.0 * np.pi, 1000.0
+#: Two turns: a coordinate beyond which degrees are suspected [rad]. Those of joints that turn more
+#: often, and placeholders, are beyond ``MANY_TURNS``.
+TWO_TURNS = 4.0 * np.pi
+MANY_TURNS = 1000.0
 #: Speed and acceleration of a revolute joint beyond which degrees are suspected [rad/s, rad/s²].
-FAST, FASTEST_CHANGE = 60.0, 600.0
+FAST = 60.0
+FASTEST_CHANGE = 600.0
 #: How many times as fast as the robot's own limit a row may let a joint move.
 BEYOND_ROBOT = 2.0
 #: Sampling time beyond which other units are suspected [s], and from which a rate in Hz is.
-SLOW, RATE = 0.1, 20.0
+SLOW = 0.1
+RATE = 20.0
 #: Share of a row's allowed range by which one sampling period of u⁺ may move φ.
 WHOLE_RANGE = 1.0
 
 
 def implausible(
-    scene: Scene, constraints: ConstraintSet, task: VisualTask, limits: ActuatorLimits, q0: Array, Ts: float
+    scene: Scene,
+    constraints: ConstraintSet,
+    task: VisualTask,
+    limits: ActuatorLimits,
+    q0: Array,
+    Ts: float,
 ) -> list[str]:
-    """Numbers that suggest another unit than the one documented, or another camera; one sentence each."""
-    robot, camera = scene.robot, scene.camera
+    """Numbers that suggest another unit than the one documented, or another camera; one sentence
+    each.
+    """
+    robot = scene.robot
+    camera = scene.camera
     return [
         *_of_camera(camera),
         *_of_sampling(task.gains, constraints, Ts),
@@ -63,7 +77,8 @@ def implausible_at(scene: Scene, what: str, q: Array) -> list[str]:
 def in_degrees(robot: Robot, q: Array) -> BoolArray:
     """(n,) which coordinates of ``q`` (n,) look like degrees.
 
-    Those are of revolute joints: beyond a turn and outside the joint's range, or beyond two where it has none.
+    Those are of revolute joints: beyond a turn and outside the joint's range, or beyond two where
+    it has none.
     """
     outside = (q < robot.q_min) | (q > robot.q_max)
     unbounded = ~(np.isfinite(robot.q_min) & np.isfinite(robot.q_max))
@@ -73,7 +88,9 @@ def in_degrees(robot: Robot, q: Array) -> BoolArray:
 
 
 def asked_about(what: str, robot: Robot, q: Array) -> str:
-    """The question whether coordinates (n,) are in degrees, or empty if they do not look like it."""
+    """The question whether coordinates (n,) are in degrees, or empty if they do not look like
+    it.
+    """
     numbers = np.flatnonzero(in_degrees(robot, q))
     if not len(numbers):
         return ""
@@ -86,7 +103,9 @@ def _prismatic(robot: Robot) -> BoolArray:
 
 
 def _beyond(limits: Array, most: float) -> BoolArray:
-    """(n,) which positive limits are beyond a bound, but for powers of ten: these stand where nothing is limited."""
+    """(n,) which positive limits are beyond a bound, but for powers of ten: these stand where
+    nothing is limited.
+    """
     tens = np.log10(np.where(np.isfinite(limits), limits, 1.0))
     placeholder = np.abs(tens - np.rint(tens)) < 1e-9
     return np.asarray(np.isfinite(limits) & (limits > most) & ~placeholder)
@@ -105,7 +124,10 @@ def _of_camera(camera: Camera) -> Iterator[str]:
     view = 2.0 * np.degrees(np.arctan(0.5 * np.asarray(camera.size) / np.asarray(camera.focal)))
     if view.max() > MAX_VIEW:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
-        yield f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?"
+        yield (
+            f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in "
+            f"mm, not px?"
+        )
     yield from camera.doubts
 
 
@@ -114,7 +136,8 @@ def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) ->
     unit = "a rate in Hz, or in ms, not s" if Ts >= RATE else "in ms, not s"
     if damping > 2.0:
         yield (
-            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the sampling time {Ts:g} {unit}?"
+            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the "
+            f"sampling time {Ts:g} {unit}?"
         )
         return
     if Ts > SLOW:
@@ -126,8 +149,10 @@ def _of_sampling(gains: TrackingGains, constraints: ConstraintSet, Ts: float) ->
         i = int(np.argmax(band))
         more = f", as in {beyond.sum() - 1} other rows" if beyond.sum() > 1 else ""
         yield (
-            f"u⁺ = {constraints.switching_gain[i]:g} of {constraints.labels[i]} moves φ by {band[i]:.3g} times the "
-            f"whole allowed range in one sampling period of {Ts:g} s{more}: is the switching gain too large, or meant "
+            f"u⁺ = {constraints.switching_gain[i]:g} of {constraints.labels[i]} moves φ by "
+            f"{band[i]:.3g} times the "
+            f"whole allowed range in one sampling period of {Ts:g} s{more}: is the switching gain "
+            f"too large, or meant "
             "for another unit?"
         )
 
@@ -137,22 +162,33 @@ def _of_lengths(scene: Scene, q0: Array) -> Iterator[str]:
     if camera.fixed is None:
         offset = float(np.linalg.norm(camera.mount.t))
         if offset > MAX_LENGTH:
-            yield f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates in mm, not m?"
+            yield (
+                f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates "
+                f"in mm, not m?"
+            )
     else:
         offset = float(np.linalg.norm(camera.fixed.t))
         if offset > FAR:
-            yield f"the camera is fixed {offset:.3g} m from the robot's base: are its coordinates in mm, not m?"
+            yield (
+                f"the camera is fixed {offset:.3g} m from the robot's base: are its coordinates "
+                f"in mm, not m?"
+            )
     extent = float(np.ptp(scene.markers, axis=0).max())
     if extent > MAX_LENGTH:
         yield f"the target's markers are {extent:.3g} m apart: are its coordinates in mm, not m?"
     away = float(np.linalg.norm(scene.markers.mean(axis=0)))
     if away > FAR:
         place = "the robot's base" if camera.fixed is None else "the arm's tip"
-        yield f"the target's markers are {away:.3g} m from {place}: are their coordinates in mm, not m?"
+        yield (
+            f"the target's markers are {away:.3g} m from {place}: are their coordinates in mm, "
+            f"not m?"
+        )
     slides = _prismatic(scene.robot)
     reach = float(np.linalg.norm(scene.robot.pose(np.where(slides, 0.0, q0)).t))
     if reach > FAR:
-        yield f"the arm's tip is {reach:.3g} m from its base: are the arm's dimensions in mm, not m?"
+        yield (
+            f"the arm's tip is {reach:.3g} m from its base: are the arm's dimensions in mm, not m?"
+        )
     if (np.abs(q0[slides]) > FAR).any():
         yield f"a prismatic joint is at {np.abs(q0[slides]).max():.4g} m: is it in mm, not m?"
 
@@ -161,42 +197,52 @@ def _of_depths(task: VisualTask) -> Iterator[str]:
     for number, goal in enumerate(task.goals, start=1):
         # where a goal is given by joint coordinates, what is far is the target or the arm
         if goal.q is None and goal.depth is not None and goal.depth.max() > FAR:
-            yield f"goal {number} has the markers {goal.depth.max():.3g} m from the camera: is that in mm, not m?"
+            yield (
+                f"goal {number} has the markers {goal.depth.max():.3g} m from the camera: is "
+                f"that in mm, not m?"
+            )
 
 
 def _of_robot(robot: Robot, limits: ActuatorLimits) -> Iterator[str]:
     turning = ~_prismatic(robot)
-    ends = np.maximum(*(np.abs(np.where(np.isfinite(end), end, 0.0)) for end in (robot.q_min, robot.q_max)))
+    ends = np.maximum(
+        *(np.abs(np.where(np.isfinite(end), end, 0.0)) for end in (robot.q_min, robot.q_max))
+    )
     wide = turning & (ends > TWO_TURNS) & (ends <= MANY_TURNS)
     if wide.any():
         yield (
-            f"the range of {_joints(robot, wide)} of {robot.name} is up to {ends[wide].max():.4g} rad, "
+            f"the range of {_joints(robot, wide)} of {robot.name} is up to {ends[wide].max():.4g} "
+            f"rad, "
             f"{ends[wide].max() / (2.0 * np.pi):.3g} turns: are these degrees, not rad?"
         )
     far = ~turning & (ends > FAR) & (ends <= MANY_TURNS * FAR)
     if far.any():
         yield (
-            f"the range of {_joints(robot, far)} of {robot.name} is up to {ends[far].max():.4g} m: is it in mm, not m?"
+            f"the range of {_joints(robot, far)} of {robot.name} is up to {ends[far].max():.4g} "
+            f"m: is it in mm, not m?"
         )
     fast = turning & _beyond(robot.qd_max, FAST)
     if fast.any():
         speed = robot.qd_max[fast].max()
         yield (
-            f"the speed of {_joints(robot, fast)} of {robot.name} is up to {speed:.4g} rad/s: are these "
+            f"the speed of {_joints(robot, fast)} of {robot.name} is up to {speed:.4g} rad/s: are "
+            f"these "
             "degrees per second, not rad/s?"
         )
     fixed = robot.q_min == robot.q_max
     if fixed.any():
         yield (
             f"{_joints(robot, fixed)} of {robot.name} cannot move: its range is a single point, "
-            f"[{robot.q_min[fixed][0]:g}, {robot.q_max[fixed][0]:g}]: is a range missing in the file, or is it to be "
+            f"[{robot.q_min[fixed][0]:g}, {robot.q_max[fixed][0]:g}]: is a range missing in the "
+            f"file, or is it to be "
             "locked?"
         )
     acceleration = limits.of_joint("acceleration", robot.n)
     steep = turning & _beyond(acceleration, FASTEST_CHANGE)
     if steep.any():
         yield (
-            f"the limit of acceleration of {_joints(robot, steep)} is {acceleration[steep].max():.4g} rad/s²: are "
+            f"the limit of acceleration of {_joints(robot, steep)} is "
+            f"{acceleration[steep].max():.4g} rad/s²: are "
             "these degrees, not rad?"
         )
 
@@ -207,27 +253,37 @@ def _of_joint_rows(constraints: ConstraintSet, robot: Robot) -> Iterator[str]:
         if not isinstance(rows, JointRange | JointSpeed):
             continue
         at = np.array(rows.joints) - 1
-        turning, greatest = ~_prismatic(robot)[at], np.maximum(np.abs(rows.lower), np.abs(rows.upper))
+        turning = ~_prismatic(robot)[at]
+        greatest = np.maximum(np.abs(rows.lower), np.abs(rows.upper))
         if isinstance(rows, JointRange):
             own = np.maximum(np.abs(robot.q_min[at]), np.abs(robot.q_max[at]))
-            wide = turning & (greatest > TWO_TURNS) & (greatest > np.where(np.isfinite(own), own, 0.0))
-            unit, suspected = "rad", "degrees"
+            wide = (
+                turning & (greatest > TWO_TURNS) & (greatest > np.where(np.isfinite(own), own, 0.0))
+            )
+            unit = "rad"
+            suspected = "degrees"
         else:
             own = robot.qd_max[at]
             wide = turning & (greatest > np.where(np.isfinite(own), BEYOND_ROBOT * own, FAST))
-            unit, suspected = "rad/s", "degrees per second"
+            unit = "rad/s"
+            suspected = "degrees per second"
         if wide.any():
             i = int(np.argmax(np.where(wide, greatest, 0.0)))
             robots = f", and that of {robot.name} is {own[i]:.4g}" if np.isfinite(own[i]) else ""
             yield (
-                f"the {rows.kind} that a row allows joint {rows.joints[i]} is {greatest[i]:.4g} {unit}{robots}: are "
+                f"the {rows.kind} that a row allows joint {rows.joints[i]} is {greatest[i]:.4g} "
+                f"{unit}{robots}: are "
                 f"these {suspected}, not {unit}?"
             )
 
 
 def _of_configurations(robot: Robot, task: VisualTask, q0: Array) -> Iterator[str]:
     named = [("q0", q0)]
-    named += [(f"goal {number}", goal.q) for number, goal in enumerate(task.goals, 1) if goal.q is not None]
+    named += [
+        (f"goal {number}", goal.q)
+        for number, goal in enumerate(task.goals, 1)
+        if goal.q is not None
+    ]
     for what, q in named:
         question = asked_about(what, robot, q)
         if question:

@@ -1,1 +1,3 @@
-"""What a camera sees: camera and lens, calibration, the scene of markers, features and the task they make, images."""
+"""What a camera sees: camera and lens, calibration, the scene of markers, features and the task
+they make, images.
+"""

@@ -1,8 +1,8 @@
 """Calibration files of cameras: OpenCV's (``cv::FileStorage``), ROS's (camera_info) and Kalibr's.
 
-OpenCV is not needed to read them. All count pixels by their centres; :class:`.Camera` counts their edges, half a pixel
-more. Which lens the coefficients are of is said by many keys, and by many names: a name that is not known is refused,
-never ignored.
+OpenCV is not needed to read them. All count pixels by their centres; :class:`.Camera` counts their
+edges, half a pixel more. Which lens the coefficients are of is said by many keys, and by many
+names: a name that is not known is refused, never ignored.
 """
 
 from __future__ import annotations
@@ -43,8 +43,11 @@ PROJECTIONS = ("pinhole", "perspective")
 FISHEYE = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
 ASKS_FISHEYE = ("fisheye_model", "fisheye", "is_fisheye")  #: Keys that do.
 #: Keys that say which lens it is, beside :data:`ASKS_FISHEYE`.
-SAYS_LENS = re.compile(r"model|fisheye|^lens([_-]?type)?$|(distortion|projection|camera)[_-]?type", re.IGNORECASE)
-#: What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo`` prints it.
+SAYS_LENS = re.compile(
+    r"model|fisheye|^lens([_-]?type)?$|(distortion|projection|camera)[_-]?type", re.IGNORECASE
+)
+#: What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo``
+#: prints it.
 NAMES = {
     "width": ("image_width", "width"),
     "height": ("image_height", "height"),
@@ -55,23 +58,29 @@ MAX_SIDE = 1e5  #: Longest side of an image [px].
 LIKE = 0.85  #: How similar a key is to the one that is missing if it is that one misspelt.
 
 
-def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> dict[str, Any]:
-    """Return what a calibration file says, as arguments of :class:`.Camera`; no distortion if that is zero.
+def read_calibration(
+    path: str | Path, model: str | None = None, size: Vector2 | None = None
+) -> dict[str, Any]:
+    """Return what a calibration file says, as arguments of :class:`.Camera`; no distortion if that
+    is zero.
 
-    ``size`` (2,) [px] holds where a file does not say how large images were. ``model`` of :class:`.Distortion`
-    overrides what the file says of the lens, since labels may be wrong; Brown and Conrady's holds where neither says
-    it. ROS's rectification and projection matrices are not used: they are about images that have been rectified.
+    ``size`` (2,) [px] holds where a file does not say how large images were. ``model`` of
+    :class:`.Distortion` overrides what the file says of the lens, since labels may be wrong; Brown
+    and Conrady's holds where neither says it. ROS's rectification and projection matrices are not
+    used: they are about images that have been rectified.
 
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, is of a format that is not read, lacks a key, has values that do not fit or a model
-        of lens that is not known, is of another image size than it says, or of images of which the camera delivers a
-        part, or fewer pixels.
+        if the file cannot be read, is of a format that is not read, lacks a key, has values that do
+        not fit or a model of lens that is not known, is of another image size than it says, or of
+        images of which the camera delivers a part, or fewer pixels.
     """
     where = os.fspath(path)
     table = _in_keys_of_ros(read_table(path), where)
-    if size is not None and not any(key in table for what in ("width", "height") for key in NAMES[what]):
+    if size is not None and not any(
+        key in table for what in ("width", "height") for key in NAMES[what]
+    ):
         side = float(size[0]), float(size[1])
     else:
         side = _number(table, "width", where), _number(table, "height", where)
@@ -92,10 +101,13 @@ def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
 
     Raises ConfigurationError, which names the format, for tables of other formats.
     """
-    cameras = [key for key in table if re.fullmatch(r"cam\d+", key) and isinstance(table[key], Mapping)]
+    cameras = [
+        key for key in table if re.fullmatch(r"cam\d+", key) and isinstance(table[key], Mapping)
+    ]
     if len(cameras) > 1:
         raise ConfigurationError(
-            f"{where}: this is a Kalibr camchain of {len(cameras)} cameras ({', '.join(cameras)}): copy the part of "
+            f"{where}: this is a Kalibr camchain of {len(cameras)} cameras "
+            f"({', '.join(cameras)}): copy the part of "
             "the one that is used into a file of its own"
         )
     if cameras:
@@ -114,27 +126,35 @@ def _in_keys_of_ros(table: Calibrated, where: str) -> Calibrated:
     for name, key in formats.items():
         if key in table:
             raise ConfigurationError(
-                f"{where}: this is {name}, which is not read: write the numbers of one camera as image_width, "
-                "image_height, camera_matrix, distortion_model and distortion_coefficients, as ROS's files have them"
+                f"{where}: this is {name}, which is not read: write the numbers of one camera as "
+                f"image_width, "
+                "image_height, camera_matrix, distortion_model and distortion_coefficients, as "
+                "ROS's files have them"
             )
     return table
 
 
 def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
-    """The table of a camera as Kalibr writes it, in the keys of ROS; EuRoC's ``sensor.yaml`` is written like that."""
+    """The table of a camera as Kalibr writes it, in the keys of ROS; EuRoC's ``sensor.yaml`` is
+    written like that.
+    """
     projection = table.get("camera_model", "pinhole")
     if projection not in PROJECTIONS:
         raise ConfigurationError(
-            f"{where}: this is a Kalibr camchain of a camera that is no pinhole (camera_model is {said(projection)}): "
+            f"{where}: this is a Kalibr camchain of a camera that is no pinhole (camera_model is "
+            f"{said(projection)}): "
             "calibrate it as pinhole-radtan or pinhole-equi"
         )
-    numbers, resolution = table["intrinsics"], table.get("resolution")
+    numbers = table["intrinsics"]
+    resolution = table.get("resolution")
     if not isinstance(numbers, list) or len(numbers) != 4:
         raise ConfigurationError(
             f"{where}: intrinsics of a Kalibr camchain must be the four numbers f_u, f_v, c_u, c_v"
         )
     F_u, F_v, c_u, c_v = numbers
-    translated = {key: value for key, value in table.items() if key not in ("intrinsics", "resolution")}
+    translated = {
+        key: value for key, value in table.items() if key not in ("intrinsics", "resolution")
+    }
     translated["camera_matrix"] = [F_u, "0", c_u, "0", F_v, c_v, "0", "0", "1"]
     if isinstance(resolution, list) and len(resolution) == 2:
         translated["image_width"], translated["image_height"] = resolution
@@ -144,7 +164,9 @@ def _of_kalibr(table: Calibrated, where: str) -> Calibrated:
 
 
 def _key(table: Calibrated, what: str, where: str) -> str:
-    """The key by which a file has something; raises ConfigurationError that names those it could have."""
+    """The key by which a file has something; raises ConfigurationError that names those it could
+    have.
+    """
     key = next((name for name in NAMES[what] if name in table), None)
     if key is None:
         first, *others = NAMES[what]
@@ -152,25 +174,37 @@ def _key(table: Calibrated, what: str, where: str) -> str:
         raise ConfigurationError(
             f"{where}: the key {first!r} is missing; {' or '.join(others)} would be taken too"
             + (f". Is {misspelt[0]!r} misspelt?" if misspelt else "")
-            + (". Or say size_px = [WIDTH, HEIGHT] beside it" if what in ("width", "height") else "")
+            + (
+                ". Or say size_px = [WIDTH, HEIGHT] beside it"
+                if what in ("width", "height")
+                else ""
+            )
         )
     return key
 
 
 def _demand_whole(table: Calibrated, size: tuple[float, float], where: str) -> None:
-    """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated with."""
+    """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated
+    with.
+    """
     whole = {"binning_x": 1.0, "binning_y": 1.0}
     part = {"x_offset": 0.0, "y_offset": 0.0, "width": size[0], "height": size[1]}
     roi = table.get("roi")
     given = [
         f"{name}{key} = {said(values[key])}"
-        for name, values, usual in (("", table, whole), ("roi.", roi if isinstance(roi, Mapping) else {}, part))
+        for name, values, usual in (
+            ("", table, whole),
+            ("roi.", roi if isinstance(roi, Mapping) else {}, part),
+        )
         for key in usual
-        if key in values and values[key] not in EMPTY and number_of(values[key]) not in (0.0, usual[key])
+        if key in values
+        and values[key] not in EMPTY
+        and number_of(values[key]) not in (0.0, usual[key])
     ]
     if given:
         raise ConfigurationError(
-            f"{where}: the camera delivers a part of the image that it was calibrated with, or fewer pixels "
+            f"{where}: the camera delivers a part of the image that it was calibrated with, or "
+            f"fewer pixels "
             f"({', '.join(given)}): calibrate it as it is used"
         )
 
@@ -179,25 +213,34 @@ def _number(table: Calibrated, what: str, where: str) -> float:
     key = _key(table, what, where)
     value = number_of(table[key])
     if not 0.0 < value <= MAX_SIDE:
-        raise ConfigurationError(f"{where}: {key} must be a positive number of pixels, not {said(table[key])}")
+        raise ConfigurationError(
+            f"{where}: {key} must be a positive number of pixels, not {said(table[key])}"
+        )
     return value
 
 
 def _demand_intrinsics(K: Array, key: str, side: tuple[float, float], where: str) -> None:
-    """Raise ConfigurationError unless K is the matrix of a camera without skew whose optical axis meets the image."""
+    """Raise ConfigurationError unless K is the matrix of a camera without skew whose optical axis
+    meets the image.
+    """
     if K.shape != (9,) or K[[3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
         given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
-        raise ConfigurationError(f"{where}: {key} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}")
+        raise ConfigurationError(
+            f"{where}: {key} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}"
+        )
     if not all(0.0 < c + 0.5 < length for c, length in zip(K[[2, 5]], side, strict=True)):
         raise ConfigurationError(
-            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {side[0]:g} × {side[1]:g} px: "
+            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of "
+            f"{side[0]:g} × {side[1]:g} px: "
             "is the matrix one for another image size?"
         )
     if K[1] != 0.0:
         farthest = max(K[5], side[1] - K[5]) / K[4]
         raise ConfigurationError(
-            f"{where}: {key} has a skew of {K[1]:g} px as its second number, which moves pixels by up to "
-            f"{abs(K[1]) * farthest:.2g} px and is not modelled: calibrate without skew (in OpenCV's fisheye with "
+            f"{where}: {key} has a skew of {K[1]:g} px as its second number, which moves pixels "
+            f"by up to "
+            f"{abs(K[1]) * farthest:.2g} px and is not modelled: calibrate without skew (in "
+            f"OpenCV's fisheye with "
             "CALIB_FIX_SKEW), or write 0 if that is negligible"
         )
 
@@ -213,7 +256,8 @@ def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion
     values = numbers_of(table[key], key, where)
     if stated == NONE and values.any():
         raise ConfigurationError(
-            f"{where} says that the lens has no distortion, but {key} is not zero: say which lens it is with "
+            f"{where} says that the lens has no distortion, but {key} is not zero: say which lens "
+            f"it is with "
             "distortion_model"
         )
     model = stated or "brown-conrady"
@@ -230,7 +274,8 @@ def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion
 def _without_trailing_zeros(values: Array, counts: tuple[int, ...]) -> Array:
     """The most coefficients that a model may have, if all after them are 0; else as they are.
 
-    OpenCV's further ones are of thin prisms and tilted sensors; ROS's drivers fill a fisheye's four up with zeros.
+    OpenCV's further ones are of thin prisms and tilted sensors; ROS's drivers fill a fisheye's four
+    up with zeros.
     """
     if len(values) in counts:
         return values
@@ -253,7 +298,8 @@ def _stated_lens(table: Calibrated, where: str) -> str | None:
     if len(set(stated.values())) > 1:
         contradiction = " and ".join(f"{key} = {said(table[key])}" for key in stated)
         raise ConfigurationError(
-            f"{where} says two things of the lens: {contradiction}; say which lens it is with distortion_model"
+            f"{where} says two things of the lens: {contradiction}; say which lens it is with "
+            f"distortion_model"
         )
     return next(iter(stated.values()), None)
 
@@ -280,5 +326,7 @@ def _lens_of(key: str, value: object, where: str) -> str | None:
         return None
     if name not in LENSES:
         error = unknown_name(f"{key} in {where}", value, [*LENSES, *PROJECTIONS])
-        raise ConfigurationError(f"{error}. Beside the file, distortion_model says which lens it is instead")
+        raise ConfigurationError(
+            f"{error}. Beside the file, distortion_model says which lens it is instead"
+        )
     return LENSES[name]

@@ -1,8 +1,9 @@
-"""Files of calibrations as plain tables: YAML and JSON, and the XML of OpenCV (``cv::FileStorage``).
+"""Files of calibrations as plain tables: YAML and JSON, and the XML of OpenCV
+(``cv::FileStorage``).
 
-Files come from anywhere. Of YAML only tables, lists and texts are read, whatever their tags say; XML with a document
-type is refused, so that it defines no entities. Files are bounded in size and depth. Messages name file and place, and
-show none of what another file than a calibration may hold.
+Files come from anywhere. Of YAML only tables, lists and texts are read, whatever their tags say;
+XML with a document type is refused, so that it defines no entities. Files are bounded in size and
+depth. Messages name file and place, and show none of what another file than a calibration may hold.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ import numpy as np
 from ..errors import ConfigurationError, shown
 from ..rows import Array
 
-#: How large a file may be, and how deep it may be nested: a calibration with all its views is far below.
-MAX_BYTES, MAX_DEPTH = 250_000, 10
+#: How large a file may be, and how deep it may be nested: a calibration with all its views is far
+#: below.
+MAX_BYTES = 250_000
+MAX_DEPTH = 10
 MAX_SHOWN = 30  #: Characters of a value that a message shows.
 EMPTY = ("", "~", "null")  #: Texts that stand for nothing.
 Calibrated = Mapping[str, Any]  #: The table of a file: texts, lists and tables by their keys.
@@ -39,8 +42,8 @@ BYTE_ORDER_MARKS = (
 def read_table(path: str | Path) -> Calibrated:
     """Return the table that the file of a calibration is.
 
-    Raises ConfigurationError, which names the file, if it cannot be read, is too large, nested too deep, in another
-    encoding than UTF-8 or UTF-16, or no table.
+    Raises ConfigurationError, which names the file, if it cannot be read, is too large, nested too
+    deep, in another encoding than UTF-8 or UTF-16, or no table.
     """
     where = os.fspath(path)
     table = table_of(read_text(path, "calibration"), where, "calibration")
@@ -50,7 +53,9 @@ def read_table(path: str | Path) -> Calibrated:
 
 
 def read_text(path: str | Path, what: str) -> str:
-    """Return the text of a file of bounded size; raises ConfigurationError, which names it, if it cannot be read."""
+    """Return the text of a file of bounded size; raises ConfigurationError, which names it, if it
+    cannot be read.
+    """
     try:
         return _text(Path(path))
     except (OSError, ValueError) as error:
@@ -58,7 +63,9 @@ def read_text(path: str | Path, what: str) -> str:
 
 
 def table_of(text: str, where: str, what: str) -> object:
-    """Return the table, list or text that a file holds in YAML, JSON or OpenCV's XML; raises ConfigurationError."""
+    """Return the table, list or text that a file holds in YAML, JSON or OpenCV's XML; raises
+    ConfigurationError.
+    """
     try:
         return _of_xml(text) if text.lstrip().startswith("<") else _of_yaml(text)
     except ValueError as error:
@@ -84,7 +91,8 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ValueError(
-            f"line {line} is in another encoding than UTF-8: save the file as UTF-8, or write its comments in ASCII"
+            f"line {line} is in another encoding than UTF-8: save the file as UTF-8, or write its "
+            f"comments in ASCII"
         ) from None
 
 
@@ -108,12 +116,17 @@ def _of_yaml(text: str) -> object:
 
 
 def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
-    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
-    depth, nodes, keys = 0, 0, set[str]()
+    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small
+    file can be huge.
+    """
+    depth = 0
+    nodes = 0
+    keys = set[str]()
     for event in events:
         place = f"line {event.start_mark.line + 1}"
         if isinstance(event, yaml.DocumentStartEvent):
-            nodes, keys = 0, set()
+            nodes = 0
+            keys = set()
         elif isinstance(event, yaml.AliasEvent):
             raise ValueError(f"{place} has an alias (*), which no calibration needs")
         elif isinstance(event, yaml.NodeEvent) and depth == 1:
@@ -122,7 +135,9 @@ def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
                 if event.value in keys:
                     raise ValueError(f"{place} has a key that is there already")
                 keys.add(event.value)
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(
+            event, yaml.CollectionEndEvent
+        )
         if depth > MAX_DEPTH:
             raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
 
@@ -146,7 +161,8 @@ def _of_xml(text: str) -> object:
         raise ValueError(f"line {line}, column {column + 1}: it is no XML") from None
     if root.tag != "opencv_storage":
         raise ValueError(
-            "it is XML, but its root is not OpenCV's <opencv_storage>: write its numbers into YAML as OpenCV or ROS do"
+            "it is XML, but its root is not OpenCV's <opencv_storage>: write its numbers into "
+            "YAML as OpenCV or ROS do"
         )
     return _of_element(root)
 
@@ -176,19 +192,29 @@ def said(value: object) -> str:
     """A value in a message: a short text, or what it is."""
     if isinstance(value, str):
         return shown(value) if len(value) <= MAX_SHOWN else "a long text"
-    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "empty"
+    return (
+        "a table"
+        if isinstance(value, Mapping)
+        else "a list"
+        if isinstance(value, list)
+        else "empty"
+    )
 
 
 def number_of(value: object) -> float:
     """The number that a text is, also as YAML has it (``.inf``); NaN if it is none."""
     try:
-        return float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
+        return (
+            float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
+        )
     except ValueError:
         return math.nan
 
 
 def numbers_of(value: object, key: str, where: str) -> Array:
-    """(rows × columns,) the numbers of a matrix, or of a list; the size of a matrix may be left out."""
+    """(rows × columns,) the numbers of a matrix, or of a list; the size of a matrix may be left
+    out.
+    """
     is_table = isinstance(value, Mapping)
     sized = isinstance(value, Mapping) and ("rows" in value or "cols" in value)
     demanded = {"rows", "cols", "data"} if sized else {"data"}
@@ -196,13 +222,17 @@ def numbers_of(value: object, key: str, where: str) -> Array:
         raise ConfigurationError(f"{where}: {key} must have rows, cols and data")
     data = value["data"] if isinstance(value, Mapping) else value
     numbers = np.array([number_of(text) for text in _flat(data)])
-    rows, columns = float(len(numbers)), 1.0
+    rows = float(len(numbers))
+    columns = 1.0
     if is_table and sized:
-        rows, columns = number_of(value["rows"]), number_of(value["cols"])  # type: ignore[index]
+        # type: ignore[index]
+        rows = number_of(value["rows"])
+        columns = number_of(value["cols"])
     if len(numbers) != rows * columns or not np.isfinite(numbers).all():
         finite = np.isfinite(numbers).sum()
         raise ConfigurationError(
-            f"{where}: {key} must have rows × cols = {rows:g} × {columns:g} finite numbers as data; it has {finite}"
+            f"{where}: {key} must have rows × cols = {rows:g} × {columns:g} finite numbers as "
+            f"data; it has {finite}"
         )
     return numbers
 

@@ -1,7 +1,8 @@
 """The camera: pixels, normalised coordinates, its lens, and where it is mounted.
 
-One convention for pixels holds everywhere: (u, v) from the centre of the image, u to the right and v down. Pixels that
-count from the top left corner are converted by :meth:`Camera.from_corner` and :meth:`Camera.to_corner`.
+One convention for pixels holds everywhere: (u, v) from the centre of the image, u to the right and
+v down. Pixels that count from the top left corner are converted by :meth:`Camera.from_corner` and
+:meth:`Camera.to_corner`.
 """
 
 from __future__ import annotations
@@ -35,21 +36,24 @@ Count = Literal["edges", "centres"]  #: What pixels are counted by.
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, with or without distortion of its lens, carried by the end-effector or fixed in space.
+    """A pinhole camera, with or without distortion of its lens, carried by the end-effector or
+    fixed in space.
 
-    Where there is distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and principal point, in
-    which straight lines are straight. :meth:`undistort` makes them of pixels on the *sensor*, :meth:`distort` those of
-    them; without distortion the two are the same.
+    Where there is distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and
+    principal point, in which straight lines are straight. :meth:`undistort` makes them of pixels on
+    the *sensor*, :meth:`distort` those of them; without distortion the two are the same.
 
-    The principal point is where the optical axis meets the image, from the top left corner, the centre if None; pixels'
-    edges count: half a pixel more than OpenCV's c_x and c_y.
+    The principal point is where the optical axis meets the image, from the top left corner, the
+    centre if None; pixels' edges count: half a pixel more than OpenCV's c_x and c_y.
     """
 
     focal_px: tuple[float, float]  #: (F_u, F_v): focal length divided by the size of a pixel.
     size_px: tuple[float, float]  #: (W, H): width and height of the image.
     principal_point_px: tuple[float, float] | None = None
-    mount: Pose = field(default_factory=Pose.identity)  #: ᶜMₑ: robot tip to camera, of one that the robot carries.
-    fixed: Pose | None = None  #: In the base frame, of one that looks at the robot instead (eye-to-hand).
+    #: ᶜMₑ: robot tip to camera, of one that the robot carries.
+    mount: Pose = field(default_factory=Pose.identity)
+    #: In the base frame, of one that looks at the robot instead (eye-to-hand).
+    fixed: Pose | None = None
     distortion: Distortion | None = None  #: Of the lens.
 
     def __post_init__(self) -> None:
@@ -57,11 +61,17 @@ class Camera:
             if (vector(getattr(self, name), 2, f"camera {name}") <= 0.0).any():
                 raise InvalidInput(f"camera {name} must be positive, not {getattr(self, name)}")
         if max(self.size_px) > LARGEST_IMAGE:
-            raise InvalidInput(f"camera size_px is at most {LARGEST_IMAGE:g} px a side, not {self.size_px}")
+            raise InvalidInput(
+                f"camera size_px is at most {LARGEST_IMAGE:g} px a side, not {self.size_px}"
+            )
         if self.principal_point_px is not None:
             vector(self.principal_point_px, 2, "camera principal_point_px")
-        if self.fixed is not None and (self.mount.t.any() or not np.array_equal(self.mount.R, np.eye(3))):
-            raise InvalidInput("a camera is mounted on the robot or fixed in space, not both: give mount or fixed")
+        if self.fixed is not None and (
+            self.mount.t.any() or not np.array_equal(self.mount.R, np.eye(3))
+        ):
+            raise InvalidInput(
+                "a camera is mounted on the robot or fixed in space, not both: give mount or fixed"
+            )
 
     @in_one_line
     def __repr__(self) -> str:
@@ -79,17 +89,20 @@ class Camera:
         size_px: Vector2 | None = None,
         distortion_model: Literal["brown-conrady", "fisheye"] | None = None,
     ) -> Camera:
-        """From a calibration file of OpenCV (``cv::FileStorage``, YAML or XML), ROS (camera_info) or Kalibr.
+        """From a calibration file of OpenCV (``cv::FileStorage``, YAML or XML), ROS (camera_info)
+        or Kalibr.
 
-        ``size_px`` is the size of the images that are used, to be checked, or if the file does not say it;
-        ``distortion_model`` which lens coefficients are of, whatever the file says; ``brown-conrady`` if neither says
-        it. Raises ConfigurationError if the file cannot be used, or is one for another image size. A CalibrationWarning
-        says what of it seems wrong: see :attr:`doubts`.
+        ``size_px`` is the size of the images that are used, to be checked, or if the file does not
+        say it; ``distortion_model`` which lens coefficients are of, whatever the file says;
+        ``brown-conrady`` if neither says it. Raises ConfigurationError if the file cannot be used,
+        or is one for another image size. A CalibrationWarning says what of it seems wrong: see
+        :attr:`doubts`.
         """
         camera = cls(**read_calibration(calibration, distortion_model, size_px))
         if size_px is not None and tuple(size_px) != camera.size_px:
             raise ConfigurationError(
-                f"{calibration} is a calibration of images of {camera.size[0]:g} × {camera.size[1]:g} px, not of "
+                f"{calibration} is a calibration of images of {camera.size[0]:g} × "
+                f"{camera.size[1]:g} px, not of "
                 f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
             )
         for doubt in camera.doubts:
@@ -104,27 +117,30 @@ class Camera:
         camera_in_base: Pose | str | Path | None = None,
         base_in_camera: Pose | str | Path | None = None,
     ) -> Camera:
-        """The same camera where a hand–eye calibration has it: one of four poses, each named for what it says.
+        """The same camera where a hand–eye calibration has it: one of four poses, each named for
+        what it says.
 
-        In the place of a pose may stand the file that a tool has written: see :func:`.read_hand_eye`.
+        In the place of a pose may stand the file that a tool has written: see
+        :func:`.read_hand_eye`.
 
         Parameters
         ----------
         camera_in_tip
-            ᵉM_c: where the camera is in the tip's frame; what ``cv2.calibrateHandEye`` gives of a camera on the robot
-            as R_cam2gripper and t_cam2gripper.
+            ᵉM_c: where the camera is in the tip's frame; what ``cv2.calibrateHandEye`` gives of a
+            camera on the robot as R_cam2gripper and t_cam2gripper.
         tip_in_camera
             ᶜMₑ, its inverse: :attr:`mount`.
         camera_in_base, base_in_camera
-            Where a camera that is fixed in space is in the robot's base frame, :attr:`fixed`, or its inverse.
+            Where a camera that is fixed in space is in the robot's base frame, :attr:`fixed`, or
+            its inverse.
 
         Raises
         ------
         InvalidInput
             unless exactly one is given.
         ConfigurationError
-            if a file cannot be read, or says that the camera is in the hand where one beside the arm is asked for, or
-            the other way round.
+            if a file cannot be read, or says that the camera is in the hand where one beside the
+            arm is asked for, or the other way round.
         """
         given = {
             "camera_in_tip": camera_in_tip,
@@ -134,7 +150,10 @@ class Camera:
         }
         poses = {key: _pose_of(value, key) for key, value in given.items() if value is not None}
         if len(poses) != 1:
-            raise InvalidInput("a camera has one of camera_in_tip, tip_in_camera, camera_in_base and base_in_camera")
+            raise InvalidInput(
+                "a camera has one of camera_in_tip, tip_in_camera, camera_in_base and "
+                "base_in_camera"
+            )
         ((key, pose),) = poses.items()
         if key in ("camera_in_tip", "base_in_camera"):
             pose = pose.inverse
@@ -154,13 +173,16 @@ class Camera:
             if max(map(abs, tangential)) > TANGENTIAL:
                 p1, p2 = (f"{value:.3g}" for value in tangential)
                 doubts.append(
-                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than real lenses have them: "
+                    f"the lens's tangential coefficients p₁ = {p1}, p₂ = {p2} are larger than "
+                    f"real lenses have them: "
                     'are these coefficients of a fisheye (distortion_model = "fisheye")?'
                 )
         return doubts
 
     def _doubt_of_principal_point(self) -> str:
-        """Ask about a principal point that lies far from the image's centre; empty if it does not."""
+        """Ask about a principal point that lies far from the image's centre; empty if it does
+        not.
+        """
         if self.principal_point_px is None:
             return ""
         u, v = self.principal_point_px
@@ -171,7 +193,8 @@ class Camera:
         point = f"the principal point ({u:.4g}, {v:.4g}) px"
         if width != height and off_centre_swapped < CENTRED < off_centre:
             return (
-                f"{point} is the centre of {height:g} × {width:g} px, not of {width:g} × {height:g} px: "
+                f"{point} is the centre of {height:g} × {width:g} px, not of {width:g} × "
+                f"{height:g} px: "
                 "are width and height swapped?"
             )
         if off_centre <= ELSEWHERE:
@@ -181,7 +204,9 @@ class Camera:
                 f"{point} is at the image's corner: is it counted from the image's centre, "
                 "not from the top left corner?"
             )
-        place = f"{point} is at {u / width:.0%} of the image's width and {v / height:.0%} of its height"
+        place = (
+            f"{point} is at {u / width:.0%} of the image's width and {v / height:.0%} of its height"
+        )
         if min(u, v) > 0.0:
             place += f", near the centre of an image of {2.0 * u:.0f} × {2.0 * v:.0f} px"
         return f"{place}: are these intrinsics of another resolution?"
@@ -204,7 +229,9 @@ class Camera:
         return np.asarray(self.principal_point_px) - 0.5 * np.asarray(self.size_px)
 
     def pixels(self, normalised: Array) -> Array:
-        """(..., 2) pixels from the image's centre, of normalised coordinates (x, y) = (X/Z, Y/Z)."""
+        """(..., 2) pixels from the image's centre, of normalised coordinates (x, y) = (X/Z,
+        Y/Z).
+        """
         pixels: Array = normalised * np.asarray(self.focal_px) + self.offset
         return pixels
 
@@ -216,14 +243,16 @@ class Camera:
     def from_corner(self, pixels: Array, count: Count = "edges") -> Array:
         """(..., 2) pixels from the image's centre, of pixels measured from the top left corner.
 
-        By ``edges``, as AprilTag counts, the centre of the first pixel is (0.5, 0.5); by ``centres``, as OpenCV counts,
-        it is (0, 0).
+        By ``edges``, as AprilTag counts, the centre of the first pixel is (0.5, 0.5); by
+        ``centres``, as OpenCV counts, it is (0, 0).
         """
         centred: Array = np.asarray(pixels) - self._centre(count)
         return centred
 
     def to_corner(self, pixels: Array, count: Count = "edges") -> Array:
-        """(..., 2) pixels from the top left corner, of those from the image's centre; see :meth:`from_corner`."""
+        """(..., 2) pixels from the top left corner, of those from the image's centre; see
+        :meth:`from_corner`.
+        """
         corner: Array = np.asarray(pixels) + self._centre(count)
         return corner
 
@@ -235,9 +264,17 @@ class Camera:
 
     @property
     def eye(self) -> tuple[float, ...]:
-        """What formulas of lenses take: F_u, F_v, the principal point from the centre, and what the lens is."""
-        focal, offset = self.focal_px, self.offset.tolist()
-        return (float(focal[0]), float(focal[1]), *offset, *(self.distortion.parameters if self.distortion else ()))
+        """What formulas of lenses take: F_u, F_v, the principal point from the centre, and what the
+        lens is.
+        """
+        focal = self.focal_px
+        offset = self.offset.tolist()
+        return (
+            float(focal[0]),
+            float(focal[1]),
+            *offset,
+            *(self.distortion.parameters if self.distortion else ()),
+        )
 
     def distort(self, pixels: Array) -> Array:
         """(..., 2) pixels on the sensor of ideal ones, both from the image's centre."""
@@ -246,7 +283,8 @@ class Camera:
         return self.pixels(self.distortion.apply(self.normalised(pixels)))
 
     def undistort(self, pixels: Array) -> Array:
-        """(..., 2) ideal pixels of those on the sensor, both from the image's centre; what is NaN stays so.
+        """(..., 2) ideal pixels of those on the sensor, both from the image's centre; what is NaN
+        stays so.
 
         Raises InvalidInput if one is where the lens cannot be inverted.
         """
@@ -256,35 +294,49 @@ class Camera:
         if not certain.all():
             first = np.asarray(pixels)[~certain][0]
             raise InvalidInput(
-                f"a pixel at ({first[0]:.1f}, {first[1]:.1f}) from the image's centre cannot be undistorted: the lens "
-                f"({self.distortion.model}) can be inverted up to {self.reach_px:.0f} px from the principal point"
+                f"a pixel at ({first[0]:.1f}, {first[1]:.1f}) from the image's centre cannot be "
+                f"undistorted: the lens "
+                f"({self.distortion.model}) can be inverted up to {self.reach_px:.0f} px from the "
+                f"principal point"
             )
         return self.pixels(ideal)
 
     @property
     def reach_px(self) -> float:
-        """How far from the principal point, in every direction, pixels on the sensor can be undistorted [px]."""
+        """How far from the principal point, in every direction, pixels on the sensor can be
+        undistorted [px].
+        """
         if self.distortion is None:
             return np.inf
         turn = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-        edge = self.distortion.apply(self.distortion.reach * np.stack((np.cos(turn), np.sin(turn)), axis=-1))
+        edge = self.distortion.apply(
+            self.distortion.reach * np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+        )
         return float(np.linalg.norm(edge * np.asarray(self.focal_px), axis=-1).min())
 
     def sees(self, pixels: Array) -> BoolArray:
         """(...) whether ideal pixels measured from the image's centre lie on the sensor."""
         inside = (np.abs(self.distort(pixels)) <= 0.5 * np.asarray(self.size_px)).all(axis=-1)
         if self.distortion is not None:
-            inside &= np.hypot(*np.moveaxis(self.normalised(pixels), -1, 0)) <= self.distortion.reach
+            inside &= (
+                np.hypot(*np.moveaxis(self.normalised(pixels), -1, 0)) <= self.distortion.reach
+            )
         return np.asarray(inside)
 
 
 def _pose_of(value: Pose | str | Path, key: str) -> Pose:
-    """A pose, or that of a file of a hand–eye calibration, which must fit an argument of :meth:`.Camera.mounted`."""
+    """A pose, or that of a file of a hand–eye calibration, which must fit an argument of
+    :meth:`.Camera.mounted`.
+    """
     if isinstance(value, Pose):
         return value
     pose, carried = read_hand_eye(value)
     if carried is not None and carried != (key in CARRIED):
         right = "camera_in_tip" if carried else "camera_in_base"
-        place = "in the hand (in the tip's frame)" if carried else "beside the arm (in the base frame)"
-        raise ConfigurationError(f"{value} is of a camera {place}: give it as {right}, not as {key}")
+        place = (
+            "in the hand (in the tip's frame)" if carried else "beside the arm (in the base frame)"
+        )
+        raise ConfigurationError(
+            f"{value} is of a camera {place}: give it as {right}, not as {key}"
+        )
     return pose

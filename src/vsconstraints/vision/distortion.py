@@ -1,4 +1,6 @@
-"""Distortion of a lens: from normalised coordinates of a pinhole to those of the real image, and back."""
+"""Distortion of a lens: from normalised coordinates of a pinhole to those of the real image, and
+back.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ from ..errors import InvalidInput, shown, unknown_name
 from ..formulas.lenses import ACCURACY, MODELS, extended
 from ..rows import Array, BoolArray
 
-#: By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as one to be inverted.
+#: By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as
+#: one to be inverted.
 MAX_STRETCH = 100.0
-MAX_RADIUS = 100.0  #: Radius in normalised coordinates up to which that is looked for: 89.4° from the axis.
+#: Radius in normalised coordinates up to which that is looked for: 89.4° from the axis.
+MAX_RADIUS = 100.0
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class Distortion:
 
     #: ``brown-conrady`` (ROS: plumb_bob, rational_polynomial) or ``fisheye`` (ROS: equidistant).
     model: Literal["brown-conrady", "fisheye"]
-    #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) of the first; (k₁, k₂, k₃, k₄) of the second.
+    #: (k₁, k₂, p₁, p₂), (…, k₃) or (…, k₃, k₄, k₅, k₆) of the first; (k₁, k₂, k₃, k₄) of the
+    #: second.
     coefficients: Sequence[float]
 
     def __post_init__(self) -> None:
@@ -40,33 +45,43 @@ class Distortion:
         try:
             values = tuple(float(value) for value in self.coefficients)
         except (TypeError, ValueError) as error:
-            raise InvalidInput(f"coefficients of distortion must be numbers, not {shown(self.coefficients)}") from error
+            raise InvalidInput(
+                f"coefficients of distortion must be numbers, not {shown(self.coefficients)}"
+            ) from error
         counts = MODELS[self.model].counts
         if len(values) not in counts or not np.isfinite(values).all():
             how_many = " or ".join(map(str, counts))
             raise InvalidInput(
-                f"distortion {self.model} has {how_many} finite coefficients, not {len(values)}: {shown(list(values))}"
+                f"distortion {self.model} has {how_many} finite coefficients, not {len(values)}: "
+                f"{shown(list(values))}"
             )
         object.__setattr__(self, "coefficients", values)
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """What formulas take: the radius up to which the lens can be inverted, then all its coefficients."""
+        """What formulas take: the radius up to which the lens can be inverted, then all its
+        coefficients.
+        """
         return self.reach, *_filled(self)
 
     @property
     def reach(self) -> float:
-        """Radius in normalised coordinates up to which the lens can be inverted; 100 stands for everywhere."""
+        """Radius in normalised coordinates up to which the lens can be inverted; 100 stands for
+        everywhere.
+        """
         return _reach(self)
 
     def scaled(self, factor: Array) -> Distortion:
-        """The same with each coefficient times a factor, which is one number or one per coefficient."""
+        """The same with each coefficient times a factor, which is one number or one per
+        coefficient.
+        """
         return Distortion(self.model, tuple((np.asarray(self.coefficients) * factor).tolist()))
 
     def apply(self, normalised: Array) -> Array:
         """(..., 2) normalised coordinates in the real image of those of a pinhole.
 
-        Beyond :attr:`reach` it goes on along straight lines from the centre, so that it never folds back.
+        Beyond :attr:`reach` it goes on along straight lines from the centre, so that it never folds
+        back.
         """
         x, y = np.moveaxis(np.asarray(normalised, dtype=np.float64), -1, 0)
         reach, *coefficients = self.parameters
@@ -74,7 +89,8 @@ class Distortion:
         return np.stack((X, Y), axis=-1)
 
     def remove(self, distorted: Array) -> tuple[Array, BoolArray]:
-        """(..., 2) normalised coordinates of a pinhole of those in the real image, and (...) whether that is certain.
+        """(..., 2) normalised coordinates of a pinhole of those in the real image, and (...)
+        whether that is certain.
 
         It is not beyond :attr:`reach`. What is NaN stays so.
         """
@@ -97,16 +113,19 @@ def _filled(distortion: Distortion) -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def _reach(distortion: Distortion) -> float:
-    """How far the derivative's symmetric part is positive in all directions, neither small nor large.
+    """How far the derivative's symmetric part is positive in all directions, neither small nor
+    large.
 
     On a disc, which is convex, a function with a positive one takes every value once.
     """
     radii = np.concatenate((np.linspace(0.0, 3.0, 1001), np.geomspace(3.0, MAX_RADIUS, 200)[1:]))
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
+    x = radii[:, None] * np.cos(angles)
+    y = radii[:, None] * np.sin(angles)
     with np.errstate(all="ignore"):
         *_, a, b, c, d = MODELS[distortion.model].lens(x, y, _filled(distortion))
-        mean, spread = 0.5 * (a + d), np.hypot(0.5 * (a - d), 0.5 * (b + c))
+        mean = 0.5 * (a + d)
+        spread = np.hypot(0.5 * (a - d), 0.5 * (b + c))
         usable = (mean - spread > 1.0 / MAX_STRETCH) & (mean + spread < MAX_STRETCH)
         folds = ~usable.all(axis=1)
     return float(radii[max(int(np.argmax(folds)) - 1, 1)] if folds.any() else MAX_RADIUS)

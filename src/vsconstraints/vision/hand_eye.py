@@ -1,7 +1,8 @@
 """Results of hand–eye calibrations as tools write them: where a camera is on an arm, or beside one.
 
-Read are files of easy_handeye and easy_handeye2, launch files of MoveIt Calibration, poses and matrices of ViSP, and
-what OpenCV's users write: rotations as quaternions, rotation vectors (θu) or matrices, translations in metres.
+Read are files of easy_handeye and easy_handeye2, launch files of MoveIt Calibration, poses and
+matrices of ViSP, and what OpenCV's users write: rotations as quaternions, rotation vectors (θu) or
+matrices, translations in metres.
 """
 
 from __future__ import annotations
@@ -19,22 +20,33 @@ from ..robots.geometry import Pose
 from ..rows import Array
 from .calibration_files import Calibrated, number_of, numbers_of, read_text, said, table_of
 
-CARRIED = ("eye_in_hand", "eye_on_hand", "true")  #: Values that say that the arm carries the camera.
-BESIDE = ("eye_on_base", "eye_to_hand", "false")  #: Values that say that the camera stands beside the arm.
+#: Values that say that the arm carries the camera.
+CARRIED = ("eye_in_hand", "eye_on_hand", "true")
+#: Values that say that the camera stands beside the arm.
+BESIDE = ("eye_on_base", "eye_to_hand", "false")
 #: Keys by which tables say which of the two it is: easy_handeye2, easy_handeye.
 SAYS_WHERE = ("calibration_type", "eye_on_hand")
 #: Keys of the table that is the pose, where it does not stand at the top.
 INNER = ("transformation", "transform", "effector_camera", "pose")
-#: Keys of a translation, of a rotation vector and of a rotation matrix that stand beside each other.
+#: Keys of a translation, of a rotation vector and of a rotation matrix that stand beside each
+#: other.
 TRANSLATIONS = ("t_cam2gripper", "t_cam2base", "tvec", "translation_vector", "translation")
-ROTATIONS = ("R_cam2gripper", "R_cam2base", "rvec", "rotation_vector", "rotation_matrix", "rotation")
+ROTATIONS = (
+    "R_cam2gripper",
+    "R_cam2base",
+    "rvec",
+    "rotation_vector",
+    "rotation_matrix",
+    "rotation",
+)
 
 
 class HandEye(NamedTuple):
     """The pose that a file has."""
 
     pose: Pose
-    carried: bool | None  #: True if it says that the arm carries the camera, False if not, None if it does not say.
+    #: True if it says that the arm carries the camera, False if not, None if it does not say.
+    carried: bool | None
 
 
 def read_hand_eye(path: str | Path) -> HandEye:
@@ -45,7 +57,8 @@ def read_hand_eye(path: str | Path) -> HandEye:
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, or holds no pose in a form that is known, which the message lists.
+        if the file cannot be read, or holds no pose in a form that is known, which the message
+        lists.
     """
     where = os.fspath(path)
     text = read_text(path, "hand–eye calibration")
@@ -59,7 +72,9 @@ def read_hand_eye(path: str | Path) -> HandEye:
 
 
 def _published(text: str) -> HandEye | None:
-    """The pose of a launch file that publishes it, as MoveIt Calibration writes them; None if it is no such file."""
+    """The pose of a launch file that publishes it, as MoveIt Calibration writes them; None if it is
+    no such file.
+    """
     if "static_transform_publisher" not in text:
         return None
     said_where = re.search(r"EYE-(IN|TO)-HAND", text)
@@ -72,7 +87,10 @@ def _published(text: str) -> HandEye | None:
     options = {name: number_of(value) for name, value in pairs if name not in ("frame", "child")}
     xyz = _three(options, ("x", "y", "z"))
     if "qw" in options:
-        return HandEye(_of_quaternion(xyz, [options.get(key, 0.0) for key in ("qx", "qy", "qz", "qw")]), carried)
+        return HandEye(
+            _of_quaternion(xyz, [options.get(key, 0.0) for key in ("qx", "qy", "qz", "qw")]),
+            carried,
+        )
     return HandEye(Pose.from_xyz_rpy(xyz, _three(options, ("roll", "pitch", "yaw"))), carried)
 
 
@@ -81,7 +99,8 @@ def _of_arguments(words: Sequence[str]) -> Pose:
     numbers = [number_of(word) for word in words[:-2]]
     if len(numbers) != 7:
         raise InvalidInput(
-            f"its static_transform_publisher has {len(numbers)} numbers; 7 are read: x y z qx qy qz qw (three angles "
+            f"its static_transform_publisher has {len(numbers)} numbers; 7 are read: x y z qx qy "
+            f"qz qw (three angles "
             "are ambiguous: tools write them in different orders)"
         )
     return _of_quaternion(numbers[:3], numbers[3:])
@@ -103,15 +122,20 @@ def _of_table(text: str, where: str) -> HandEye:
     pose = _pose_of(table, where) if isinstance(table, Mapping) else None
     if pose is None or not isinstance(table, Mapping):
         raise ConfigurationError(
-            f"{where} holds no pose in a form that is known: transformation with x, y, z, qx, qy, qz, qw "
-            "(easy_handeye), transform with translation and rotation (easy_handeye2), a static_transform_publisher "
-            "(MoveIt), 6 or 4 × 4 numbers as data (ViSP), or R_cam2gripper and t_cam2gripper (OpenCV)"
+            f"{where} holds no pose in a form that is known: transformation with x, y, z, qx, qy, "
+            f"qz, qw "
+            "(easy_handeye), transform with translation and rotation (easy_handeye2), a "
+            "static_transform_publisher "
+            "(MoveIt), 6 or 4 × 4 numbers as data (ViSP), or R_cam2gripper and t_cam2gripper "
+            "(OpenCV)"
         )
     return HandEye(pose, _carried(table, where))
 
 
 def _carried(table: Calibrated, where: str) -> bool | None:
-    """Tell whether a table says that the arm carries the camera; easy_handeye says it among its parameters."""
+    """Tell whether a table says that the arm carries the camera; easy_handeye says it among its
+    parameters.
+    """
     parameters = table.get("parameters")
     for part in (table, parameters):
         for key in SAYS_WHERE:
@@ -130,9 +154,12 @@ def _pose_of(table: Calibrated, where: str) -> Pose | None:
         if isinstance(table.get(key), Mapping):
             return _pose_of(table[key], where)
     if {"x", "y", "z", "qx", "qy", "qz", "qw"} <= table.keys():
-        return _of_quaternion(_named(table, "xyz"), [number_of(table[f"q{axis}"]) for axis in "xyzw"])
+        return _of_quaternion(
+            _named(table, "xyz"), [number_of(table[f"q{axis}"]) for axis in "xyzw"]
+        )
     for position, turn in (("translation", "rotation"), ("position", "orientation")):
-        xyz, quaternion = table.get(position), table.get(turn)
+        xyz = table.get(position)
+        quaternion = table.get(turn)
         if isinstance(xyz, Mapping) and isinstance(quaternion, Mapping) and "w" in quaternion:
             return _of_quaternion(_named(xyz, "xyz"), _named(quaternion, "xyzw"))
     if "data" in table:
@@ -141,10 +168,12 @@ def _pose_of(table: Calibrated, where: str) -> Pose | None:
     rotation = next((key for key in ROTATIONS if key in table), None)
     if translation is None or rotation is None:
         return None
-    t, R = numbers_of(table[translation], translation, where), numbers_of(table[rotation], rotation, where)
+    t = numbers_of(table[translation], translation, where)
+    R = numbers_of(table[rotation], rotation, where)
     if len(t) != 3 or len(R) not in (3, 9):
         raise ConfigurationError(
-            f"{where}: {translation} must have 3 numbers and {rotation} 3 (a rotation vector) or 9 (a matrix), not "
+            f"{where}: {translation} must have 3 numbers and {rotation} 3 (a rotation vector) or "
+            f"9 (a matrix), not "
             f"{len(t)} and {len(R)}"
         )
     if len(R) == 3:
@@ -161,7 +190,9 @@ def _of_numbers(numbers: Array) -> Pose:
     if len(numbers) == 16:
         return Pose.from_matrix(numbers.reshape(4, 4))
     if len(numbers) != 6:
-        raise InvalidInput(f"a pose is 6 numbers (a translation, then θu) or 4 × 4, not {len(numbers)}")
+        raise InvalidInput(
+            f"a pose is 6 numbers (a translation, then θu) or 4 × 4, not {len(numbers)}"
+        )
     x, y, z, *vector = numbers.tolist()
     return Pose.from_rotation_vector((x, y, z), vector)
 

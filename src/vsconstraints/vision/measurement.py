@@ -1,4 +1,6 @@
-"""What a camera has measured: pixels of markers, their depths, its own pose; and what of that cannot be right."""
+"""What a camera has measured: pixels of markers, their depths, its own pose; and what of that
+cannot be right.
+"""
 
 from __future__ import annotations
 
@@ -17,75 +19,114 @@ from .camera import Camera
 
 @dataclass(frozen=True)
 class Plausible:
-    """How far what is measured may be from what the model predicts; infinity where that is not to be looked at.
+    """How far what is measured may be from what the model predicts; infinity where that is not to
+    be looked at.
 
-    Measured on the families' noise, calibration errors and delays by ``python -m checks.plausible``, which prints how
-    often these are exceeded though nothing is wrong.
+    Measured on the families' noise, calibration errors and delays by ``python -m
+    checks.plausible``, which prints how often these are exceeded though nothing is wrong.
     """
 
-    image_share: float = 0.1  #: Distance of a marker from where the model has it, by the image's shorter side.
-    shape_share: float = 0.5  #: Difference of the markers' pattern from the predicted one, by its size.
-    pose_m: float = 0.2  #: Distance of a measured pose of the camera from that of the kinematics [m].
+    #: Distance of a marker from where the model has it, by the image's shorter side.
+    image_share: float = 0.1
+    #: Difference of the markers' pattern from the predicted one, by its size.
+    shape_share: float = 0.5
+    #: Distance of a measured pose of the camera from that of the kinematics [m].
+    pose_m: float = 0.2
     pose_rad: float = 0.4  #: Likewise [rad].
     image_s: float = 0.2  #: Age of an image [s]: six periods of a camera of 30 Hz.
-    speed_rad_s: float = 1.0  #: Difference of joint speeds from the change of positions [rad/s or m/s].
-    depth_share: float = 1.0  #: Difference of a marker's depth from the model's, by the smaller: 1 is twice or half.
+    #: Difference of joint speeds from the change of positions [rad/s or m/s].
+    speed_rad_s: float = 1.0
+    #: Difference of a marker's depth from the model's, by the smaller: 1 is twice or half.
+    depth_share: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
             if not getattr(self, field.name) > 0.0:
-                raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
+                raise ConfigurationError(
+                    f"{field.name} must be positive, not {getattr(self, field.name)}"
+                )
 
     def bounds(self, camera: Camera) -> Array:
         """(7,) greatest :data:`INNOVATIONS`."""
         image = self.image_share * min(camera.size)
         pose = self.pose_m, self.pose_rad
-        return np.array([image, self.shape_share, *pose, self.image_s, self.speed_rad_s, self.depth_share])
+        return np.array(
+            [image, self.shape_share, *pose, self.image_s, self.speed_rad_s, self.depth_share]
+        )
 
 
-#: An image may be newer than the state of the joints by so much [s]: it has come since, and counts as taken with it.
+#: An image may be newer than the state of the joints by so much [s]: it has come since, and counts
+#: as taken with it.
 AHEAD = 0.02
 #: How far a measurement can be from the model, as a control step keeps it.
-INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]", "depth")
+INNOVATIONS = (
+    "image [px]",
+    "shape",
+    "position [m]",
+    "orientation [rad]",
+    "age [s]",
+    "speed [rad/s]",
+    "depth",
+)
 
 #: Units in which depths may be given by mistake, as factors on metres.
-DEPTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 1.0 / 0.0254, "feet": 1.0 / 0.3048}
+DEPTH_UNITS = {
+    "millimetres": 1000.0,
+    "centimetres": 100.0,
+    "inches": 1.0 / 0.0254,
+    "feet": 1.0 / 0.3048,
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """What takes the place of the model's prediction in one step."""
 
-    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN, or masked in an array of ``numpy.ma``,
-    #: for one that was not seen, which is taken to be as far from where the model has it as when it was last seen.
+    #: (M, 2) of the markers, from the image's centre [px], on the sensor; NaN, or masked in an
+    #: array of ``numpy.ma``, for one that was not seen, which is taken to be as far from where the
+    #: model has it as when it was last seen.
     pixels: Array | None = None
     #: (M,) Z of the markers then [m]. The model's is taken where it is not given, or is NaN, 0 or
     #: infinite, as depth cameras say that they do not know it.
     depth: Array | None = None
-    #: When the image was taken [s], by the clock of the step's time; now if None. What was seen before has moved on by
-    #: as much as the model has since.
+    #: When the image was taken [s], by the clock of the step's time; now if None. What was seen
+    #: before has moved on by as much as the model has since.
     taken: float | None = None
     #: The camera's pose in the target's frame then, for position-based tasks; the model's if None.
     camera: Pose | None = None
 
     def checked(self, M: int, t: float) -> Self:
-        """The same in plain arrays, with depths and time, for M markers at t [s]; raises InvalidInput."""
-        pixels = np.full((M, 2), np.nan) if self.pixels is None else numbers(self.pixels, (M, 2), "pixels")
+        """The same in plain arrays, with depths and time, for M markers at t [s]; raises
+        InvalidInput.
+        """
+        pixels = (
+            np.full((M, 2), np.nan)
+            if self.pixels is None
+            else numbers(self.pixels, (M, 2), "pixels")
+        )
         depth = np.full(M, np.nan) if self.depth is None else _depths(self.depth, M)
         if self.depth is not None and self.pixels is None:
             raise InvalidInput("measured depth needs the pixels that it belongs to")
         if (depth < 0.0).any():
-            raise InvalidInput(f"measured depth must be positive, or NaN where it is not known, not {depth}")
+            raise InvalidInput(
+                f"measured depth must be positive, or NaN where it is not known, not {depth}"
+            )
         taken = t if self.taken is None else self.taken
         if not math.isfinite(taken) or taken > t + AHEAD:
-            raise InvalidInput(f"an image was taken before now, t = {t:g} s, not at {shown(self.taken)}")
+            raise InvalidInput(
+                f"an image was taken before now, t = {t:g} s, not at {shown(self.taken)}"
+            )
         taken = min(taken, t)
         if self.camera is not None and not isinstance(self.camera, Pose):
-            raise InvalidInput(f"the measured pose of the camera must be a Pose, not {shown(self.camera)}")
+            raise InvalidInput(
+                f"the measured pose of the camera must be a Pose, not {shown(self.camera)}"
+            )
         return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
 
     def undistorted(self, camera: Camera) -> Self:
-        """The same with ideal pixels; raises InvalidInput for one where the lens cannot be inverted."""
+        """The same with ideal pixels; raises InvalidInput for one where the lens cannot be
+        inverted.
+        """
         return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
 
 
@@ -99,20 +140,30 @@ class Beside(NamedTuple):
 
 
 def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, beside: Beside) -> str:
-    """What of a measurement cannot be right, and what it may be; by ``formulas.innovation``; ``seen`` (M, 2) [px]."""
+    """What of a measurement cannot be right, and what it may be; by ``formulas.innovation``;
+    ``seen`` (M, 2) [px].
+    """
     image, shape, position, orientation, age, speed = innovation[:6]
-    beyond, said = innovation[: len(INNOVATIONS)] > bounds, []
+    beyond = innovation[: len(INNOVATIONS)] > bounds
+    said = []
     if beyond[0] or beyond[1]:
         off = beside.correction * camera.focal
         i = int(np.argmax((off * off).sum(axis=1)))
-        bent = f", and the pattern differs in shape by {100.0 * shape:.0f} % of its size" if beyond[1] else ""
+        bent = (
+            f", and the pattern differs in shape by {100.0 * shape:.0f} % of its size"
+            if beyond[1]
+            else ""
+        )
         said.append(
-            f"marker {i + 1} is seen {image:.3g} px from where the model predicts it{bent} (allowed are "
-            f"{bounds[0]:.3g} px and {100.0 * bounds[1]:.0f} %): {_explained(seen, seen - off, camera)}"
+            f"marker {i + 1} is seen {image:.3g} px from where the model predicts it{bent} "
+            f"(allowed are "
+            f"{bounds[0]:.3g} px and {100.0 * bounds[1]:.0f} %): "
+            f"{_explained(seen, seen - off, camera)}"
         )
     if beyond[2] or beyond[3]:
         said.append(
-            f"the camera is measured {position:.3g} m and {orientation:.3g} rad from where the joints have it (allowed "
+            f"the camera is measured {position:.3g} m and {orientation:.3g} rad from where the "
+            f"joints have it (allowed "
             f"are {bounds[2]:.3g} m and {bounds[3]:.3g} rad)"
         )
     if beyond[4]:
@@ -120,7 +171,8 @@ def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, bes
     if beyond[5]:
         j = int(np.argmax(np.abs(beside.slip)))
         said.append(
-            f"the speed of joint {j + 1} is {speed:.3g} rad/s from the change of its measured positions (allowed are "
+            f"the speed of joint {j + 1} is {speed:.3g} rad/s from the change of its measured "
+            f"positions (allowed are "
             f"{bounds[5]:.3g})"
         )
     if beyond[6]:
@@ -138,16 +190,22 @@ def _wrong_depth(beside: Beside, allowed: float) -> str:
     usual = float(np.nanmedian(beside.depth_ratio))
     fitting = [unit for unit, factor in DEPTH_UNITS.items() if factor / 2.0 < usual < factor * 2.0]
     unit = min(fitting, key=lambda name: abs(math.log(usual / DEPTH_UNITS[name])), default="")
-    guess = f"are depths in {unit}, not metres?" if unit else "it fits another object, or a target that is elsewhere"
+    guess = (
+        f"are depths in {unit}, not metres?"
+        if unit
+        else "it fits another object, or a target that is elsewhere"
+    )
     return (
-        f"the depth of marker {i + 1} is measured {beside.depth[i]:.3g} m, and is {predicted:.3g} m by the model "
+        f"the depth of marker {i + 1} is measured {beside.depth[i]:.3g} m, and is {predicted:.3g} "
+        f"m by the model "
         f"(allowed is a factor of {1.0 + allowed:.3g}): {guess}"
     )
 
 
 def _explained(seen: Array, model: Array, camera: Camera) -> str:
     """What would make pixels (M, 2) be seen there of the markers that the model has elsewhere."""
-    shape_seen, shape = seen - seen.mean(axis=0), model - model.mean(axis=0)
+    shape_seen = seen - seen.mean(axis=0)
+    shape = model - model.mean(axis=0)
     order = np.linalg.norm(shape_seen[:, None] - shape, axis=2).argmin(axis=1)
     guesses = {
         "a mirrored image": model * (-1.0, 1.0),
@@ -183,23 +241,33 @@ def _depths(value: object, M: int) -> Array:
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
-    """``value`` as an array of floats of that shape, NaN among them; raises InvalidInput that names ``what``."""
+    """``value`` as an array of floats of that shape, NaN among them; raises InvalidInput that names
+    ``what``.
+    """
     try:
         array = with_nan(value)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"measured {what} must be {shape} numbers, not {shown(value)}") from error
+        raise InvalidInput(
+            f"measured {what} must be {shape} numbers, not {shown(value)}"
+        ) from error
     if array.shape != shape or np.isinf(array).any():
-        raise InvalidInput(f"measured {what} must be {shape} numbers, NaN where there is none, not {shown(value)}")
+        raise InvalidInput(
+            f"measured {what} must be {shape} numbers, NaN where there is none, not {shown(value)}"
+        )
     return array
 
 
 def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
-    """Pose of the camera in the target's frame that explains an image best: Gauss–Newton from a pose near by.
+    """Pose of the camera in the target's frame that explains an image best: Gauss–Newton from a
+    pose near by.
 
-    Markers are (m, 3) in the target's frame [m], seen at normalised coordinates (m, 2). Where they do not determine the
-    pose, it is as near by. Raises LinAlgError if numbers leave the range of floating point.
+    Markers are (m, 3) in the target's frame [m], seen at normalised coordinates (m, 2). Where they
+    do not determine the pose, it is as near by. Raises LinAlgError if numbers leave the range of
+    floating point.
     """
-    R, t, seen = np.array(near.R, order="C"), np.array(near.t), np.ascontiguousarray(normalised)
+    R = np.array(near.R, order="C")
+    t = np.array(near.t)
+    seen = np.ascontiguousarray(normalised)
     scratch = np.empty(64 * len(markers) + 256), np.zeros(1, dtype=np.int64)
     if not load("sensing").estimate(np.ascontiguousarray(markers), seen, R, t, *scratch):
         raise np.linalg.LinAlgError("no pose explains the image within the range of floating point")

@@ -1,4 +1,6 @@
-"""How targets and obstacles move (section 5.4): known functions of time with their first two derivatives."""
+"""How targets and obstacles move (section 5.4): known functions of time with their first two
+derivatives.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ TURN = 2.0 * np.pi
 
 
 class Motion:
-    """A displacement d(t) = v t + A (sin(2πft + ψ) − sin ψ), zero at t = 0, in the image or in space.
+    """A displacement d(t) = v t + A (sin(2πft + ψ) − sin ψ), zero at t = 0, in the image or in
+    space.
 
     Parameters
     ----------
@@ -29,8 +32,8 @@ class Motion:
     phase
         ψ [rad].
     known
-        Whether controllers are told: φ and L_fφ then contain ∂φ/∂t, and tasks ∂s/∂t. Otherwise they see where the
-        thing is, but take it for static.
+        Whether controllers are told: φ and L_fφ then contain ∂φ/∂t, and tasks ∂s/∂t. Otherwise they
+        see where the thing is, but take it for static.
     """
 
     def __init__(
@@ -44,13 +47,22 @@ class Motion:
     ) -> None:
         given = [value for value in (velocity, amplitude) if value is not None]
         size = len(given[0]) if given and isinstance(given[0], Sequence | np.ndarray) else 3
-        self.velocity = vector(np.zeros(size) if velocity is None else velocity, size, "velocity of a motion")
-        self.amplitude = vector(np.zeros(size) if amplitude is None else amplitude, size, "amplitude of a motion")
+        self.velocity = vector(
+            np.zeros(size) if velocity is None else velocity, size, "velocity of a motion"
+        )
+        self.amplitude = vector(
+            np.zeros(size) if amplitude is None else amplitude, size, "amplitude of a motion"
+        )
         if not (np.isfinite(frequency) and frequency >= 0.0 and np.isfinite(phase)):
-            raise InvalidInput(f"frequency must be zero or more and phase finite, not {frequency} and {phase}")
+            raise InvalidInput(
+                f"frequency must be zero or more and phase finite, not {frequency} and {phase}"
+            )
         if self.amplitude.any() and frequency == 0.0:
             raise InvalidInput("an amplitude needs a frequency, else nothing moves")
-        self.size, self.rate, self.phase, self.known = size, TURN * float(frequency), float(phase), bool(known)
+        self.size = size
+        self.rate = TURN * float(frequency)
+        self.phase = float(phase)
+        self.known = bool(known)
 
     def displacement(self, t: Array | float) -> Array:
         """(..., k) d at times (...)."""
@@ -66,18 +78,22 @@ class Motion:
 
 @dataclass(frozen=True)
 class TargetMotion:
-    """A rigid motion x ↦ R(t)(x − c) + c + d(t) of the target, R a turn with constant angular velocity.
+    """A rigid motion x ↦ R(t)(x − c) + c + d(t) of the target, R a turn with constant angular
+    velocity.
 
     The target's frame O coincides with the base frame at t = 0 and moves with the target.
     """
 
-    translation: Motion  #: d(t), in metres in the base frame; says whether the whole motion is known.
+    #: d(t), in metres in the base frame; says whether the whole motion is known.
+    translation: Motion
     angular_velocity: Array  #: (3,) ω in the base frame [rad/s].
     centre: Array  #: (3,) c in the base frame at t = 0 [m].
 
     def __post_init__(self) -> None:
         if self.translation.size != 3:
-            raise InvalidInput(f"a target moves in space: three numbers, not {self.translation.size}")
+            raise InvalidInput(
+                f"a target moves in space: three numbers, not {self.translation.size}"
+            )
         for name in ("angular_velocity", "centre"):
             vector(getattr(self, name), 3, f"{name} of a target's motion")
 
@@ -88,5 +104,7 @@ class TargetMotion:
 
     def pose(self, t: float) -> Pose:
         """Pose of the target's frame in the base frame."""
-        R, position = target_pose(t, self.angular_velocity, self.centre, self.translation.displacement(t))
+        R, position = target_pose(
+            t, self.angular_velocity, self.centre, self.translation.displacement(t)
+        )
         return Pose(np.array(R), np.array(position))

@@ -1,8 +1,9 @@
-"""What a camera sees, and how that changes: evaluated once per control step, used by tasks and rows.
+"""What a camera sees, and how that changes: evaluated once per control step, used by tasks and
+rows.
 
-All of it follows from how the camera moves relative to the target. The target's frame is the base frame where the
-target stands still, moves with it where it moves, and is the robot's tip frame where the robot carries it in front of
-a fixed camera (eye-to-hand).
+All of it follows from how the camera moves relative to the target. The target's frame is the base
+frame where the target stands still, moves with it where it moves, and is the robot's tip frame
+where the robot carries it in front of a fixed camera (eye-to-hand).
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ from .motion import TargetMotion
 
 
 def interaction_matrix(xy: Array, Z: Array) -> Array:
-    """(m, 2, 6) L_sx of eq. (24) for normalised image points ``xy`` (m, 2) at depths ``Z`` (m,) [m]."""
-    x, y = xy[:, 0], xy[:, 1]
+    """(m, 2, 6) L_sx of eq. (24) for normalised image points ``xy`` (m, 2) at depths ``Z`` (m,)
+    [m].
+    """
+    x = xy[:, 0]
+    y = xy[:, 1]
     rows = [[np.broadcast_to(entry, Z.shape) for entry in image_row(c, x, y, Z)] for c in (0, 1)]
     return np.moveaxis(np.array(rows), 2, 0)
 
@@ -48,9 +52,11 @@ class State:
     """One instant of a scene, as it is or as a controller believes it to be."""
 
     t: float
-    robot: Kinematics  #: Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    #: Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    robot: Kinematics
     camera: Pose  #: Pose of the camera in the target's frame.
-    camera_J: Array  #: (6, n) ∂(v, ω)/∂q̇ of its twist relative to the target, expressed in the camera frame.
+    #: (6, n) ∂(v, ω)/∂q̇ of its twist relative to the target, expressed in the camera frame.
+    camera_J: Array
     camera_twist: Array  #: (6,) that twist: J q̇, less the target's own motion.
     camera_drift: Array  #: (6,) its derivative when q̈ = 0.
     depth: Array  #: (m,) Z of the markers in the camera frame [m].
@@ -62,9 +68,9 @@ class State:
 class Scene:
     """A robot and a camera, one of which carries it or the markers that it looks at.
 
-    Markers (m, 3) are in the target's frame [m]: the base frame at t = 0 or, for a camera that is fixed in space, the
-    robot's tip frame. ``points`` are robot points whose motion constraints need; ``motion`` is that of the target, None
-    if it stands still, or is carried by the robot.
+    Markers (m, 3) are in the target's frame [m]: the base frame at t = 0 or, for a camera that is
+    fixed in space, the robot's tip frame. ``points`` are robot points whose motion constraints
+    need; ``motion`` is that of the target, None if it stands still, or is carried by the robot.
     """
 
     def __init__(
@@ -75,12 +81,22 @@ class Scene:
         points: Sequence[RobotPoint] = (),
         motion: TargetMotion | None = None,
     ) -> None:
-        self.robot, self.camera, self.motion = robot, camera, motion
+        self.robot = robot
+        self.camera = camera
+        self.motion = motion
         self.markers = np.array(markers, dtype=np.float64)
-        if self.markers.ndim != 2 or self.markers.shape[1] != 3 or not np.isfinite(self.markers).all():
-            raise InvalidInput(f"markers must be (m, 3) finite numbers; the shape is {self.markers.shape}")
+        if (
+            self.markers.ndim != 2
+            or self.markers.shape[1] != 3
+            or not np.isfinite(self.markers).all()
+        ):
+            raise InvalidInput(
+                f"markers must be (m, 3) finite numbers; the shape is {self.markers.shape}"
+            )
         if motion is not None and camera.fixed is not None:
-            raise InvalidInput("a target that the robot carries before a fixed camera has no motion of its own")
+            raise InvalidInput(
+                "a target that the robot carries before a fixed camera has no motion of its own"
+            )
         self.points = tuple(points)
         self._evaluate_robot = robot.evaluator(self.points)
         self._mount_twist = camera.mount.twist_matrix
@@ -88,10 +104,15 @@ class Scene:
 
     @in_one_line
     def __repr__(self) -> str:
-        markers = counted(len(self.markers), "marker") + (", moving" if self.motion is not None else "")
+        markers = counted(len(self.markers), "marker") + (
+            ", moving" if self.motion is not None else ""
+        )
         width, height = self.camera.size
         place = "on the robot" if self.camera.fixed is None else "fixed in space"
-        return f"<Scene: robot {self.robot.name}, {markers}, camera of {width:g} × {height:g} px {place}>"
+        return (
+            f"<Scene: robot {self.robot.name}, {markers}, camera of {width:g} × {height:g} px "
+            f"{place}>"
+        )
 
     def camera_pose(self, q: object, t: float = 0.0) -> Pose:
         """Pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""
@@ -121,7 +142,9 @@ class Scene:
         return self.camera.pixels(P[:, :2] / P[:, 2:])
 
     def depth(self, camera: Pose) -> Array:
-        """(m,) Z of the markers [m] seen from a pose in the target's frame; raises as :meth:`project` does."""
+        """(m,) Z of the markers [m] seen from a pose in the target's frame; raises as
+        :meth:`project` does.
+        """
         return self._in_camera(camera)[:, 2]
 
     def evaluate(self, t: float, q: Array, qd: Array) -> State:
@@ -136,36 +159,55 @@ class Scene:
         camera = self._camera(robot.tip, t)
         J, twist, drift = self._relative_motion(robot, t)
         P = self._in_camera(camera)
-        x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
-        xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
-        J_xy, F = interaction_matrix(xy, P[:, 2]) @ J, np.asarray(self.camera.focal)
+        x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(
+            P.T, twist[:3], twist[3:], drift[:3], drift[3:]
+        )
+        xy, xy_dot, xy_ddot = (
+            np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot))
+        )
+        J_xy = interaction_matrix(xy, P[:, 2]) @ J
+        F = np.asarray(self.camera.focal)
         normalised = PointMotion(xy, J_xy, xy_dot, xy_ddot)
         pixels = PointMotion(self.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F)
         return State(t, robot, camera, J, twist, drift, P[:, 2], normalised, pixels)
 
     def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
-        """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""
+        """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their
+        motion.
+        """
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
         return self.project(self._camera(robot.tip, t)), robot.points
 
     def kinematics(self, q: Array, qd: Array) -> Kinematics:
-        """Where the robot and the points are that constraints ask for, and how they move, at ``q`` and ``qd`` (n,)."""
+        """Where the robot and the points are that constraints ask for, and how they move, at ``q``
+        and ``qd`` (n,).
+        """
         return self._evaluate_robot(q, qd)
 
     def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
-        """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""
-        tip, fixed, motion = robot.tip, self.camera.fixed, self.motion
+        """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the
+        camera frame.
+        """
+        tip = robot.tip
+        fixed = self.camera.fixed
+        motion = self.motion
         V: Array
         R: Array
         r: Array
         # the camera's axes in the base frame, and its origin from the tip's
         if fixed is None:
-            V, R, r = self._mount_twist, tip.R @ self._mount_inverse.R, tip.R @ self._mount_inverse.t
+            V = self._mount_twist
+            R = tip.R @ self._mount_inverse.R
+            r = tip.R @ self._mount_inverse.t
         else:
             # as if the tip carried it: its motion is that of the target, reversed
-            V, R, r = -(fixed.inverse @ tip).twist_matrix, fixed.R, fixed.t - tip.t
-        twist, drift = robot.J @ robot.qd, robot.drift
-        v, omega = tip.R @ twist[:3], tip.R @ twist[3:]
+            V = -(fixed.inverse @ tip).twist_matrix
+            R = fixed.R
+            r = fixed.t - tip.t
+        twist = robot.J @ robot.qd
+        drift = robot.drift
+        v = tip.R @ twist[:3]
+        omega = tip.R @ twist[3:]
         # the acceleration of the origin, of the derivative of a twist in moving axes
         linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
         velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
@@ -173,8 +215,10 @@ class Scene:
         away: Array = np.zeros(3)
         if motion is not None:
             d_dot, d_ddot = motion.translation.rates(t)
-            velocity, acceleration = minus(velocity, d_dot), minus(acceleration, d_ddot)
-            turning, away = motion.angular_velocity, tip.t + r - motion.centre - motion.translation.displacement(t)
+            velocity = minus(velocity, d_dot)
+            acceleration = minus(acceleration, d_ddot)
+            turning = motion.angular_velocity
+            away = tip.t + r - motion.centre - motion.translation.displacement(t)
         parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
         moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)
         return V @ robot.J, moving[:2].ravel(), moving[2:].ravel()
@@ -183,6 +227,8 @@ class Scene:
         P: Array = (self.markers - camera.t) @ camera.R
         Z = P[:, 2]
         if (Z < MINIMUM_DEPTH).any():
-            which = ", ".join(f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH))
+            which = ", ".join(
+                f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH)
+            )
             raise SceneError(f"not in front of the camera: {which}")
         return P

@@ -22,8 +22,8 @@ Derivative = Literal["exact", "differences"]
 class TrackingGains:
     """K_T,p and K_T,v of eq. (42), falling exponentially with the error.
 
-    K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``Kp_slope`` at zero error
-    and vanishes at infinity; K_v = ``damping`` √K_p.
+    K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope
+    −``Kp_slope`` at zero error and vanishes at infinity; K_v = ``damping`` √K_p.
     """
 
     Kp0: float  #: Gain at zero error [1/s²].
@@ -35,7 +35,8 @@ class TrackingGains:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= least):
                 raise InvalidInput(
-                    f"tracking gain {name} must be {'positive' if least else 'zero or more'}, not {value}"
+                    f"tracking gain {name} must be {'positive' if least else 'zero or more'}, not "
+                    f"{value}"
                 )
 
     def at(self, error: Array) -> tuple[float, float]:
@@ -47,19 +48,25 @@ class TrackingGains:
 class Rest:
     """What joints do where task and rows leave them free: q̈₀ = −d q̇ + (d/2)² (q_posture − q).
 
-    Without it, an arm with more joints than the task needs goes on moving once the camera is where it should be.
+    Without it, an arm with more joints than the task needs goes on moving once the camera is where
+    it should be.
     """
 
     damping: float = 5.0  #: d [1/s]; 0 for q̈₀ = 0.
-    posture: Sequence[float] = ()  #: (n,) q_posture [rad or m], approached with critical damping; none if not given.
+    #: (n,) q_posture [rad or m], approached with critical damping; none if not given.
+    posture: Sequence[float] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.damping) and self.damping >= 0.0):
             raise InvalidInput(f"the damping of rest must be zero or more, not {self.damping}")
         if not np.isfinite(np.asarray(self.posture, dtype=np.float64)).all():
-            raise InvalidInput(f"the posture of rest must be finite numbers, not {shown(self.posture)}")
+            raise InvalidInput(
+                f"the posture of rest must be finite numbers, not {shown(self.posture)}"
+            )
         if len(self.posture) and self.damping == 0.0:
-            raise ConfigurationError("a posture is approached by rest only with a damping above zero")
+            raise ConfigurationError(
+                "a posture is approached by rest only with a damping above zero"
+            )
 
     @property
     def any(self) -> bool:
@@ -73,21 +80,22 @@ class Rest:
 
 
 #: What joints do by default, of arms with more of them than the task needs, and of others.
-DAMPED, FREE = Rest(), Rest(damping=0.0)
+DAMPED = Rest()
+FREE = Rest(damping=0.0)
 
 
 class VisualTask:
     """Tracks a visual feature towards goals that change at given times, evaluated by compiled code.
 
-    b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the goal itself, or moves
-    towards it as the goal's reference says. ∂s/∂t, in ė and in the last term, is that of a target whose motion is known
-    (section 5.4).
+    b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the
+    goal itself, or moves towards it as the goal's reference says. ∂s/∂t, in ė and in the last term,
+    is that of a target whose motion is known (section 5.4).
 
-    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref with s̈_ref come
-    ``"exact"`` from the kinematics, or from ``"differences"`` between samples (``drift``, ``velocity`` and
-    ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start afresh, those of the reference at zero, at the first
-    sample and where the goal changes. ``rest`` is what joints do that the feature leaves free; None for that of
-    :meth:`rest_of`.
+    Goals are in the order of their times; the first holds from the start. J̇_s q̇, ṡ, and ṡ_ref
+    with s̈_ref come ``"exact"`` from the kinematics, or from ``"differences"`` between samples
+    (``drift``, ``velocity`` and ``reference``: lines 5, 2, 3 and 4 of Appendix B), which start
+    afresh, those of the reference at zero, at the first sample and where the goal changes. ``rest``
+    is what joints do that the feature leaves free; None for that of :meth:`rest_of`.
     """
 
     def __init__(
@@ -107,14 +115,21 @@ class VisualTask:
             raise ConfigurationError("a task needs at least one goal")
         self._times = times = [goal.from_time for goal in goals]
         if times != sorted(times) or len(set(times)) < len(times):
-            raise ConfigurationError(f"goals must be in the order of their times; from_time is {shown(times)}")
+            raise ConfigurationError(
+                f"goals must be in the order of their times; from_time is {shown(times)}"
+            )
         if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
             raise ConfigurationError("a camera-pose task needs goals with a camera pose")
         if isinstance(feature, ImagePoints) and feature.interaction_matrix != "current":
             for goal in goals:
                 _ = goal.interaction
-        self.feature, self.goals, self.gains = feature, tuple(goals), gains
-        self.drift, self.velocity, self.reference, self.rest = drift, velocity, reference, rest
+        self.feature = feature
+        self.goals = tuple(goals)
+        self.gains = gains
+        self.drift = drift
+        self.velocity = velocity
+        self.reference = reference
+        self.rest = rest
 
     @in_one_line
     def __repr__(self) -> str:
@@ -126,13 +141,16 @@ class VisualTask:
         return goal_at(self._times, t)
 
     def rest_of(self, n: int, k: int) -> Rest:
-        """What n joints do that k features leave free: unless it is given, damping where there are more than needed.
+        """What n joints do that k features leave free: unless it is given, damping where there are
+        more than needed.
 
-        No feature of a rigid target needs more than six. Raises ConfigurationError if there is a posture of another
-        number of joints.
+        No feature of a rigid target needs more than six. Raises ConfigurationError if there is a
+        posture of another number of joints.
         """
         if self.rest is None:
             return DAMPED if n > min(k, 6) else FREE
         if len(self.rest.posture) not in (0, n):
-            raise ConfigurationError(f"rest.posture has {len(self.rest.posture)} values; the robot has {n} joints")
+            raise ConfigurationError(
+                f"rest.posture has {len(self.rest.posture)} values; the robot has {n} joints"
+            )
         return self.rest

@@ -8,7 +8,8 @@ from ...errors import unknown_name
 from ...simulation import Setup
 from ..driver import Address, Driver
 
-#: Scheme, and ``module:Class`` in this folder: a driver's packages are loaded where it is used, and not before.
+#: Scheme, and ``module:Class`` in this folder: a driver's packages are loaded where it is used, and
+#: not before.
 DRIVERS: dict[str, str] = {
     "simulated": "simulated:SimulatedArm",
     "loopback": "loopback:LoopbackArm",

@@ -15,30 +15,36 @@ from ...simulation.plant import cubic
 from ..driver import Address, ArmError, Driver, Joints
 from ..envelope import Envelope
 
-#: What goes wrong: it never answers again, closes the connection, reports a wrong position, stops by itself, or goes on
-#: moving while what it reports stays the same.
+#: What goes wrong: it never answers again, closes the connection, reports a wrong position, stops
+#: by itself, or goes on moving while what it reports stays the same.
 Fault = Literal["none", "stall", "drop", "jump", "refuse", "freeze"]
 
 JUMP = 0.5  #: Error of the position that the fault ``jump`` reports [rad or m].
-#: How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is longer.
+#: How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is
+#: longer.
 PATIENCE = 0.1
-#: Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's position [s].
+#: Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's
+#: position [s].
 LATE = 0.01
 SLACK = 1.05  #: Factor on limits beyond which a setpoint is refused.
 
 
 class FakeArm:
-    """Position is a cubic from one setpoint to the next, then coasts for a while, then the arm brakes.
+    """Position is a cubic from one setpoint to the next, then coasts for a while, then the arm
+    brakes.
 
-    That is its watchdog: an arm that it has braked accepts no more setpoints. It stands at ``q`` (n,); the envelope has
-    the limits of the setpoints that it accepts, its own deceleration, and the period in which a setpoint is reached.
+    That is its watchdog: an arm that it has braked accepts no more setpoints. It stands at ``q``
+    (n,); the envelope has the limits of the setpoints that it accepts, its own deceleration, and
+    the period in which a setpoint is reached.
     """
 
     def __init__(self, q: Array, envelope: Envelope, patience: float = PATIENCE) -> None:
-        self.limits, self.period = envelope, envelope.period
+        self.limits = envelope
+        self.period = envelope.period
         self.t = 0.0  #: Its clock [s]; :meth:`advance` moves it.
         self.stopped = ""  #: Why it stopped by itself; empty if it has not.
-        self._begun, self._patience = -np.inf, max(patience, 10.0 * envelope.period)
+        self._begun = -np.inf
+        self._patience = max(patience, 10.0 * envelope.period)
         self._coasting = self._patience
         here: tuple[Array, Array] = np.array(q), np.zeros(len(q))
         self._from = self._to = here
@@ -52,7 +58,9 @@ class FakeArm:
 
     def state(self) -> tuple[Array, Array]:
         """(n,) q and q̇ now."""
-        T, (q, qd), after = self.period, self._to, self.t - self._begun
+        T = self.period
+        q, qd = self._to
+        after = self.t - self._begun
         if after < T:
             return cubic(self._from, self._to, T, after / T)
         coasting = min(after - T, self._coasting)
@@ -62,36 +70,50 @@ class FakeArm:
         return q + coasting * qd + braking * (qd - 0.5 * slower), qd - slower
 
     def take(self, q: Array, qd: Array) -> None:
-        """Accept a setpoint for the end of the period that begins; one beyond the limits stops the arm."""
+        """Accept a setpoint for the end of the period that begins; one beyond the limits stops the
+        arm.
+        """
         if self.stopped:
             return
         before = self._to if self.t - self._begun < self.period + LATE else self.state()
-        limits, T = self.limits, self.period
+        limits = self.limits
+        T = self.period
         violations = (
             ("is not finite", ~(np.isfinite(q) & np.isfinite(qd))),
             ("leaves its range", (q < limits.q_min - 1e-6) | (q > limits.q_max + 1e-6)),
-            ("is too fast", np.maximum(np.abs(qd), np.abs(q - before[0]) / T) > SLACK * limits.qd_max + 1e-3),
-            ("accelerates too much", np.abs(qd - before[1]) / T > SLACK * limits.acceleration + 1e-3),
+            (
+                "is too fast",
+                np.maximum(np.abs(qd), np.abs(q - before[0]) / T) > SLACK * limits.qd_max + 1e-3,
+            ),
+            (
+                "accelerates too much",
+                np.abs(qd - before[1]) / T > SLACK * limits.acceleration + 1e-3,
+            ),
         )
         for what, joints in violations:
             if joints.any():
                 self.stop(f"protective stop: joint {int(np.argmax(joints)) + 1} {what}")
                 return
-        self._from, self._to = self.state(), (np.array(q), np.array(qd))
-        self._begun, self._coasting = self.t, self._patience
+        self._from = self.state()
+        self._to = (np.array(q), np.array(qd))
+        self._begun = self.t
+        self._coasting = self._patience
 
     def stop(self, why: str) -> None:
         """Brake now, and accept nothing more."""
         self._from = self._to = self.state()
-        self._begun, self._coasting, self.stopped = self.t - self.period, 0.0, why
+        self._begun = self.t - self.period
+        self._coasting = 0.0
+        self.stopped = why
 
 
 class LoopbackArm(Driver):
     """A fake arm in this process; options: time, fault, at, patience, off.
 
-    With ``time=real`` time is the system's; with ``simulated`` a setpoint lets its period pass, so that nothing depends
-    on the speed of the machine. ``fault`` (:data:`Fault`) goes wrong ``at`` seconds after the first setpoint, an answer
-    may take ``patience`` [s], and the arm stands ``off`` [rad or m] from the scenario's start.
+    With ``time=real`` time is the system's; with ``simulated`` a setpoint lets its period pass, so
+    that nothing depends on the speed of the machine. ``fault`` (:data:`Fault`) goes wrong ``at``
+    seconds after the first setpoint, an answer may take ``patience`` [s], and the arm stands
+    ``off`` [rad or m] from the scenario's start.
     """
 
     real = False
@@ -102,13 +124,17 @@ class LoopbackArm(Driver):
         super().__init__(address, setup)
         address.demand_none()
         self.simulated_time = address.choice("time", ("real", "simulated")) == "simulated"
-        self._patience, self._at = address.number("patience", 0.1), address.number("at", 0.5)
+        self._patience = address.number("patience", 0.1)
+        self._at = address.number("at", 0.5)
         if self._patience == 0.0:
-            raise ConfigurationError("option patience of loopback must be positive: an answer takes some time")
+            raise ConfigurationError(
+                "option patience of loopback must be positive: an answer takes some time"
+            )
         self._fault = cast(Fault, address.choice("fault", get_args(Fault)))
         envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
         self.arm = FakeArm(setup.q0 + address.number("off", 0.0), envelope)
-        self._asked: float | None = None  #: When it was asked last, by the system's clock; None until it moves.
+        #: When it was asked last, by the system's clock; None until it moves.
+        self._asked: float | None = None
         self._reported: Joints | None = None  #: What was answered last.
         self._lock = threading.Lock()  #: A stop gets through while another call is not answered.
 

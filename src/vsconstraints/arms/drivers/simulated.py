@@ -1,4 +1,6 @@
-"""The scenario's own robot in this process, for dry runs: with its mass, friction and delays, if it has them."""
+"""The scenario's own robot in this process, for dry runs: with its mass, friction and delays, if it
+has them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from ..driver import Address, ArmError, Driver, Joints
 
 
 class SimulatedArm(Driver):
-    """The scenario's own plant, simulated as fast as it goes, with the command (q̇_c − q̇_c,last) / T_s; no options."""
+    """The scenario's own plant, simulated as fast as it goes, with the command (q̇_c − q̇_c,last) /
+    T_s; no options.
+    """
 
     real = False
     simulated_time = True
@@ -20,7 +24,9 @@ class SimulatedArm(Driver):
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
         address.demand_none()
-        self._plant, self._t, self._sent = setup.plant(), 0.0, setup.qd0.copy()
+        self._plant = setup.plant()
+        self._t = 0.0
+        self._sent = setup.qd0.copy()
 
     def read(self) -> Joints:
         """Where the joints are."""
@@ -34,7 +40,8 @@ class SimulatedArm(Driver):
             self._plant.check()
         except SceneError as error:
             raise ArmError(str(error)) from error
-        self._sent, self._t = np.array(qd), self._t + self.period
+        self._sent = np.array(qd)
+        self._t = self._t + self.period
 
     def halt(self, deceleration: float) -> None:
         """It does what it is sent, and nothing else."""

@@ -1,4 +1,6 @@
-"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde (``pip install 'vsconstraints[ur-rtde]'``)."""
+"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde (``pip install
+'vsconstraints[ur-rtde]'``).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from ..driver import Address, ArmError, Driver, Joints, Takes
 from ..envelope import Envelope
 
 LEAST_PERIOD = 0.002  #: Of an e-Series arm; a CB3 arm has 0.008 [s].
-#: Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends, which stops it.
+#: Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends,
+#: which stops it.
 WATCHDOG = 10.0
 MOST_ACCELERATION = 40.0  #: What speedJ takes [rad/s²].
 FULL = 0.999  #: Share of its speed at which the arm is not slowed down by its slider.
@@ -38,13 +41,14 @@ STOPPED_BY = {
 class UrRtde(Driver):
     """An arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
 
-    ``send`` is ``position`` (servoJ) or ``speed`` (speedJ); servoJ has a ``lookahead`` of 0.03 to 0.2 s, the longer the
-    smoother and later, and a ``gain`` of 100 to 2000. The order of the joints is that of the URDF: base, shoulder,
-    elbow, wrist 1 to 3. Safety functions stay those of the arm: this driver looks whether they have acted, and changes
-    none.
+    ``send`` is ``position`` (servoJ) or ``speed`` (speedJ); servoJ has a ``lookahead`` of 0.03 to
+    0.2 s, the longer the smoother and later, and a ``gain`` of 100 to 2000. The order of the joints
+    is that of the URDF: base, shoulder, elbow, wrist 1 to 3. Safety functions stay those of the
+    arm: this driver looks whether they have acted, and changes none.
 
-    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits for. The package's
-    ``kickWatchdog`` would write *no command* to the same register, over a setpoint that the arm has not read yet.
+    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits
+    for. The package's ``kickWatchdog`` would write *no command* to the same register, over a
+    setpoint that the arm has not read yet.
     """
 
     known = ("send", "lookahead", "gain")
@@ -52,26 +56,39 @@ class UrRtde(Driver):
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
         if not address.host:
-            raise ConfigurationError("ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2")
+            raise ConfigurationError(
+                "ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2"
+            )
         if address.port is not None:
-            raise ConfigurationError(f"an arm has ports of its own: ur-rtde://{address.host}, without :{address.port}")
+            raise ConfigurationError(
+                f"an arm has ports of its own: ur-rtde://{address.host}, without :{address.port}"
+            )
         if self.n != 6:
-            raise ConfigurationError(f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}")
+            raise ConfigurationError(
+                f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}"
+            )
         if self.period < LEAST_PERIOD - 1e-9:
             raise ConfigurationError(
-                f"an arm of Universal Robots takes a setpoint every {1e3 * LEAST_PERIOD:g} ms at most, not every "
+                f"an arm of Universal Robots takes a setpoint every {1e3 * LEAST_PERIOD:g} ms at "
+                f"most, not every "
                 f"{1e3 * self.period:g} ms"
             )
         self.takes = cast(Takes, address.choice("send", ("position", "speed")))
-        self._lookahead, self._gain = address.number("lookahead", 0.03), address.number("gain", 1000.0)
+        self._lookahead = address.number("lookahead", 0.03)
+        self._gain = address.number("gain", 1000.0)
         if not 0.03 <= self._lookahead <= 0.2 or not 100.0 <= self._gain <= 2000.0:
-            raise ConfigurationError("servoJ takes a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000")
+            raise ConfigurationError(
+                "servoJ takes a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000"
+            )
         least = Envelope.of(setup.scene.robot, setup.limits, setup.Ts).acceleration.min()
         self._acceleration = min(float(least), MOST_ACCELERATION)
         # last, so that an address that is wrong is named wherever the package is not installed, too
         demand("ur-rtde")
         self._frequency = min(WATCHDOG, 0.1 / self.period)
-        self.watchdog = f"the arm's own, whose program ends after {1e3 / self._frequency:g} ms without a setpoint"
+        self.watchdog = (
+            f"the arm's own, whose program ends after {1e3 / self._frequency:g} ms "
+            f"without a setpoint"
+        )
         self._control: Any = None
         self._receive: Any = None
         self._dashboard: Any = None
@@ -82,19 +99,25 @@ class UrRtde(Driver):
         import rtde_control
         import rtde_receive
 
-        host, rate = self.address.host, 1.0 / self.period
+        host = self.address.host
+        rate = 1.0 / self.period
         connecting = f"connect to {host}"
         self._dashboard = _Interface(_tried(connecting, dashboard_client.DashboardClient, host))
         _tried(connecting, self._dashboard.wrapped.connect)
-        self._receive = _Interface(_tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate))
+        self._receive = _Interface(
+            _tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate)
+        )
         self._demand_safe()
         slider = float(self._receive.getTargetSpeedFraction())
         if slider < FULL:
             raise ArmError(
-                f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not follow in time: set it "
+                f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not "
+                f"follow in time: set it "
                 "to 100 %, and slow down by the scenario's limits"
             )
-        self._control = _Interface(_tried(connecting, rtde_control.RTDEControlInterface, host, rate))
+        self._control = _Interface(
+            _tried(connecting, rtde_control.RTDEControlInterface, host, rate)
+        )
 
     def begin(self) -> None:
         """Start the arm's watchdog: from now on it waits for setpoints.
@@ -125,13 +148,19 @@ class UrRtde(Driver):
         """Send a position or a speed; returns at once."""
         if self.takes == "position":
             # the second and third are not used by servoJ
-            taken = self._control.servoJ(q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain)
+            taken = self._control.servoJ(
+                q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain
+            )
             _demand_taken("servoJ", taken)
         else:
-            _demand_taken("speedJ", self._control.speedJ(qd.tolist(), self._acceleration, self.period))
+            _demand_taken(
+                "speedJ", self._control.speedJ(qd.tolist(), self._acceleration, self.period)
+            )
 
     def halt(self, deceleration: float) -> None:
-        """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as it is set to."""
+        """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as
+        it is set to.
+        """
         self._dashboard.stop()
 
     def stopper(self) -> Callable[[], None]:
@@ -140,13 +169,17 @@ class UrRtde(Driver):
 
     def close(self) -> None:
         """Leave servo or speed mode, and disconnect."""
-        control, receive, dashboard = self._control, self._receive, self._dashboard
+        control = self._control
+        receive = self._receive
+        dashboard = self._dashboard
         self._control = self._receive = self._dashboard = None
         # whatever fails here, the other parts are closed, too
         if control is not None:
             with suppress(Exception):
                 # how hard, of the tool [m/s²] as the package has it, or of the joints
-                control.servoStop() if self.takes == "position" else control.speedStop(self._acceleration)
+                control.servoStop() if self.takes == "position" else control.speedStop(
+                    self._acceleration
+                )
             with suppress(Exception):
                 control.stopScript()
         for part in (control, receive, dashboard):

@@ -1,4 +1,6 @@
-"""Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as Parquet shards."""
+"""Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as
+Parquet shards.
+"""
 
 from ..runs.folder import Keep
 from ..runs.pool import processes

@@ -22,38 +22,49 @@ from .work import Batch, benches, tasks_of
 
 MEASURED = "measured"  #: What stands for a file of call times where they are measured.
 SCENES = 3  #: Training scenes of each family on which they are.
-REPEATS = 3  #: Equal runs there; the least time of each call counts, since other processes interrupt some.
+#: Equal runs there; the least time of each call counts, since other processes interrupt some.
+REPEATS = 3
 HOW = (
-    f"99 % of a law's calls are shorter: least of {REPEATS} equal runs, median over {SCENES} training scenes of a "
-    "family in all conditions, longest of all families; without evaluating rows and task; measured on this machine"
+    f"99 % of a law's calls are shorter: least of {REPEATS} equal runs, median over {SCENES} "
+    f"training scenes of a "
+    "family in all conditions, longest of all families; without evaluating rows and task; "
+    "measured on this machine"
 )
 
 
 @dataclass(frozen=True)
 class CallTimes:
-    """How long a call of each law takes, by its name in the campaign or else its type; InvalidInput for wrong signs."""
+    """How long a call of each law takes, by its name in the campaign or else its type; InvalidInput
+    for wrong signs.
+    """
 
     calls: dict[str, float]  #: In units.
     unit_s: float  #: [s].
     how: str = ""  #: Where the numbers are from, for reports.
     slower: float = 1.0  #: How many times as slow the computer is.
-    #: What each law may compute per sampling time of a scene [s]: it is called as often as that allows, from four times
-    #: as often as the scene says, which is meant without it, to a quarter as often.
+    #: What each law may compute per sampling time of a scene [s]: it is called as often as that
+    #: allows, from four times as often as the scene says, which is meant without it, to a quarter
+    #: as often.
     budget_s: float | None = None
 
     def __post_init__(self) -> None:
         demand_sign(self, "call times: ", positive=("unit_s", "slower", "budget_s"))
         for name, call in self.calls.items():
             if not 0.0 <= call < float("inf"):
-                raise ConfigurationError(f"call times: calls.{name} must be zero or more, not {call}")
+                raise ConfigurationError(
+                    f"call times: calls.{name} must be zero or more, not {call}"
+                )
 
     def of(self, campaign: Campaign) -> Campaign:
-        """The campaign with every law but the baseline timed so; raises ConfigurationError that names what is not."""
+        """The campaign with every law but the baseline timed so; raises ConfigurationError that
+        names what is not.
+        """
         laws = [entry for entry in campaign.controllers if entry.name != BASELINE]
         missing = [entry.name for entry in laws if not {entry.name, entry.law} & self.calls.keys()]
         if missing:
             raise ConfigurationError(f"call times: there is none of {', '.join(missing)}")
-        title, timed = f"{campaign.title}, time passes", tuple(map(self._timed, laws))
+        title = f"{campaign.title}, time passes"
+        timed = tuple(map(self._timed, laws))
         return campaign.changed(title=title, controllers=timed, call_times=asdict(self)).checked()
 
     @property
@@ -63,8 +74,13 @@ class CallTimes:
         if self.slower != 1.0:
             said.append(f"the computer is {self.slower:g} times as slow")
         if self.budget_s is not None:
-            said.append(f"laws are called as often as {1e6 * self.budget_s:g} µs per T_s of the scene allow")
-        return f"how long after the beginning of a period a law's command begins to act [µs]: {'; '.join(said)}."
+            said.append(
+                f"laws are called as often as {1e6 * self.budget_s:g} µs per T_s of the scene allow"
+            )
+        return (
+            f"how long after the beginning of a period a law's command begins to act [µs]: "
+            f"{'; '.join(said)}."
+        )
 
     def _call(self, name: str) -> float:
         return float(f"{self.slower * self.unit_s * self.calls[name]:.6g}")
@@ -84,12 +100,18 @@ def call_times(
     workers: OpenWorkers,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> CallTimes:
-    """Those of a file, or of a folder of results; or :data:`MEASURED`, once for results in ``folder`` if any."""
+    """Those of a file, or of a folder of results; or :data:`MEASURED`, once for results in
+    ``folder`` if any.
+    """
     if source != MEASURED:
         path = Path(source)
         return from_table(CallTimes, _stored(path) if path.is_dir() else read_toml(path), source)
     there = {} if folder is None else _stored(folder)
-    return from_table(CallTimes, there, f"{folder}/{MANIFEST}") if there else _measured(campaign, workers, on_progress)
+    return (
+        from_table(CallTimes, there, f"{folder}/{MANIFEST}")
+        if there
+        else _measured(campaign, workers, on_progress)
+    )
 
 
 def _stored(folder: Path) -> object:
@@ -97,12 +119,18 @@ def _stored(folder: Path) -> object:
     return configuration.get("call_times", {}) if isinstance(configuration, dict) else {}
 
 
-def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]) -> CallTimes:
+def _measured(
+    campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[int, int], None]
+) -> CallTimes:
     prepare_laws(campaign.controllers)
-    tasks = dict(enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={}))))
+    tasks = dict(
+        enumerate(tasks_of(campaign.changed(half="training", scenes=SCENES, scenes_in={})))
+    )
     found = defaultdict[tuple[str, str], list[float]](list)
     with workers(time_calls) as opened:
-        for done, (_, answer) in enumerate(opened.run({i: (task,) for i, task in tasks.items()}), start=1):
+        for done, (_, answer) in enumerate(
+            opened.run({i: (task,) for i, task in tasks.items()}), start=1
+        ):
             if isinstance(answer, Failure):
                 raise ConfigurationError(f"calls cannot be measured: {answer.reason}")
             for law, family, call in answer:
@@ -115,7 +143,9 @@ def _measured(campaign: Campaign, workers: OpenWorkers, on_progress: Callable[[i
 
 
 def time_calls(task: Batch) -> list[tuple[str, str, float]]:
-    """Of every run of a task its law, its family, and what 99 % of its calls are shorter than [s]: for workers."""
+    """Of every run of a task its law, its family, and what 99 % of its calls are shorter than [s]:
+    for workers.
+    """
     found = []
     with deadline(task.limit) as step:
         for number in task.scenes:
@@ -126,5 +156,7 @@ def time_calls(task: Batch) -> list[tuple[str, str, float]]:
                     times = [bench.run(entry).trajectory.step_time[1:] for _ in range(REPEATS)]
                     if calls := min(map(len, times)):
                         least = np.min([each[:calls] for each in times], axis=0)
-                        found.append((entry.name, task.family.name, float(np.quantile(least, 0.99))))
+                        found.append(
+                            (entry.name, task.family.name, float(np.quantile(least, 0.99)))
+                        )
     return found

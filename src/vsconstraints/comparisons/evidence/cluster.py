@@ -1,7 +1,7 @@
 """Runs on more machines than this one, by the workers of a Dask scheduler.
 
-A Dask worker answers each call by a process of its own, one for each of its threads: a call that ends its process, or
-takes too long, fails as it does on one machine, and the Dask worker goes on.
+A Dask worker answers each call by a process of its own, one for each of its threads: a call that
+ends its process, or takes too long, fails as it does on one machine, and the Dask worker goes on.
 """
 
 from __future__ import annotations
@@ -30,16 +30,22 @@ from ..runs.pool import DIED, THREAD_VARIABLES, Failure, Key, OpenWorkers, Pool,
 from .campaign import differences, in_words
 
 CONNECT = 5.0  # how long a scheduler may take to answer [s]
-BEGIN = 120.0  # how long workers may take to start their processes and answer what results depend on there [s]
+# how long workers may take to start their processes and answer what results depend on there [s]
+BEGIN = 120.0
 PER_THREAD = 3  # calls that are sent ahead for each thread of the workers
-CHECK, SOON = 1.0, 0.02  # how often silent workers are counted, and answers of new ones polled [s]
+# how often silent workers are counted, and answers of new ones polled [s]
+CHECK = 1.0
+SOON = 0.02
 MAX_LOST = 3  # a call that loses more workers than this is taken to be the reason
-PATIENCE = 60.0  # how long a cluster may be without any worker [s]: those that died may be started again
+# how long a cluster may be without any worker [s]: those that died may be started again
+PATIENCE = 60.0
 GOES_ON = "what was finished is stored, and the same command goes on"
 
 
 class Session(NamedTuple):
-    """A command's unique name, what returns what results depend on, and its answer where the command was given."""
+    """A command's unique name, what returns what results depend on, and its answer where the
+    command was given.
+    """
 
     name: str
     identity: Callable[[], Any]
@@ -47,7 +53,9 @@ class Session(NamedTuple):
 
 
 class IncompatibleWorker(NamedTuple):
-    """A worker whose results would differ, with what they depend on there, or a :class:`.Failure` if unknown."""
+    """A worker whose results would differ, with what they depend on there, or a :class:`.Failure`
+    if unknown.
+    """
 
     address: str
     identity: Any
@@ -60,7 +68,9 @@ _finalizers: list[Finalize] = []
 
 
 def answered(packed: bytes) -> bytes:
-    """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer would differ."""
+    """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer
+    would differ.
+    """
     session, *call = pickle.loads(packed)
     thread = threading.get_ident()
     name, pool = _pools.get(thread, ("", None))
@@ -83,13 +93,19 @@ def answered(packed: bytes) -> bytes:
 def end(session: str) -> None:
     """End the processes of a session, or all if it is empty, whatever they are doing."""
     with _lock:
-        pools = [_pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)]
+        pools = [
+            _pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)
+        ]
     for _, pool in pools:
         pool.__exit__(KeyboardInterrupt, None, None)
 
 
 def _answer(
-    pool: Pool[Any], function: Callable[..., Any], arguments: Any = (), limit: float | None = None, again: bool = True
+    pool: Pool[Any],
+    function: Callable[..., Any],
+    arguments: Any = (),
+    limit: float | None = None,
+    again: bool = True,
 ) -> Any:
     limits = {} if limit is None else {0: limit}
     ((_, answer),) = pool.run({0: (function, *arguments)}, limits, again=again)
@@ -108,13 +124,14 @@ def _may_have_children() -> None:
 
 @contextmanager
 def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
-    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing, but send answers.
+    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing,
+    but send answers.
 
-    A worker that dies loses only its current call, which another one gets. One that comes later takes part if it would
-    give the same results; otherwise it gets nothing, with a warning. ``identity``, picklable, returns what results
-    depend on where it is called, as nested tables. Raises ConfigurationError if no scheduler answers at the address, it
-    has no worker, or one that is there would give other results, and WorkersLost if the scheduler or all workers go
-    away.
+    A worker that dies loses only its current call, which another one gets. One that comes later
+    takes part if it would give the same results; otherwise it gets nothing, with a warning.
+    ``identity``, picklable, returns what results depend on where it is called, as nested tables.
+    Raises ConfigurationError if no scheduler answers at the address, it has no worker, or one that
+    is there would give other results, and WorkersLost if the scheduler or all workers go away.
     """
     demand("cluster")
     client = _connected(address)
@@ -124,7 +141,8 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
         connected.demand_workers()
         yield lambda function: nullcontext(SimpleNamespace(run=partial(connected.run, function)))
     finally:
-        with suppress(Exception), _quiet():  # whatever has become of the cluster, this command is done with it
+        # whatever has become of the cluster, this command is done with it
+        with suppress(Exception), _quiet():
             if client.status == "running":
                 client.run(end, session.name, on_error="ignore")
         with suppress(Exception), _quiet():
@@ -135,13 +153,17 @@ class _Cluster:
     """Each worker is asked what results depend on there before it is given anything."""
 
     def __init__(self, client: Any, address: str, session: Session) -> None:
-        self._client, self._address, self._session = client, address, session
+        self._client = client
+        self._address = address
+        self._session = session
         self._asked: dict[str, tuple[Any, float]] = {}
         self._usable: dict[str, bool] = {}
         self._started = False
 
     def demand_workers(self) -> None:
-        """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
+        """Raise ConfigurationError unless there are workers, and all would give the same results as
+        this machine.
+        """
         threads = self._threads()
         while self._asked:
             time.sleep(SOON)
@@ -155,9 +177,14 @@ class _Cluster:
         """How many calls each usable worker can answer at once; new workers are asked."""
         there: dict[str, int] = self._client.nthreads()
         # another one may come to the address of one that is gone
-        self._usable = {worker: usable for worker, usable in self._usable.items() if worker in there}
+        self._usable = {
+            worker: usable for worker, usable in self._usable.items() if worker in there
+        }
         for worker in there.keys() - self._usable.keys() - self._asked.keys():
-            self._asked[worker] = self._submit(self._packed(str), [worker]), time.monotonic() + BEGIN
+            self._asked[worker] = (
+                self._submit(self._packed(str), [worker]),
+                time.monotonic() + BEGIN,
+            )
         for worker, (future, until) in list(self._asked.items()):
             if worker in there and not future.done() and time.monotonic() <= until:
                 continue
@@ -167,14 +194,17 @@ class _Cluster:
                 self._refuse(worker, f"ended when it was asked {asked}")
             elif not future.done():
                 self._refuse(worker, f"said nothing for {BEGIN:g} s")
-            elif (error := future.exception()) is not None:  # for example, this package is not installed there
+            # for example, this package is not installed there
+            elif (error := future.exception()) is not None:
                 self._refuse(worker, f"cannot make runs: {described(error)}")
             elif not self._refused_by(unpacked(future.result())):
                 self._usable[worker] = True
         return {worker: count for worker, count in there.items() if self._usable.get(worker)}
 
     def _refused_by(self, answer: Any) -> bool:
-        """Whether an answer says that a worker would give other results; it gets nothing more then."""
+        """Whether an answer says that a worker would give other results; it gets nothing more
+        then.
+        """
         if not isinstance(answer, IncompatibleWorker):
             return False
         if isinstance(answer.identity, Failure):
@@ -206,10 +236,13 @@ class _Cluster:
         *,
         again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
-        """See :meth:`.Pool.run`; raises WorkersLost when the scheduler is gone, or there has been nobody for long."""
+        """See :meth:`.Pool.run`; raises WorkersLost when the scheduler is gone, or there has been
+        nobody for long.
+        """
         from distributed import CancelledError, KilledWorker
 
-        waiting, limits = deque(calls), limits or {}
+        waiting = deque(calls)
+        limits = limits or {}
         under_way: dict[Any, tuple[Key, set[str]]] = {}
         lost: Counter[Key] = Counter()
         done: SimpleQueue[Any] = SimpleQueue()
@@ -223,7 +256,8 @@ class _Cluster:
                     nobody = f"has had no worker that can be used for {PATIENCE:g} s"
                     raise WorkersLost(f"the scheduler at {self._address} {nobody}; {GOES_ON}")
                 for future, (key, workers) in list(under_way.items()):
-                    if workers.isdisjoint(threads):  # all that may have the call are gone: others may have come
+                    # all that may have the call are gone: others may have come
+                    if workers.isdisjoint(threads):
                         del under_way[future]
                         self._cancel([future])
                         lost[key] += 1
@@ -253,7 +287,8 @@ class _Cluster:
                             waiting.appendleft(key)
                         else:
                             yield key, answer
-        except (CancelledError, OSError, RuntimeError) as error:  # what a client raises whose scheduler is gone
+        # what a client raises whose scheduler is gone
+        except (CancelledError, OSError, RuntimeError) as error:
             gone = f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}"
             raise WorkersLost(gone) from error
         finally:
@@ -273,11 +308,14 @@ def _connected(address: str) -> Any:
         with _quiet():
             resolve_address(address)
             return Client(address, timeout=CONNECT, set_as_default=False, name="vsconstraints")
-    except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:  # of TLS without keys: the last
+    # of TLS without keys: the last
+    except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:
         advice = "say in Dask's configuration where its keys are, see docs/suites.md"
         if not address.startswith("tls:"):
             advice = "start one with `dask scheduler`, and give the address that it prints"
-        raise ConfigurationError(f"no Dask scheduler answers at {address}: {error}; {advice}") from error
+        raise ConfigurationError(
+            f"no Dask scheduler answers at {address}: {error}; {advice}"
+        ) from error
 
 
 @contextmanager

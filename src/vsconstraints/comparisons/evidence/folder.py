@@ -29,7 +29,8 @@ MAX_NAMED = 5  # ranges of scenes that a message names
 
 @dataclass(frozen=True)
 class Facts:
-    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time [s].
+    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time
+    [s].
 
     ``files`` are hashes of what own parts have loaded or read, see :mod:`.own_files`.
     """
@@ -49,7 +50,9 @@ class Facts:
         try:
             return from_table(cls, table, "its footer")
         except ConfigurationError as error:
-            raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
+            raise ConfigurationError(
+                f"{path} cannot be read: it is no shard of a campaign ({error})"
+            ) from error
 
 
 class StoredShard(NamedTuple):
@@ -76,13 +79,17 @@ def shard_names(folder: Path) -> list[str]:
 
 
 def shards(folder: Path) -> list[StoredShard]:
-    """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be read."""
+    """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be
+    read.
+    """
     paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
     return [StoredShard(folder, path.stem, Facts.of(path), path) for path in paths]
 
 
 def stored_files(folder: Path) -> list[Path]:
-    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
+    """The files that a campaign consists of, reports apart: its manifest, then those that are
+    written once.
+    """
     parts = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
     return [folder / MANIFEST, *parts, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
@@ -98,7 +105,8 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
 def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
     """What is done of a campaign, by shard; what was left unfinished, or was changed, is removed.
 
-    Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were made otherwise.
+    Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were
+    made otherwise.
     """
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
@@ -112,7 +120,8 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
     for path in stored_files(folder):
         if path.suffix == ".parquet" and path.stem not in whole:
             path.unlink()
-    identities, problems = campaign.identities(), list[str]()
+    identities = campaign.identities()
+    problems = list[str]()
     there = [shard.facts for shard in shards(folder)]
     for facts in there:
         only = [] if facts.family in identities else [f"family {facts.family} is only there"]
@@ -123,7 +132,9 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
         problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
     if problems:
         instead = "Give another folder with --out, or --fresh to replace what is there"
-        raise ConfigurationError(f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}")
+        raise ConfigurationError(
+            f"{folder} holds evidence of another campaign: {in_words(problems)}. {instead}"
+        )
     return there
 
 
@@ -133,7 +144,10 @@ def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
     files: Files = {}
     for facts in there:
         files.update(facts.files)
-    return [f"the content of {name} is another one now" for name in changed(files, contents(files, folders))]
+    return [
+        f"the content of {name} is another one now"
+        for name in changed(files, contents(files, folders))
+    ]
 
 
 def demand_same_files(stored: Iterable[StoredShard]) -> None:
@@ -156,7 +170,9 @@ def clear(folder: Path) -> None:
 
 
 def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wanted: range) -> str:
-    """Families with those of the wanted scenes that no shard has, in words; empty if none is missing."""
+    """Families with those of the wanted scenes that no shard has, in words; empty if none is
+    missing.
+    """
     missing = {name: set(wanted) for name in configuration["families"]}
     for facts in there:
         missing[facts.family].difference_update(facts.scenes)
@@ -178,23 +194,35 @@ class RunKey(NamedTuple):
 
 def trajectory_file(folder: Path, key: RunKey) -> Path:
     """Where a run's trajectory is stored below a campaign's folder."""
-    return folder / TRAJECTORIES / f"{key.family}--{key.condition}--{key.scene:07d}--{key.controller}.npz"
+    return (
+        folder
+        / TRAJECTORIES
+        / f"{key.family}--{key.condition}--{key.scene:07d}--{key.controller}.npz"
+    )
 
 
 def chosen(folder: Path, keep: Keep) -> list[RunKey]:
-    """The runs whose trajectories are kept, of those in a folder that left a sample: whatever order they came in."""
+    """The runs whose trajectories are kept, of those in a folder that left a sample: whatever order
+    they came in.
+    """
     if keep == "none":
         return []
     files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
     names = (*RunKey._fields, "status", "violation_depth", "duration_s")
     lines = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
-    lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True).to_dict("records")
+    lines = lines.sort_values(
+        ["family", "scene", "condition", "controller"], ignore_index=True
+    ).to_dict("records")
     kept = kept_lines(lines, keep, ("family", "condition", "controller"), ("family", "scene"))
     return [RunKey(*(line[name] for name in RunKey._fields)) for line in kept]
 
 
-def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers) -> int:
-    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then."""
+def keep_trajectories(
+    folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers
+) -> int:
+    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many
+    there are then.
+    """
     if keep == "none":
         return 0
     wanted = {trajectory_file(folder, key): key for key in chosen(folder, keep)}
@@ -206,7 +234,10 @@ def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float
         if not path.exists():
             missing.setdefault((key.family, key.scene), []).append(key)
     families = {family.name: family for family in campaign.families}
-    calls = {at: (task_of(campaign, families[at[0]], [at[1]], limit), keys) for at, keys in missing.items()}
+    calls = {
+        at: (task_of(campaign, families[at[0]], [at[1]], limit), keys)
+        for at, keys in missing.items()
+    }
     if calls:
         with workers(rerun) as open_workers:
             for _, answer in open_workers.run(calls):
@@ -223,7 +254,9 @@ def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     with deadline(task.limit) as step:
         step()
         _, there = benches(task, task.scenes[0])
-        for key in sorted(keys if there else (), key=lambda key: task.conditions.index(key.condition)):
+        for key in sorted(
+            keys if there else (), key=lambda key: task.conditions.index(key.condition)
+        ):
             step()
             records[key] = there[key.condition].run(entries[key.controller])
     return records

@@ -29,9 +29,19 @@ from .folder import (  # fmt: skip
 from .parquet import TABLES, TIMING
 from .stored import Evidence
 
-# Entries of a manifest that may differ from folder to folder, and of an identity that different families share.
+# Entries of a manifest that may differ from folder to folder, and of an identity that different
+# families share.
 OWN = (
-    *("shard", "command", "started", "wall_time_s", "process_time_s", "scenes", "runs", "runs_per_s"),
+    *(
+        "shard",
+        "command",
+        "started",
+        "wall_time_s",
+        "process_time_s",
+        "scenes",
+        "runs",
+        "runs_per_s",
+    ),
     *("finished", "stored_before", "trajectories", "machine"),
 )
 COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
@@ -40,7 +50,9 @@ Manifests = Mapping[Path, Mapping[str, Any]]  # by folder
 
 
 class Merged(NamedTuple):
-    """How many scenes, runs and trajectories were put together, and what a reader should know of the folders."""
+    """How many scenes, runs and trajectories were put together, and what a reader should know of
+    the folders.
+    """
 
     scenes: int
     runs: int
@@ -49,17 +61,23 @@ class Merged(NamedTuple):
 
 
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
-    """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has left.
+    """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has
+    left.
 
-    Raises ConfigurationError, before anything is written, if they are not of the same code, settings and packages,
-    scenes are missing, or a scene is there twice with different results; StorageError if something cannot be written.
+    Raises ConfigurationError, before anything is written, if they are not of the same code,
+    settings and packages, scenes are missing, or a scene is there twice with different results;
+    StorageError if something cannot be written.
     """
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:
-        raise ConfigurationError("there is nothing to merge: give the folders after the one that is written")
+        raise ConfigurationError(
+            "there is nothing to merge: give the folders after the one that is written"
+        )
     manifests = {folder: evidence.manifest for folder, evidence in read.items()}
     for folder, manifest in manifests.items():
-        demand_unchanged(folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True)
+        demand_unchanged(
+            folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True
+        )
     # in the order of scenes, so that what is written does not depend on that of the folders
     sources = [shard for folder in read for shard in shards(folder)]
     sources.sort(key=lambda source: (source.facts.family, source.facts.scenes))
@@ -67,9 +85,13 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     _demand_all(sources, manifests)
     once = _each_once(sources)
     if manifest_of(out) and "merged" not in manifest_of(out):
-        raise ConfigurationError(f"{out} holds results of its own: give a folder that is empty or new")
+        raise ConfigurationError(
+            f"{out} holds results of its own: give a folder that is empty or new"
+        )
     if out.resolve() in {folder.resolve() for folder in folders}:
-        raise ConfigurationError(f"{out} is one of the folders that are to be merged: give another one to be written")
+        raise ConfigurationError(
+            f"{out} is one of the folders that are to be merged: give another one to be written"
+        )
     with locked(out, "evidence"):
         clear(out)
         with storing("evidence", out):
@@ -79,21 +101,31 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
                 counts.update({name: table.num_rows for name, table in tables.items()})
                 name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
                 facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
-                write_parts(out, name if len(scenes) < len(source.facts.scenes) else source.name, tables, facts)
+                write_parts(
+                    out,
+                    name if len(scenes) < len(source.facts.scenes) else source.name,
+                    tables,
+                    facts,
+                )
             remarks = tuple(text for evidence in read.values() for text in evidence.remarks)
-            merged = Merged(counts["scenes"], counts[MARK], _copy_trajectories(manifests, out), remarks)
+            merged = Merged(
+                counts["scenes"], counts[MARK], _copy_trajectories(manifests, out), remarks
+            )
             write_json(out / MANIFEST, _merged_manifest(list(manifests.values()), merged))
             seal(out, stored_files(out))
     return merged
 
 
 def _lines(source: StoredShard, name: str, scenes: Sequence[int]) -> Any:
-    table, wanted = source.table(name), set(scenes)
+    table = source.table(name)
+    wanted = set(scenes)
     return table.filter([number in wanted for number in table["scene"].to_pylist()])
 
 
 def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
-    """Raise ConfigurationError if code, settings or packages differ; machines, and folders of families, may."""
+    """Raise ConfigurationError if code, settings or packages differ; machines, and folders of
+    families, may.
+    """
 
     def demand_same(what: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
         (there, one), *others = [*what] or [(Path(), {})]
@@ -103,12 +135,18 @@ def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
                 raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
 
     for family in {source.facts.family for source in sources}:
-        demand_same((each.folder, each.facts.identity) for each in sources if each.facts.family == family)
-    demand_same((each.folder, {name: each.facts.identity.get(name) for name in COMMON}) for each in sources)
+        demand_same(
+            (each.folder, each.facts.identity) for each in sources if each.facts.family == family
+        )
+    demand_same(
+        (each.folder, {name: each.facts.identity.get(name) for name in COMMON}) for each in sources
+    )
     settings = {}
     for folder, manifest in manifests.items():
         configuration = manifest["configuration"]
-        families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
+        families = {
+            name: {**entry, "folder": ""} for name, entry in configuration["families"].items()
+        }
         settings[folder] = {**configuration, "families": families}
     demand_same(settings.items())
     demand_same_files(sources)
@@ -118,20 +156,36 @@ def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
     """Raise ConfigurationError that names shards and scenes that are missing."""
     configuration = next(iter(manifests.values()))["configuration"]
     there = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
-    missing = [f"shard {i}/{n}" for n in {n for _, n in there} for i in range(1, n + 1) if (i, n) not in there]
-    lost = missing_scenes(configuration, [source.facts for source in sources], range(configuration["scenes"]))
+    missing = [
+        f"shard {i}/{n}"
+        for n in {n for _, n in there}
+        for i in range(1, n + 1)
+        if (i, n) not in there
+    ]
+    lost = missing_scenes(
+        configuration, [source.facts for source in sources], range(configuration["scenes"])
+    )
     if lost:
-        which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing" if missing else ""
+        which = (
+            f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+            if missing
+            else ""
+        )
         unfinished = "an interrupted command goes on when it is given again"
-        raise ConfigurationError(f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}")
+        raise ConfigurationError(
+            f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}"
+        )
 
 
 def _each_once(sources: Sequence[StoredShard]) -> list[tuple[StoredShard, list[int]]]:
-    """Shards with those of their scenes that no shard before has; raises ConfigurationError where results differ."""
+    """Shards with those of their scenes that no shard before has; raises ConfigurationError where
+    results differ.
+    """
     owners: dict[tuple[str, int], StoredShard] = {}
     once = []
     for source in sources:
-        scenes: dict[str, list[int]] = {}  # of this shard, by the path of the shard that had them first
+        # of this shard, by the path of the shard that had them first
+        scenes: dict[str, list[int]] = {}
         for number in source.facts.scenes:
             owner = owners.setdefault((source.facts.family, number), source)
             scenes.setdefault(str(owner.path), []).append(number)
@@ -151,7 +205,10 @@ def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]
     for name in TABLES:
         if differ(name, scenes):
             at = next(number for number in scenes if differ(name, [number]))
-            twice = f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}"
+            twice = (
+                f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, "
+                f"with different {name}"
+            )
             why = "one of them was changed, or the law is not the same from run to run"
             raise ConfigurationError(f"{twice}: {why}")
 
@@ -162,7 +219,10 @@ def _copy_trajectories(folders: Manifests, out: Path) -> int:
     for keep in sorted({manifest.get("keep", "none") for manifest in folders.values()} - {"none"}):
         for key in chosen(out, keep):
             to = trajectory_file(out, key)
-            at = next((file for folder in folders if (file := trajectory_file(folder, key)).is_file()), None)
+            at = next(
+                (file for folder in folders if (file := trajectory_file(folder, key)).is_file()),
+                None,
+            )
             if at is not None and not to.exists():
                 (out / TRAJECTORIES).mkdir(exist_ok=True)
                 with replaced(to) as part:
@@ -177,7 +237,9 @@ def _merged_manifest(manifests: Sequence[Mapping[str, Any]], merged: Merged) -> 
     return {
         **{name: value for name, value in first.items() if name not in OWN},
         "version": VERSION,
-        "merged": [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests],
+        "merged": [
+            {name: manifest[name] for name in OWN if name in manifest} for manifest in manifests
+        ],
         "machine": first.get("machine", {}),
         "process_time_s": sum(manifest.get("process_time_s", 0.0) for manifest in manifests),
         # nothing was run by this command: all scenes were there before

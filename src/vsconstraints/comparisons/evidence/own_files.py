@@ -1,4 +1,6 @@
-"""Files that the own laws and constraints of a campaign have loaded or read, named alike on every machine."""
+"""Files that the own laws and constraints of a campaign have loaded or read, named alike on every
+machine.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def has_own_parts(controllers: Entries, families: Sequence[Family]) -> bool:
 
 
 def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
-    """Folders that own parts come from, named after the first module or family that comes from there."""
+    """Folders that own parts come from, named after the first module or family that comes from
+    there.
+    """
     candidates = []
     for entry in controllers:
         if ":" in entry.law:
@@ -59,8 +63,8 @@ def named(files: Files, folders: Folders) -> Files:
 def contents(names: Iterable[str], folders: Folders) -> Files:
     """Hashes of what files of these names hold now, on this machine.
 
-    Left out are those in folders that are not among these, and those outside of all folders that are not there: they
-    can be those of another machine.
+    Left out are those in folders that are not among these, and those outside of all folders that
+    are not there: they can be those of another machine.
     """
     now: Files = {}
     for name in names:
@@ -78,11 +82,15 @@ def changed(files: Files, others: Files) -> Iterator[str]:
 
 
 def demand_unchanged_files(files: Files, earlier: Files) -> None:
-    """Raise ConfigurationError if a file has another content than earlier results were made with."""
+    """Raise ConfigurationError if a file has another content than earlier results were made
+    with.
+    """
     for name in changed(files, earlier):
         why = "was changed while the campaign ran, or differs from one worker to another"
         what = f"the file {name}, which own parts have loaded or read, {why}"
-        raise ConfigurationError(f"{what}: run the campaign again in another folder, or with --fresh")
+        raise ConfigurationError(
+            f"{what}: run the campaign again in another folder, or with --fresh"
+        )
 
 
 def files_of_laws(controllers: Entries, folders: Folders) -> Files:
@@ -91,7 +99,9 @@ def files_of_laws(controllers: Entries, folders: Folders) -> Files:
         for entry in controllers:
             if ":" in entry.law:
                 entry.make()
-    return {name: content for name, content in named(files, folders).items() if not os.path.isabs(name)}
+    return {
+        name: content for name, content in named(files, folders).items() if not os.path.isabs(name)
+    }
 
 
 def _own_constraints(family: Family) -> bool:

@@ -22,7 +22,8 @@ from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, scored, tasks_of
 
 OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a manifest keeps them
-GRACE = 60.0  # a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
+# a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
+GRACE = 60.0
 
 
 Kind = tuple[str, str, str]  #: Family, condition and controller.
@@ -32,8 +33,9 @@ Kind = tuple[str, str, str]  #: Family, condition and controller.
 class Progress:
     """How far a campaign is.
 
-    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``runs`` are new, in
-    ``seconds`` of process time; ``reasons`` says why the first run of each kind ``failed``.
+    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``runs``
+    are new, in ``seconds`` of process time; ``reasons`` says why the first run of each kind
+    ``failed``.
     """
 
     scenes: int
@@ -50,7 +52,9 @@ class Progress:
         self.done += len(task.scenes)
         self.runs += part.runs.num_rows
         self.seconds += part.seconds
-        for line in part.runs.select(["family", "condition", "controller", "status", "reason"]).to_pylist():
+        for line in part.runs.select(
+            ["family", "condition", "controller", "status", "reason"]
+        ).to_pylist():
             family, condition, controller, status, reason = line.values()
             self.of_kind[family, condition, controller] += 1
             if status == "failed":
@@ -66,7 +70,9 @@ class Progress:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, and which signal ended it."""
+    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, and which
+    signal ended it.
+    """
 
     folder: Path
     progress: Progress
@@ -84,8 +90,8 @@ class Finished:
 class Plan:
     """How a campaign is carried out; it changes none of its results.
 
-    ``limit`` is how long a run may take [s] (by its number of samples if None), ``fresh`` whether the content of the
-    folder is replaced, ``workers`` who makes the runs.
+    ``limit`` is how long a run may take [s] (by its number of samples if None), ``fresh`` whether
+    the content of the folder is replaced, ``workers`` who makes the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -103,10 +109,12 @@ def collect(
     command: Sequence[str] = (),
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Finished:
-    """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
+    """Run a campaign, and store its shards below ``folder``; scenes that are there already are not
+    run again.
 
-    ``on_progress`` is called first of all and after every task. Raises ConfigurationError if the folder cannot be used,
-    or a family has no scene, and StorageError if something cannot be written; what is there stays.
+    ``on_progress`` is called first of all and after every task. Raises ConfigurationError if the
+    folder cannot be used, or a family has no scene, and StorageError if something cannot be
+    written; what is there stays.
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
@@ -136,7 +144,8 @@ def collect(
         stored = len(scenes_there)
         progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
         on_progress(progress)
-        identities, here = campaign.identities(), machine()
+        identities = campaign.identities()
+        here = machine()
         folders = own_folders(campaign.controllers, campaign.families)
         files: Files = {}
         for facts in there:
@@ -146,14 +155,17 @@ def collect(
             if tasks:
                 with plan.workers(scored) as workers:
                     for i, part in results(tasks, workers):
-                        task, name = tasks[i], tasks[i].family.name
+                        task = tasks[i]
+                        name = tasks[i].family.name
                         files = contents(part.files.keys() - files.keys(), folders) | files
                         demand_unchanged_files(part.files, files)
                         files.update(part.files)
                         made = part.runs.num_rows, part.seconds, part.files
                         facts = Facts(name, task.scenes, identities[name], here, *made)
                         with storing("evidence", folder):
-                            write_parts(folder, task.name, dict(zip(TABLES, part, strict=False)), facts)
+                            write_parts(
+                                folder, task.name, dict(zip(TABLES, part, strict=False)), facts
+                            )
                         progress.add(task, part)
                         on_progress(progress)
             with storing("evidence", folder):
@@ -163,9 +175,19 @@ def collect(
         finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
         if progress.runs:
             manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
-        seconds, runs = sum(facts.seconds for facts in there), sum(facts.runs for facts in there)
-        manifest.update(process_time_s=seconds + progress.seconds, runs=runs + progress.runs, scenes=progress.scenes)
-        manifest.update(finished=progress.done, stored_before=stored, trajectories=kept, loaded=loaded_versions())
+        seconds = sum(facts.seconds for facts in there)
+        runs = sum(facts.runs for facts in there)
+        manifest.update(
+            process_time_s=seconds + progress.seconds,
+            runs=runs + progress.runs,
+            scenes=progress.scenes,
+        )
+        manifest.update(
+            finished=progress.done,
+            stored_before=stored,
+            trajectories=kept,
+            loaded=loaded_versions(),
+        )
         with storing("evidence", folder):
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))
@@ -175,8 +197,8 @@ def collect(
 def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
     """The result of every task, with its number, as soon as it is there.
 
-    Tasks that no worker survives are made again run by run when all others are done, pieces of all of them in one
-    queue: what no worker survives then fails with the reason.
+    Tasks that no worker survives are made again run by run when all others are done, pieces of all
+    of them in one queue: what no worker survives then fails with the reason.
     """
     pieces: dict[tuple[int, int], Batch] = {}
     for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):
@@ -186,8 +208,11 @@ def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Par
             yield i, answer
     limits = {key: piece.limit for key, piece in pieces.items() if piece.limit is not None}
     patient = {key: replace(pieces[key], limit=limit + GRACE) for key, limit in limits.items()}
-    count, parts = Counter(i for i, _ in pieces), defaultdict[int, dict[int, Part]](dict)
-    for (i, j), answer in workers.run({key: (patient.get(key, piece),) for key, piece in pieces.items()}, limits):
+    count = Counter(i for i, _ in pieces)
+    parts = defaultdict[int, dict[int, Part]](dict)
+    for (i, j), answer in workers.run(
+        {key: (patient.get(key, piece),) for key, piece in pieces.items()}, limits
+    ):
         parts[i][j] = failed(pieces[i, j], answer.reason) if isinstance(answer, Failure) else answer
         if len(parts[i]) == count[i]:
             yield i, Part.joined([part for _, part in sorted(parts.pop(i).items())])

@@ -1,4 +1,6 @@
-"""Evidence read back from its folder, after its shards have been checked: every run once, and no other."""
+"""Evidence read back from its folder, after its shards have been checked: every run once, and no
+other.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ class Evidence(StoredResults):
     def families(self) -> dict[str, Family]:
         """The families as they were run, by name."""
         stored = self.manifest["configuration"]["families"]
-        # the paths of shipped families are stored relative to their folder, which differs from machine to machine
+        # the paths of shipped families are stored relative to their folder, which differs from
+        # machine to machine
         return {
             name: family_of(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
             for name, entry in stored.items()
@@ -74,12 +77,16 @@ class Evidence(StoredResults):
 
     @cached_property
     def runs(self) -> Any:
-        """A DataFrame with one line for each run, in the order of families, conditions, scenes and controllers."""
+        """A DataFrame with one line for each run, in the order of families, conditions, scenes and
+        controllers.
+        """
         return self._table("runs")
 
     @cached_property
     def rows(self) -> Any:
-        """A DataFrame with one line for each row of a run that was challenged, active or violated."""
+        """A DataFrame with one line for each row of a run that was challenged, active or
+        violated.
+        """
         return self._table("rows")
 
     @cached_property
@@ -93,7 +100,9 @@ class Evidence(StoredResults):
         return self.families[family].scene(scene, configuration["half"], configuration["seed"])
 
     def record(self, family: str, condition: str, scene: int, controller: str) -> RunRecord | None:
-        """A run that was kept; None if its trajectory is not there, ConfigurationError if it is not what was stored."""
+        """A run that was kept; None if its trajectory is not there, ConfigurationError if it is not
+        what was stored.
+        """
         if family not in self.families:
             return None
         path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
@@ -122,37 +131,67 @@ class Evidence(StoredResults):
     @classmethod
     def _files(cls, folder: Path) -> Sequence[Path]:
         if kind_of(folder) != "evidence":
-            raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
+            raise ConfigurationError(
+                f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's"
+            )
         # trajectories are many: each is checked where it is read
         return [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
 
     def _demand_planned(self) -> None:
-        configuration, owner = self.manifest["configuration"], dict[tuple[str, int], str]()
+        configuration = self.manifest["configuration"]
+        owner = dict[tuple[str, int], str]()
         stored = shards(self.folder)
         for shard in stored:
-            facts, path = shard.facts, shard.path
-            if any(Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES):
-                raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
-            if problem := _foreign(facts, self.manifest) or next(_wrong_lines(shard, configuration), ""):
-                raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
+            facts = shard.facts
+            path = shard.path
+            if any(
+                Facts.of(shard_file(self.folder, table, shard.name)) != facts for table in TABLES
+            ):
+                raise ConfigurationError(
+                    f"{path} and its parts in other tables say different things of themselves"
+                )
+            if problem := _foreign(facts, self.manifest) or next(
+                _wrong_lines(shard, configuration), ""
+            ):
+                raise ConfigurationError(
+                    f"{path}, a shard: {problem}; {MANIFEST} does not ask for that"
+                )
             for scene in facts.scenes:
                 other = owner.setdefault((facts.family, scene), shard.name)
                 if other != shard.name:
-                    raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
+                    raise ConfigurationError(
+                        f"{path}, a shard: {other} has scene {scene} of {facts.family}, too"
+                    )
         demand_same_files(stored)
 
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
-        others: dict[str, Any] = {"machine": Table, "packages": Table, "command": Texts, "keep": Keep}
+        others: dict[str, Any] = {
+            "machine": Table,
+            "packages": Table,
+            "command": Texts,
+            "keep": Keep,
+        }
         others |= {"shard": tuple[int, int], **dict.fromkeys(("runs", "scenes", "finished"), int)}
         others |= dict.fromkeys(("wall_time_s", "process_time_s", "runs_per_s"), Number)
         manifest = entries(manifest, where, {"configuration": Table}, others)
         where += ".configuration"
         needed = {"families": Table, "controllers": Table, "scenes": int, "half": str, "seed": int}
-        configuration = entries(manifest["configuration"], where, needed, {"scenes_in": dict[str, int]})
-        scenes, families, controllers = (configuration[name] for name in ("scenes", "families", "controllers"))
-        if not (0 < scenes <= MAX_SCENES and configuration["seed"] >= 0 and configuration["half"] in HALVES):
-            must = f"scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
+        configuration = entries(
+            manifest["configuration"], where, needed, {"scenes_in": dict[str, int]}
+        )
+        scenes, families, controllers = (
+            configuration[name] for name in ("scenes", "families", "controllers")
+        )
+        if not (
+            0 < scenes <= MAX_SCENES
+            and configuration["seed"] >= 0
+            and configuration["half"] in HALVES
+        ):
+            must = (
+                f"scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of "
+                f"{', '.join(HALVES)}"
+            )
             raise ConfigurationError(f"{where}: {must}")
         demand_names("family", families, f"{where}: ")
         demand_names("controller", controllers, f"{where}: ")
@@ -166,20 +205,38 @@ class Evidence(StoredResults):
 
 def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
     """What of a footer contradicts the manifest, if anything."""
-    configuration, identity, scenes = manifest["configuration"], facts.identity, facts.scenes
+    configuration = manifest["configuration"]
+    identity = facts.identity
+    scenes = facts.scenes
     family = configuration["families"].get(facts.family)
     if family is None:
         return f"it is of the family {shown(facts.family)}"
-    if not scenes or list(scenes) != sorted(set(scenes)) or scenes[0] < 0 or scenes[-1] >= configuration["scenes"]:
+    if (
+        not scenes
+        or list(scenes) != sorted(set(scenes))
+        or scenes[0] < 0
+        or scenes[-1] >= configuration["scenes"]
+    ):
         return f"its scenes are {shown(scenes)}, of {configuration['scenes']}"
-    planned = {**manifest, **configuration, "conditions": family["conditions"], "family": family["tables"]}
+    planned = {
+        **manifest,
+        **configuration,
+        "conditions": family["conditions"],
+        "family": family["tables"],
+    }
     stored = {**identity, "family": _inside(identity.get("family")).get("tables")}
     # without what own laws' files hold and the packages that laws use
     stored["controllers"] = {
-        name: {key: value for key, value in _inside(entry).items() if not key.startswith(("file ", "package "))}
+        name: {
+            key: value
+            for key, value in _inside(entry).items()
+            if not key.startswith(("file ", "package "))
+        }
         for name, entry in _inside(identity.get("controllers")).items()
     }
-    optional = [name for name in ("seed", "half", "code", "scenes_in", "conditions") if name in stored]
+    optional = [
+        name for name in ("seed", "half", "code", "scenes_in", "conditions") if name in stored
+    ]
     for name in (*optional, "family", "controllers"):
         if name in planned and stored[name] != planned[name]:
             return f"its runs were made with another {name}"
@@ -197,8 +254,12 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
         read = shard.table(table, names)
         return list(zip(*(read[name].to_pylist() for name in names), strict=True))
 
-    facts, half, most = shard.facts, configuration["half"], configuration.get("scenes_in", {})
-    counts = {table: parquet.line_count(shard_file(shard.folder, table, shard.name)) for table in TABLES}
+    facts = shard.facts
+    half = configuration["half"]
+    most = configuration.get("scenes_in", {})
+    counts = {
+        table: parquet.line_count(shard_file(shard.folder, table, shard.name)) for table in TABLES
+    }
     conditions = configuration["families"][facts.family]["conditions"]
     planned = {
         (facts.family, condition, half, scene, law)
@@ -207,10 +268,19 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
     }
     if counts["scenes"] != len(facts.scenes):
         yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
-    if counts[MARK] != facts.runs or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
-        yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {len(planned)} runs"
+    if (
+        counts[MARK] != facts.runs
+        or facts.runs > len(planned)
+        or counts["rows"] > MAX_ROWS * facts.runs
+    ):
+        yield (
+            f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned "
+            f"are {len(planned)} runs"
+        )
     scenes = lines("scenes", "family", "half", "scene", "found")
-    if Counter(line[:3] for line in scenes) != Counter((facts.family, half, scene) for scene in facts.scenes):
+    if Counter(line[:3] for line in scenes) != Counter(
+        (facts.family, half, scene) for scene in facts.scenes
+    ):
         yield "its scenes are not those of its footer"
     keys = [column.name for column in KEYS]
     runs = lines(MARK, *keys, "violated")
@@ -222,7 +292,9 @@ def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterat
         if wrong:
             yield f"it has {problem} {', '.join(map(str, min(wrong, key=str)))}"
     rows = Counter(lines("rows", *keys, "constraint"))
-    violated = {(*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label}
+    violated = {
+        (*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label
+    }
     once = max(rows.values(), default=1) == 1
     if not (once and {row[:-1] for row in rows} <= there.keys() and violated <= rows.keys()):
         yield "its rows are not those of its runs"

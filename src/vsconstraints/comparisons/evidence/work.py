@@ -1,4 +1,6 @@
-"""The unit of work: a batch of scenes with all its conditions and controllers, and the tables of its runs."""
+"""The unit of work: a batch of scenes with all its conditions and controllers, and the tables of
+its runs.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,11 @@ from .campaign import Campaign
 from .own_files import demand_unchanged_files, has_own_parts, named, own_folders
 from .parquet import TABLES
 
-# Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file that is written: some
-# 12 s and a hundred kilobytes), and how many tasks a family is split into at least. No result depends on either.
-RUNS_OF_TASK, MIN_TASKS = 600, 16
+# Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file
+# that is written: some 12 s and a hundred kilobytes), and how many tasks a family is split into at
+# least. No result depends on either.
+RUNS_OF_TASK = 600
+MIN_TASKS = 16
 
 NO_FILES: Files = {}
 
@@ -39,7 +43,9 @@ Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values
 
 @dataclass(frozen=True)
 class Shard:
-    """The part of a campaign's scenes that one of several machines takes: ``number`` of ``of``, from 1."""
+    """The part of a campaign's scenes that one of several machines takes: ``number`` of ``of``,
+    from 1.
+    """
 
     number: int = 1
     of: int = 1
@@ -49,7 +55,9 @@ class Shard:
         """The shard that ``i/n`` means; raises ConfigurationError."""
         number, slash, of = text.partition("/")
         if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
-            raise ConfigurationError(f"--shard takes i/n with i from 1 to n, such as 2/4, not {text!r}")
+            raise ConfigurationError(
+                f"--shard takes i/n with i from 1 to n, such as 2/4, not {text!r}"
+            )
         return cls(int(number), int(of))
 
     def __str__(self) -> str:
@@ -64,10 +72,10 @@ class Shard:
 class Batch:
     """All that a worker needs, so that it can be sent anywhere.
 
-    Each of the ``scenes`` of a family is run in every condition with every controller, the unconstrained baseline
-    first. One step, drawing a scene or one run, may take ``limit`` [s] until the worker's process is ended. ``single``
-    is the only controller whose runs are requested; None for all, and the line of each scene. ``drawn`` is the only
-    scene if it is there already.
+    Each of the ``scenes`` of a family is run in every condition with every controller, the
+    unconstrained baseline first. One step, drawing a scene or one run, may take ``limit`` [s] until
+    the worker's process is ended. ``single`` is the only controller whose runs are requested; None
+    for all, and the line of each scene. ``drawn`` is the only scene if it is there already.
     """
 
     family: Family
@@ -90,30 +98,45 @@ class Batch:
         own = [replace(self, scenes=(number,)) for number in self.scenes]
         runs = product(own, self.conditions, self.controllers)
         pieces = [replace(task, conditions=()) for task in own]
-        return pieces + [replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs]
+        return pieces + [
+            replace(task, conditions=(name,), single=entry.name) for task, name, entry in runs
+        ]
 
 
 ALL = Shard()
 
 
-def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
-    """The task of scenes that are run in the same conditions; without ``limit`` by a run's samples."""
+def task_of(
+    campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None
+) -> Batch:
+    """The task of scenes that are run in the same conditions; without ``limit`` by a run's
+    samples.
+    """
     limit = limit or run_limit(family.tables)
     conditions = campaign.conditions_of(family, scenes[0])
-    return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
+    return Batch(
+        family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit
+    )
 
 
 def tasks_of(
-    campaign: Campaign, shard: Shard = ALL, limit: float | None = None, there: Collection[tuple[str, int]] = ()
+    campaign: Campaign,
+    shard: Shard = ALL,
+    limit: float | None = None,
+    there: Collection[tuple[str, int]] = (),
 ) -> list[Batch]:
-    """A campaign's tasks, but for scenes that are ``there``: of all families in turn, so that no slow one is left."""
+    """A campaign's tasks, but for scenes that are ``there``: of all families in turn, so that no
+    slow one is left.
+    """
     scenes = shard.scenes(campaign.scenes)
 
     def of_family(family: Family) -> list[Batch]:
         runs = len(campaign.conditions_of(family)) * len(campaign.controllers)
         size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
         missing = (number for number in scenes if (family.name, number) not in there)
-        alike = groupby(missing, key=lambda number: (number // size, campaign.conditions_of(family, number)))
+        alike = groupby(
+            missing, key=lambda number: (number // size, campaign.conditions_of(family, number))
+        )
         return [task_of(campaign, family, list(batch), limit) for _, batch in alike]
 
     in_turn = zip_longest(*map(of_family, campaign.families))
@@ -121,7 +144,9 @@ def tasks_of(
 
 
 class Part(NamedTuple):
-    """The result of a task: Arrow tables, how long it took [s], and the :mod:`.own_files` that it depends on."""
+    """The result of a task: Arrow tables, how long it took [s], and the :mod:`.own_files` that it
+    depends on.
+    """
 
     runs: Any
     rows: Any
@@ -137,7 +162,9 @@ class Part(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
-        """All of them as one, in their order; raises ConfigurationError if own files changed meanwhile."""
+        """All of them as one, in their order; raises ConfigurationError if own files changed
+        meanwhile.
+        """
         *tables, seconds, files = zip(*parts, strict=True)
         together: Files = {}
         for own in files:
@@ -147,15 +174,20 @@ class Part(NamedTuple):
 
 
 def scored(task: Batch) -> Part:
-    """Draw the scenes of a task, run every controller on each in every condition with the same noise, and score that.
+    """Draw the scenes of a task, run every controller on each in every condition with the same
+    noise, and score that.
 
-    A run that fails in any way becomes a line with its reason; what ends the process is left to the caller.
+    A run that fails in any way becomes a line with its reason; what ends the process is left to the
+    caller.
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
     nothing: Files = {}
     own_parts = has_own_parts(task.controllers, [task.family])
-    with own_parts_noted() if own_parts else nullcontext(nothing) as files, deadline(task.limit) as step:
+    with (
+        own_parts_noted() if own_parts else nullcontext(nothing) as files,
+        deadline(task.limit) as step,
+    ):
         for number in task.scenes:
             step()
             scene, there = benches(task, number)
@@ -193,14 +225,23 @@ def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
     """
     try:
         with chdir("."), beside(task.family.folder):
-            scene, setups = (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
-    except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
+            scene, setups = (
+                (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
+            )
+    # own constraints can raise anything: the scene is listed with the reason
+    except Exception as error:
         return described(error), {}
-    return scene, {name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found}
+    return scene, {
+        name: Bench(scene, name, setups.get(name)) for name in task.conditions if scene.found
+    }
 
 
 def _add(
-    lines: Lines, task: Batch, key: tuple[int, str, str], record: RunRecord, baseline: RunRecord | None = None
+    lines: Lines,
+    task: Batch,
+    key: tuple[int, str, str],
+    record: RunRecord,
+    baseline: RunRecord | None = None,
 ) -> None:
     try:
         run = score(record, baseline)
@@ -218,7 +259,9 @@ def _add(
 
 def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
     if isinstance(scene, str):  # could not be drawn, and nothing else is known of it
-        scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
+        scene = Drawn(
+            task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1}
+        )
     return {
         "family": task.family.name,
         "half": task.half,
@@ -239,32 +282,41 @@ def _json(data: Any) -> str:
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    The setup is used again after runs that leave nothing in it, and made anew after others. Custom laws
-    run in processes of their own.
+    The setup is used again after runs that leave nothing in it, and made anew after others. Custom
+    laws run in processes of their own.
     """
 
     def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
-        self._scene, self._condition, self._setup = scene, condition, setup
+        self._scene = scene
+        self._condition = condition
+        self._setup = setup
         self._ready: tuple[Prepared, list[str]] | None = None
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """A run; whatever goes wrong becomes a failed one with its reason."""
         scene = self._scene
         try:
-            # own parts may change the working directory, and import what lies beside them whenever they like
+            # own parts may change the working directory, and import what lies beside them whenever
+            # they like
             with chdir("."), beside(scene.folder, entry.folder):
                 own_parts = bool(scene.scenario(self._condition).own_parts)
                 if self._ready is None:
-                    setup, self._setup = self._setup, None
-                    setup = until_settled(scene.setup(self._condition) if setup is None or own_parts else setup)
+                    setup = self._setup
+                    self._setup = None
+                    setup = until_settled(
+                        scene.setup(self._condition) if setup is None or own_parts else setup
+                    )
                     prepared = Prepared(setup)
                     self._ready = prepared, setup.check_start(prepared.world)
-                (prepared, remarks), self._ready = self._ready, None
+                prepared, remarks = self._ready
+                self._ready = None
                 setup = entry.run.of(prepared.setup)
                 same = prepared if setup is prepared.setup else None
                 if entry.apart:
                     scenario = scene.scenario(self._condition)
-                    law_run = LawRun(scenario, entry, seed=scene.noise, time_limit=prepared.setup.time_limit)
+                    law_run = LawRun(
+                        scenario, entry, seed=scene.noise, time_limit=prepared.setup.time_limit
+                    )
                     trajectory = simulate_apart(law_run, setup, remarks, same)
                 else:
                     trajectory = simulate(setup, entry.make(), remarks=remarks, prepared=same)
@@ -273,7 +325,8 @@ class Bench:
             return RunRecord.failed(str(failure), "")
         except INTERRUPTS:
             raise
-        except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
+        # even SystemExit: this is where one run ends and the others begin
+        except BaseException as error:
             return RunRecord.failed(described(error), "")
         left_as_it_was = entry.apart or ":" not in entry.law
         if record.trajectory.status != "failed" and left_as_it_was and not own_parts:

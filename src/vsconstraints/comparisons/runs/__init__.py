@@ -1,1 +1,3 @@
-"""How runs are carried out: processes of their own, time limits, signals, and what an unfinished command keeps."""
+"""How runs are carried out: processes of their own, time limits, signals, and what an unfinished
+command keeps.
+"""

@@ -22,11 +22,14 @@ from ...plugins.regular_files import read_regular
 
 MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
 MAX_NAMED = 3  # files that a message names
-SAMPLE, WORTH = 1 << 13, 0.7  # an array is compressed if its first bytes become smaller than this share
-#: Time of all arrays in a file. That of the system is not stored: it may lie where ZIP has no dates, before 1980 or
-#: after 2107, as on a controller whose battery is empty.
+# an array is compressed if its first bytes become smaller than this share
+SAMPLE = 1 << 13
+WORTH = 0.7
+#: Time of all arrays in a file. That of the system is not stored: it may lie where ZIP has no
+#: dates, before 1980 or after 2107, as on a controller whose battery is empty.
 MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
-LEVEL = 1  # level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
+# level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
+LEVEL = 1
 
 #: Lines are added as files come, and written anew when the command that makes them ends.
 SUMS = "checksums.sha256"
@@ -47,7 +50,9 @@ def storing(what: str, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A file that then takes the place of ``path``; if anything is raised, it is removed instead."""
+    """A file that then takes the place of ``path``; if anything is raised, it is removed
+    instead.
+    """
     part = path.with_name(path.name + ".part")
     try:
         yield part
@@ -71,7 +76,9 @@ def plain(data: object) -> Any:
 
 def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
     """Write a .npz file of arrays by their names; everything else is in ``facts``, as JSON."""
-    arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {
+        name: value for name, value in values.items() if isinstance(value, np.ndarray)
+    }
     facts = {name: value for name, value in values.items() if name not in arrays}
     text = json.dumps(facts, default=lambda number: number.item())
     with replaced(path) as part, zipfile.ZipFile(part, "w") as archive:
@@ -79,7 +86,8 @@ def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, array, allow_pickle=False)
             member = buffer.getbuffer()
-            # measured numbers are hardly smaller compressed, and take longer than all else of a file
+            # measured numbers are hardly smaller compressed, and take longer than all else of a
+            # file
             begin = member[:SAMPLE]
             worth = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
             kind = zipfile.ZIP_DEFLATED if worth else zipfile.ZIP_STORED
@@ -90,7 +98,8 @@ def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
 
-    Nothing is expanded unless the archive and each array's header claim no more than ``most`` bytes together.
+    Nothing is expanded unless the archive and each array's header claim no more than ``most`` bytes
+    together.
     """
     with path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
@@ -100,7 +109,10 @@ def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
             for member in members:
                 with archive.open(member) as array:
                     version = np.lib.format.read_magic(array)
-                    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+                    header = {
+                        (1, 0): np.lib.format.read_array_header_1_0,
+                        (2, 0): np.lib.format.read_array_header_2_0,
+                    }
                     shape, _, dtype = header[version](array)
                     if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
                         raise ValueError(f"{member.filename} is not as large as it says")
@@ -116,12 +128,15 @@ def digests(folder: Path, paths: Iterable[Path]) -> Sums:
     for path in paths:
         if path.is_file():
             with path.open("rb") as file:
-                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
+                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(
+                    file, "sha256"
+                ).hexdigest()
     return sums
 
 
 def recorded(folder: Path) -> Sums | None:
-    """The hashes recorded in a folder, without an incomplete last line of a process that was ended; None without any.
+    """The hashes recorded in a folder, without an incomplete last line of a process that was ended;
+    None without any.
 
     Raises ConfigurationError if another line is no checksum, or the file cannot be read.
     """
@@ -159,7 +174,9 @@ def _lines(sums: Mapping[str, str]) -> bytes:
 
 
 def seal(folder: Path, paths: Iterable[Path]) -> None:
-    """Record these files and no other, all that will not be written again, those not read that are; raises OSError."""
+    """Record these files and no other, all that will not be written again, those not read that are;
+    raises OSError.
+    """
     known = recorded(folder) or {}
     names = {path.relative_to(folder).as_posix(): path for path in paths if path.is_file()}
     known |= digests(folder, (path for name, path in names.items() if name not in known))
@@ -177,13 +194,17 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
 def check_sums(
     folder: Path, paths: Iterable[Path], finished: bool = True, all_there: bool = True
 ) -> tuple[list[str], str]:
-    """Sentences on what is wrong with the files of results, and a remark for the reader; empty where nothing is.
+    """Sentences on what is wrong with the files of results, and a remark for the reader; empty
+    where nothing is.
 
-    Before the command that makes them has ``finished``, those that it still writes are not recorded. Trajectories may
-    be missing, which reports name, unless ``all_there``.
+    Before the command that makes them has ``finished``, those that it still writes are not
+    recorded. Trajectories may be missing, which reports name, unless ``all_there``.
     """
     if (sums := recorded(folder)) is None:
-        return [], f"{folder} carries no checksums: it cannot be told whether a file in it was changed"
+        return (
+            [],
+            f"{folder} carries no checksums: it cannot be told whether a file in it was changed",
+        )
     there = digests(folder, paths)
     missing = [name for name in sums if name not in there and not (folder / name).is_file()]
     unknown = [name for name in there if name not in sums]
@@ -191,15 +212,25 @@ def check_sums(
         "not what was stored (checksums differ)": [
             name for name in there if sums.get(name, there[name]) != there[name]
         ],
-        "missing": [name for name in missing if all_there or not name.startswith(f"{TRAJECTORIES}/")],
-        f"not in {SUMS} (put there later, or by a command that was ended)": unknown if finished else [],
+        "missing": [
+            name for name in missing if all_there or not name.startswith(f"{TRAJECTORIES}/")
+        ],
+        f"not in {SUMS} (put there later, or by a command that was ended)": unknown
+        if finished
+        else [],
     }
-    remark = f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
+    remark = (
+        f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
+    )
     return [f"{what}: {_named(names)}" for what, names in wrong.items() if names], remark
 
 
-def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
-    """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there later, or lost."""
+def demand_unchanged(
+    folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False
+) -> str:
+    """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there
+    later, or lost.
+    """
     problems, remark = check_sums(folder, paths, finished, all_there)
     if problems:
         instead = "Put back what was stored, or give the command again that made it"

@@ -1,4 +1,6 @@
-"""A folder of results: of one kind, locked by one process at a time; whose trajectories are kept in it."""
+"""A folder of results: of one kind, locked by one process at a time; whose trajectories are kept in
+it.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,21 @@ from .files import demand_unchanged
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
 MANIFEST = "manifest.json"  #: Says what was run; every kind of results has one.
-#: File that names the process that holds the folder. It stays, and says that what is there are results.
+#: File that names the process that holds the folder. It stays, and says that what is there are
+#: results.
 LOCK = ".vsconstraints-lock"
-#: Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself.
+#: Folders that this process holds: locks are a process' own, and a second one of the same file
+#: would refuse itself.
 _locked: set[Path] = set()
 
 
 @contextmanager
 def locked(folder: Path, kind: Kind) -> Iterator[None]:
-    """Lock a folder, created if need be, so that no other process stores anything in it; a process may do so twice.
+    """Lock a folder, created if need be, so that no other process stores anything in it; a process
+    may do so twice.
 
-    Raises ConfigurationError if the folder cannot be created, holds something else, or another process has locked it;
-    nothing in it has been touched then.
+    Raises ConfigurationError if the folder cannot be created, holds something else, or another
+    process has locked it; nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _locked:
@@ -43,7 +48,9 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         raise FolderTaken(f"{problem}: give another folder with --out", problem)
     if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
         nothing = f"no {kind.removeprefix('a ')} that could go on"
-        raise ConfigurationError(f"{path} holds something, and {nothing}: give a folder that is empty or new")
+        raise ConfigurationError(
+            f"{path} holds something, and {nothing}: give a folder that is empty or new"
+        )
     try:
         path.mkdir(parents=True, exist_ok=True)
         demand_inside(path)
@@ -58,7 +65,9 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
         except BlockingIOError:
             lock.seek(0)
             storing = f"process {lock.read().strip() or 'unknown'} is storing results in {folder}"
-            raise ConfigurationError(f"{storing}: wait until it ends, or give another folder") from None
+            raise ConfigurationError(
+                f"{storing}: wait until it ends, or give another folder"
+            ) from None
         except OSError:
             pass  # a file system without locks
         with suppress(OSError):  # a full disk: others are refused without the process id
@@ -73,11 +82,16 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
 
 
 def demand_inside(folder: Path) -> None:
-    """Raise ConfigurationError if a link in a folder leads out of it: what is written to it would go elsewhere."""
+    """Raise ConfigurationError if a link in a folder leads out of it: what is written to it would
+    go elsewhere.
+    """
     whole = os.path.realpath(folder)
     for at, folders, files in os.walk(folder):
         for path in (os.path.join(at, name) for name in (*folders, *files)):
-            if os.path.islink(path) and os.path.commonpath([whole, os.path.realpath(path)]) != whole:
+            if (
+                os.path.islink(path)
+                and os.path.commonpath([whole, os.path.realpath(path)]) != whole
+            ):
                 why = "where results would be written to: replace it by what it leads to"
                 raise ConfigurationError(f"{path} is a link that leads out of the folder, {why}")
 
@@ -113,8 +127,8 @@ def read_manifest(path: Path) -> Any:
 class StoredResults:
     """Results in their folder, with their manifest.
 
-    Where they are ``trusted``, code that is named in them as ``module:Class`` may run. ``remarks`` are what a reader
-    should know: that there are no checksums, or that code is not run.
+    Where they are ``trusted``, code that is named in them as ``module:Class`` may run. ``remarks``
+    are what a reader should know: that there are no checksums, or that code is not run.
     """
 
     folder: Path
@@ -128,8 +142,8 @@ class StoredResults:
     def load(cls, folder: Path, trust: bool = False) -> Self:
         """Read a folder; nothing that is named in it is imported unless it is trusted.
 
-        Raises ConfigurationError that says what is missing in it, was changed, or is not what was stored; and for links
-        that lead out of it.
+        Raises ConfigurationError that says what is missing in it, was changed, or is not what was
+        stored; and for links that lead out of it.
         """
         files = cls._files(folder)
         demand_inside(folder)
@@ -140,7 +154,11 @@ class StoredResults:
         except (OSError, ValueError, RecursionError) as error:
             raise ConfigurationError(f"{path} cannot be read: {error}") from error
         cls._demand_readable(manifest, str(path))
-        code = [] if trust else list(code_named([manifest["configuration"][name] for name in cls.with_code]))
+        code = (
+            []
+            if trust
+            else list(code_named([manifest["configuration"][name] for name in cls.with_code]))
+        )
         remarks = remark, str(untrusted("some of what is drawn", code)) if code else ""
         stored = cls(folder, dict(manifest), trust, tuple(filter(None, remarks)))
         stored._demand_planned()
@@ -148,7 +166,9 @@ class StoredResults:
 
     @classmethod
     def _files(cls, folder: Path) -> Sequence[Path]:
-        """Those whose checksums are looked at; raises ConfigurationError if there are no such results."""
+        """Those whose checksums are looked at; raises ConfigurationError if there are no such
+        results.
+        """
         raise NotImplementedError
 
     @classmethod
@@ -157,7 +177,9 @@ class StoredResults:
         raise NotImplementedError
 
     def _demand_planned(self) -> None:
-        """Raise ConfigurationError unless all lines of all tables are what the manifest asks for."""
+        """Raise ConfigurationError unless all lines of all tables are what the manifest asks
+        for.
+        """
         raise NotImplementedError
 
     @property
@@ -166,17 +188,26 @@ class StoredResults:
         return tuple(self.manifest["configuration"]["controllers"])
 
 
-def entries(value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING) -> Table:
-    """The entries of a table that readers need, by what they are; raises ConfigurationError for wrong ones."""
+def entries(
+    value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING
+) -> Table:
+    """The entries of a table that readers need, by what they are; raises ConfigurationError for
+    wrong ones.
+    """
     table = demand_table(value, where)
     for name in needed:
         if name not in table:
             raise ConfigurationError(f"{where}: the key {name!r} is missing")
     kinds = {**needed, **others}
-    return {name: checked(table[name], kind, where, name) for name, kind in kinds.items() if name in table}
+    return {
+        name: checked(table[name], kind, where, name)
+        for name, kind in kinds.items()
+        if name in table
+    }
 
 
-#: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest violation, or the first.
+#: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest
+#: violation, or the first.
 Keep = Literal["none", "failed", "worst", "first", "all"]
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
@@ -189,11 +220,14 @@ def demand_keep(keep: str) -> Keep:
     return cast("Keep", keep)
 
 
-def kept_lines(lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tuple[str, str]) -> list[Line]:
-    """Lines of the runs whose trajectories are kept, of those with ``status`` and ``violation_depth``.
+def kept_lines(
+    lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tuple[str, str]
+) -> list[Line]:
+    """Lines of the runs whose trajectories are kept, of those with ``status`` and
+    ``violation_depth``.
 
-    ``kind`` are the columns that runs of one kind have in common; ``first`` are the column within which the lowest
-    number counts as first, and that of the numbers.
+    ``kind`` are the columns that runs of one kind have in common; ``first`` are the column within
+    which the lowest number counts as first, and that of the numbers.
     """
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]
@@ -205,6 +239,8 @@ def kept_lines(lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tu
         return list(worst.values())
     if keep == "first":
         group, number = first
-        lowest = {line[group]: line[number] for line in sorted(lines, key=lambda line: -line[number])}
+        lowest = {
+            line[group]: line[number] for line in sorted(lines, key=lambda line: -line[number])
+        }
         return [line for line in lines if line[number] == lowest[line[group]]]
     return list(lines) if keep == "all" else []

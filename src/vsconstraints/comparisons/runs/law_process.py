@@ -1,7 +1,9 @@
-"""Runs of custom laws, each law in a process of its own, which says what the law commands and nothing else.
+"""Runs of custom laws, each law in a process of its own, which says what the law commands and
+nothing else.
 
-The motion that follows from the commands is simulated, judged and scored in the process that asks: it never loads the
-law's code, so that nothing that the law changes in its own process reaches the runs of others or its own scores.
+The motion that follows from the commands is simulated, judged and scored in the process that asks:
+it never loads the law's code, so that nothing that the law changes in its own process reaches the
+runs of others or its own scores.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ from ...simulation.recorded import Recorded, replay
 from .pool import Failure, Pool
 from .spec import ControllerSpec
 
-MAX_PROCESSES = 8  #: Laws whose processes are kept for further runs; the one that has waited longest ends first.
+#: Laws whose processes are kept for further runs; the one that has waited longest ends first.
+MAX_PROCESSES = 8
 EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
 
-_pools: dict[str, Pool[dict[str, Any]]] = {}  #: Processes of laws, by the laws; the one used last comes last.
+#: Processes of laws, by the laws; the one used last comes last.
+_pools: dict[str, Pool[dict[str, Any]]] = {}
 _finalizers: list[Finalize] = []
 _read_here: Files = {}  #: In a law's process: what its code has read in all its runs.
 
@@ -43,7 +47,8 @@ class LawProcessLostError(LawFailedError):
 class LawRun:
     """A run as the process of its law is told of it.
 
-    ``time_limit`` [s] is that of the setup, see :func:`.until_settled`; ``by_public_call`` that of :func:`.simulate`.
+    ``time_limit`` [s] is that of the setup, see :func:`.until_settled`; ``by_public_call`` that of
+    :func:`.simulate`.
     """
 
     scenario: Scenario
@@ -55,9 +60,13 @@ class LawRun:
 
 
 def simulate_apart(
-    run: LawRun, setup: Setup, remarks: Sequence[str] | None = None, prepared: Prepared | None = None
+    run: LawRun,
+    setup: Setup,
+    remarks: Sequence[str] | None = None,
+    prepared: Prepared | None = None,
 ) -> Trajectory:
-    """As :func:`.simulate`, with the law in a process of its own; ``setup`` is what the run is scored on.
+    """As :func:`.simulate`, with the law in a process of its own; ``setup`` is what the run is
+    scored on.
 
     Raises LawFailedError if the law's process leaves no run.
     """
@@ -71,20 +80,26 @@ def simulate_apart(
         reason = answer.get("failed")
         recorded = None if reason else Recorded.from_plain(answer["recorded"], setup.scene.robot.n)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise LawFailedError(f"the answer of the law's process cannot be used: {described(error)}") from error
+        raise LawFailedError(
+            f"the answer of the law's process cannot be used: {described(error)}"
+        ) from error
     if recorded is None:
         raise LawFailedError(str(reason))
     return replay(setup, recorded, remarks=remarks, prepared=prepared)
 
 
 def record(run: LawRun) -> dict[str, Any]:
-    """Run a law in its process, and say what it commanded, or why it failed, and which files it read."""
+    """Run a law in its process, and say what it commanded, or why it failed, and which files it
+    read.
+    """
     said: dict[str, Any] = {}
     with chdir("."), noted() as read:
         try:
             with beside(run.scenario.folder, run.law.folder):
                 setup = replace(run.scenario.setup(run.trial, run.seed), time_limit=run.time_limit)
-                recorded = Recorded.of(run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call)
+                recorded = Recorded.of(
+                    run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call
+                )
                 said["recorded"] = recorded.plain()
         except BaseException as error:  # even SystemExit: this is where a run of the law ends
             said["failed"] = described(error)
@@ -98,7 +113,8 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
         _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
     try:
         law = hashlib.sha256(pickle.dumps(run.law)).hexdigest()
-    except Exception as error:  # options and instances of own laws can raise anything when they are pickled
+    # options and instances of own laws can raise anything when they are pickled
+    except Exception as error:
         return Failure.of(error, "it cannot be sent to a process: ")
     pool = _pools.pop(law, None) or Pool(record, 1, plain=True)
     _pools[law] = pool

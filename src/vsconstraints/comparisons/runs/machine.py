@@ -1,4 +1,6 @@
-"""What results depend on besides what is run: the machine, the packages, and this package's own source."""
+"""What results depend on besides what is run: the machine, the packages, and this package's own
+source.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +25,28 @@ from ...compiled import available
 from ...plugins.extras import EXTRAS
 
 VERSION = version("vsconstraints")
-OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")  # required, but no result depends on them
+# required, but no result depends on them
+OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
 OPTIONAL = ("quadprog",)  # used wherever they are installed
 
-PROCESS_MEMORY = 300e6  # of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
+# of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
+PROCESS_MEMORY = 300e6
 
-MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1  # how long a run may take [s], which may have to compile, and each sample
+# how long a run may take [s], which may have to compile, and each sample
+MIN_LIMIT = 120.0
+LIMIT_PER_SAMPLE = 0.1
 
 
 def machine() -> dict[str, str | int]:
     """Processor, cores, system and Python."""
     processor = _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine()
     system = f"{platform.system()} {platform.machine()}"
-    return {"processor": processor, "cores": os.cpu_count() or 0, "system": system, "python": python_version()}
+    return {
+        "processor": processor,
+        "cores": os.cpu_count() or 0,
+        "system": system,
+        "python": python_version(),
+    }
 
 
 def python_version() -> str:
@@ -45,7 +56,9 @@ def python_version() -> str:
 
 @cache
 def code_hash() -> str:
-    """Hash of the package's own source, so that results of other code are never taken for this one's."""
+    """Hash of the package's own source, so that results of other code are never taken for this
+    one's.
+    """
     digest = hashlib.sha256()
     package = Path(__file__).parents[2]
     for path in sorted(package.rglob("*.py")):
@@ -56,13 +69,17 @@ def code_hash() -> str:
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Versions of Python and of all required packages that results can depend on; others: :func:`used_versions`."""
+    """Versions of Python and of all required packages that results can depend on; others:
+    :func:`used_versions`.
+    """
     names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
     return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}
 
 
 def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
-    """Versions of optional packages that the tables of a scenario, a family or a law's options use; they are loaded."""
+    """Versions of optional packages that the tables of a scenario, a family or a law's options use;
+    they are loaded.
+    """
     used: dict[str, str] = {}
     for key, value in tables.items():
         if key == "sensor":
@@ -82,7 +99,9 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
 
 
 def module_version(name: str) -> str:
-    """The version of a module, which is loaded for it, after the name of the distribution that it comes from."""
+    """The version of a module, which is loaded for it, after the name of the distribution that it
+    comes from.
+    """
     try:
         module = import_module(name)
     except ImportError:
@@ -92,28 +111,42 @@ def module_version(name: str) -> str:
 
 
 def loaded_versions() -> dict[str, str]:
-    """Versions of all distributions of which this process has loaded a module, those that own parts use included."""
+    """Versions of all distributions of which this process has loaded a module, those that own parts
+    use included.
+    """
     owners = _owners()
-    files = [getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values())]
-    return dict(sorted({owners[file] for file in files if isinstance(file, str) and file in owners}))
+    files = [
+        getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values())
+    ]
+    return dict(
+        sorted({owners[file] for file in files if isinstance(file, str) and file in owners})
+    )
 
 
 @cache
 def _owners() -> dict[str, tuple[str, str]]:
     """Name and version of the distribution that every installed module belongs to, by its file."""
-    owners, modules = {}, tuple(all_suffixes())
+    owners = {}
+    modules = tuple(all_suffixes())
     for distribution in distributions():
         # once for each distribution: done for each of its files they took 17 s
-        folder, owner = str(distribution.locate_file("")), (distribution.name, distribution.version)
-        files = (line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines())
-        owners.update({os.path.join(folder, file): owner for file in files if file.endswith(modules)})
+        folder = str(distribution.locate_file(""))
+        owner = (distribution.name, distribution.version)
+        files = (
+            line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines()
+        )
+        owners.update(
+            {os.path.join(folder, file): owner for file in files if file.endswith(modules)}
+        )
     return owners
 
 
 @cache
 def _required(name: str, extra: str = "") -> tuple[str, ...]:
     """Names of the packages that a package requires, or those of one of its extras."""
-    lines = [re.match(r"([\w.-]+)(?:.*extra == ['\"](.+?)['\"])?", line) for line in requires(name) or ()]
+    lines = [
+        re.match(r"([\w.-]+)(?:.*extra == ['\"](.+?)['\"])?", line) for line in requires(name) or ()
+    ]
     return tuple(line[1] for line in lines if line and (line[2] or "") == extra)
 
 
@@ -124,12 +157,21 @@ def _version(name: str) -> str:
 
 
 def code_identity() -> dict[str, Any]:
-    """Source, versions of Python and of the packages that all results can depend on, and whether runs are compiled."""
-    return {"version": VERSION, "code": code_hash()[:16], "compiled": available(), "packages": package_versions()}
+    """Source, versions of Python and of the packages that all results can depend on, and whether
+    runs are compiled.
+    """
+    return {
+        "version": VERSION,
+        "code": code_hash()[:16],
+        "compiled": available(),
+        "packages": package_versions(),
+    }
 
 
 def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
-    """Entries of a manifest: this version, the command as it was typed, machine, and versions, also of what it uses."""
+    """Entries of a manifest: this version, the command as it was typed, machine, and versions, also
+    of what it uses.
+    """
     return {
         "version": VERSION,
         "git_commit": git_commit(),
@@ -142,18 +184,28 @@ def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any
 
 
 def git_commit() -> str:
-    """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git checkout."""
+    """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git
+    checkout.
+    """
 
     def git(*arguments: str) -> str:
-        folder, command = Path(__file__).parent, ["git", *arguments]
+        folder = Path(__file__).parent
+        command = ["git", *arguments]
         try:
-            return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=5, check=True).stdout
+            return subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, timeout=5, check=True
+            ).stdout
         except (OSError, subprocess.SubprocessError):
             return ""
 
-    # an installed copy can lie inside the checkout of another project: only where git knows this file it is its commit
+    # an installed copy can lie inside the checkout of another project: only where git knows this
+    # file it is its commit
     known = git("ls-files", "--error-unmatch", Path(__file__).name)
-    return git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip() if known else ""
+    return (
+        git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip()
+        if known
+        else ""
+    )
 
 
 def _field(path: str, name: str) -> str:
@@ -169,28 +221,35 @@ def cores() -> int:
 
 
 def process_count(asked: int | None = None) -> int:
-    """How many processes to use: as requested, or as possible if None, but no more than cores and memory allow."""
+    """How many processes to use: as requested, or as possible if None, but no more than cores and
+    memory allow.
+    """
     return max(1, min(asked or cores(), cores(), int(available_memory() // PROCESS_MEMORY)))
 
 
 def available_memory() -> float:
-    """Memory that can be had without swapping [bytes]; all there is where the system does not say."""
+    """Memory that can be had without swapping [bytes]; all there is where the system does not
+    say.
+    """
     if available := _field("/proc/meminfo", "MemAvailable:"):
         return 1024.0 * float(available.split()[0])
     return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
 
 
 def most_samples(tables: Mapping[str, Any]) -> float:
-    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
+    """How many samples a run of a scenario may leave; without a bound where its tables hold no
+    numbers.
 
-    It may take three durations until it settles, of a law that is called four times as often; or the stop of an arm.
+    It may take three durations until it settles, of a law that is called four times as often; or
+    the stop of an arm.
     """
     return 1000.0 + 16.0 * _samples(tables, math.inf)
 
 
 def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
-    return MIN_LIMIT + LIMIT_PER_SAMPLE * _samples(tables, 0.0)  # what is wrong is said where the scenario is built
+    # what is wrong is said where the scenario is built
+    return MIN_LIMIT + LIMIT_PER_SAMPLE * _samples(tables, 0.0)
 
 
 def _samples(tables: Mapping[str, Any], otherwise: float) -> float:

@@ -29,13 +29,20 @@ from .machine import process_count
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
 
-#: Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent.
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+#: Set to 1 in workers: matrices are small, threads would only make times noisy and sums
+#: order-dependent.
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
 
 DIED = "the process that ran it died"
 CHECK = 1.0  # how often silent processes are checked [s]
 PATIENCE = 5.0  # how long processes may take to end by themselves when nothing is left to do [s]
-NEXT_FUNCTION = b"function"  # what is sent to a process before another function than it has called until then
+# what is sent to a process before another function than it has called until then
+NEXT_FUNCTION = b"function"
 MAX_FAILED_STARTS = 5  # processes in a row that may die before they are ready
 
 
@@ -55,9 +62,15 @@ class Workers(Protocol):
     """What calls one function elsewhere: a :class:`Pool`, or a cluster."""
 
     def run(
-        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
+        self,
+        calls: Mapping[Key, tuple[Any, ...]],
+        limits: Mapping[Key, float] | None = None,
+        *,
+        again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
-        """Answers as they come, with their keys, a :class:`Failure` where there is none: see :meth:`Pool.run`."""
+        """Answers as they come, with their keys, a :class:`Failure` where there is none: see
+        :meth:`Pool.run`.
+        """
 
 
 #: From a function of a module to the workers that call it, for as long as the ``with`` block lasts.
@@ -67,17 +80,23 @@ OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 class Pool(Generic[Answer]):
     """Calls one function of a module in several processes, which are started when they are needed.
 
-    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a process dies, its call
-    is made once more when all others are done. A call that takes longer than its limit is ended with its process; time
-    during which the process or this one is stopped does not count.
-    Processes end with the pool, at once if its block is left by an exception, and with the process that started them.
+    A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a
+    process dies, its call is made once more when all others are done. A call that takes longer than
+    its limit is ended with its process; time during which the process or this one is stopped does
+    not count. Processes end with the pool, at once if its block is left by an exception, and with
+    the process that started them.
 
-    With ``plain``, the function runs code that is not trusted: its answers may hold plain data alone, such as texts,
-    numbers and bytes, since anything else could run code where it is read, and its processes serve no other pool.
+    With ``plain``, the function runs code that is not trusted: its answers may hold plain data
+    alone, such as texts, numbers and bytes, since anything else could run code where it is read,
+    and its processes serve no other pool.
     """
 
-    def __init__(self, function: Callable[..., Answer], processes: int, *, plain: bool = False) -> None:
-        self._function, self._max_processes, self._plain = function, max(1, processes), plain
+    def __init__(
+        self, function: Callable[..., Answer], processes: int, *, plain: bool = False
+    ) -> None:
+        self._function = function
+        self._max_processes = max(1, processes)
+        self._plain = plain
         self._workers: list[_Worker] = []
         self._failed_starts = 0
 
@@ -85,21 +104,32 @@ class Pool(Generic[Answer]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        idle = [worker for worker in self._workers if worker.ready and worker.key is None and kind is None]
+        idle = [
+            worker
+            for worker in self._workers
+            if worker.ready and worker.key is None and kind is None
+        ]
         if _handed_on is not None and not self._plain:
             _handed_on.extend(idle)
             self._workers = [worker for worker in self._workers if worker not in idle]
         _end_all(self._workers, PATIENCE if kind is None else 0.0)
 
     def run(
-        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
+        self,
+        calls: Mapping[Key, tuple[Any, ...]],
+        limits: Mapping[Key, float] | None = None,
+        *,
+        again: bool = True,
     ) -> Iterator[tuple[Key, Answer | Failure]]:
-        """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be started.
+        """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be
+        started.
 
-        ``limits`` say how long calls may take [s]; ``again`` whether a call whose process died is made once more.
+        ``limits`` say how long calls may take [s]; ``again`` whether a call whose process died is
+        made once more.
         """
         limits = limits or {}
-        waiting, suspects = deque(calls), deque[Key]()
+        waiting = deque(calls)
+        suspects = deque[Key]()
         repeated: set[Key] = set() if again else set(calls)
         while waiting or suspects or self._busy():
             if not waiting and not self._busy():
@@ -107,7 +137,9 @@ class Pool(Generic[Answer]):
                 repeated.add(waiting[0])
             while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
                 # listed before it starts: it ends with the pool even if its start is interrupted
-                self._workers.append(worker := _handed_on.pop() if _handed_on and not self._plain else _Worker())
+                self._workers.append(
+                    worker := _handed_on.pop() if _handed_on and not self._plain else _Worker()
+                )
                 worker.serve(self._function)
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
@@ -120,9 +152,12 @@ class Pool(Generic[Answer]):
             wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
             for worker in list(self._workers):
                 worker.tick()
-                message, key = worker.receive(), worker.key
+                message = worker.receive()
+                key = worker.key
                 if message is not None:
-                    was_ready, worker.ready, worker.key = worker.ready, True, None
+                    was_ready = worker.ready
+                    worker.ready = True
+                    worker.key = None
                     if was_ready:
                         yield key, unpacked_plain(message) if self._plain else unpacked(message)
                     else:  # the first message says that it is ready
@@ -135,7 +170,12 @@ class Pool(Generic[Answer]):
                         suspects.append(key)
                 elif worker.remaining() <= 0.0:
                     self._dismiss(worker)
-                    yield key, Failure(f"it took longer than its limit of {worker.limit:g} s and was ended")
+                    yield (
+                        key,
+                        Failure(
+                            f"it took longer than its limit of {worker.limit:g} s and was ended"
+                        ),
+                    )
 
     def _busy(self) -> int:
         return sum(worker.key is not None for worker in self._workers)
@@ -146,19 +186,28 @@ class Pool(Generic[Answer]):
         worker.end(0.0)
         self._failed_starts += not worker.ready
         if self._failed_starts >= MAX_FAILED_STARTS:
-            ended = f"{self._failed_starts} processes in a row ended before they were ready, the last one with"
-            needs = "a script that uses several needs `if __name__ == '__main__':` around what it does"
+            ended = (
+                f"{self._failed_starts} processes in a row ended before they were ready, the "
+                f"last one with"
+            )
+            needs = (
+                "a script that uses several needs `if __name__ == '__main__':` around what it does"
+            )
             raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 
 
-_handed_on: list[_Worker] | None = None  #: Idle processes of pools before; None where each has its own.
+#: Idle processes of pools before; None where each has its own.
+_handed_on: list[_Worker] | None = None
 
 
 @contextmanager
 def processes_kept() -> Iterator[None]:
-    """Let each pool in the block take over the idle processes of the one before: starting one takes over a second."""
+    """Let each pool in the block take over the idle processes of the one before: starting one takes
+    over a second.
+    """
     global _handed_on
-    before, _handed_on = _handed_on, []
+    before = _handed_on
+    _handed_on = []
     try:
         yield
     finally:
@@ -190,10 +239,12 @@ def run_all(
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
-    """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their keys.
+    """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their
+    keys.
 
-    Calls of a batch are started when all of the one before are answered; those ``here`` are made by this process.
-    ``on_progress`` is called with the numbers of calls that are answered and that there are.
+    Calls of a batch are started when all of the one before are answered; those ``here`` are made by
+    this process. ``on_progress`` is called with the numbers of calls that are answered and that
+    there are.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
@@ -218,7 +269,8 @@ def unpacked(packed: bytes) -> Any:
 
 
 class _PlainUnpickler(pickle.Unpickler):
-    """Reads data that holds nothing but texts, numbers, bytes, and lists and tables of these, or a Failure.
+    """Reads data that holds nothing but texts, numbers, bytes, and lists and tables of these, or a
+    Failure.
 
     Pickled data names classes and functions, which ``find_class`` looks up: here it finds no other.
     """
@@ -239,7 +291,8 @@ def unpacked_plain(packed: bytes) -> Any:
 
 class _Worker:
     def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")  # they start alike on every system and inherit no threads
+        # they start alike on every system and inherit no threads
+        context = multiprocessing.get_context("spawn")
         self.connection, self._theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
         self.key: Any = None
@@ -260,7 +313,8 @@ class _Worker:
         self._send(pickle.dumps(function))
 
     def begin(self, key: Hashable, packed: bytes, limit: float) -> None:
-        self.key, self.limit = key, limit
+        self.key = key
+        self.limit = limit
         self._stopwatch.restart()
         self._send(packed)
 
@@ -306,17 +360,21 @@ def _single_threaded() -> Iterator[None]:
 
 
 def _serve(connection: Connection, parent: int) -> None:
-    """In a worker: receive functions, which it confirms, and answer tuples of arguments until the connection closes."""
+    """In a worker: receive functions, which it confirms, and answer tuples of arguments until the
+    connection closes.
+    """
     end_with(parent)
     warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool handles it: Ctrl-C reaches all processes of a terminal
+    # the pool handles it: Ctrl-C reaches all processes of a terminal
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     portable.unblock(SIGNALS)
     with suppress(EOFError, OSError):  # the pool is gone
         while True:
             message = connection.recv_bytes()
             if message == NEXT_FUNCTION:
                 function = connection.recv()
-                gc.freeze()  # what is loaded by now is no garbage: looking for it takes a twentieth of a call
+                # what is loaded by now is no garbage: looking for it takes a twentieth of a call
+                gc.freeze()
                 connection.send(None)
             else:
                 connection.send_bytes(_answer(function, message))
@@ -326,7 +384,8 @@ def _serve(connection: Connection, parent: int) -> None:
 def _answer(function: Callable[..., object], packed: bytes) -> bytes:
     try:
         answer = function(*pickle.loads(packed))
-    except BaseException as error:  # even SystemExit: this is where one call ends and the others begin
+    # even SystemExit: this is where one call ends and the others begin
+    except BaseException as error:
         answer = Failure.of(error)
     try:
         return pickle.dumps(answer)

@@ -27,34 +27,54 @@ ROUNDING = 1e-9  #: Of numbers of periods, relative to one.
 
 @dataclass(frozen=True)
 class RunTiming:
-    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes of one law alone."""
+    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes
+    of one law alone.
+    """
 
-    #: T_s of the law by that of the scene. Images come as before, or once a period if that is less often, none fresher;
-    #: the noise of accelerations is drawn for the law's periods, and makes speeds as uncertain.
+    #: T_s of the law by that of the scene. Images come as before, or once a period if that is less
+    #: often, none fresher; the noise of accelerations is drawn for the law's periods, and makes
+    #: speeds as uncertain.
     sampling_time_factor: float = 1.0
-    call_time: float = 0.0  #: How much later commands begin to act [s], added to the ``command_delay`` of the scene.
+    #: How much later commands begin to act [s], added to the ``command_delay`` of the scene.
+    call_time: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, least, most in (("sampling_time_factor", 1.0 / MAX_FACTOR, MAX_FACTOR), ("call_time", 0.0, MAX_CALL)):
+        for name, least, most in (
+            ("sampling_time_factor", 1.0 / MAX_FACTOR, MAX_FACTOR),
+            ("call_time", 0.0, MAX_CALL),
+        ):
             if not least <= getattr(self, name) <= most:
                 value = shown(getattr(self, name))
-                raise ConfigurationError(f"run: {name} must be from {least:g} to {most:g}, not {value}")
+                raise ConfigurationError(
+                    f"run: {name} must be from {least:g} to {most:g}, not {value}"
+                )
 
     @property
     def changes(self) -> dict[str, float]:
         """What is not as in the scene."""
-        return {name: value for name, value in vars(self).items() if value != getattr(AS_THE_SCENE, name)}
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if value != getattr(AS_THE_SCENE, name)
+        }
 
     def of(self, setup: Setup) -> Setup:
         """A scene's setup as the law has it; raises what :class:`.Setup` raises."""
-        own = replace(setup.disturbances, command_delay=setup.disturbances.command_delay + self.call_time)
+        own = replace(
+            setup.disturbances, command_delay=setup.disturbances.command_delay + self.call_time
+        )
         Ts = setup.Ts * self.sampling_time_factor
         if Ts != setup.Ts:
-            own = replace(own, acceleration_noise=own.acceleration_noise / math.sqrt(self.sampling_time_factor))
+            own = replace(
+                own,
+                acceleration_noise=own.acceleration_noise / math.sqrt(self.sampling_time_factor),
+            )
             if own.image:
                 seen = own.image_period or setup.Ts
                 period = Ts * math.ceil(seen / Ts - ROUNDING)
-                own = replace(own, image_period=period, delay=math.ceil(own.delay * seen / period - ROUNDING))
+                own = replace(
+                    own, image_period=period, delay=math.ceil(own.delay * seen / period - ROUNDING)
+                )
         return replace(setup, sampling_time=Ts, disturbances=own) if self.changes else setup
 
 
@@ -63,9 +83,11 @@ AS_THE_SCENE = RunTiming()
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A controller as results name it; its law is a registered name or ``module:Class``, the same name if empty.
+    """A controller as results name it; its law is a registered name or ``module:Class``, the same
+    name if empty.
 
-    The module of an own controller is looked for in ``folder`` first; ``run`` is what only its runs have.
+    The module of an own controller is looked for in ``folder`` first; ``run`` is what only its runs
+    have.
     """
 
     name: str
@@ -85,15 +107,23 @@ class ControllerSpec:
         at = f"{where}.{name}"
         options = demand_table(table, at)
         law = checked(options.pop("type", name), str, at, "type")
-        return cls(name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run"))
+        return cls(
+            name, law, options, folder, from_table(RunTiming, options.pop("run", {}), f"{at}.run")
+        )
 
     @property
     def table(self) -> dict[str, Any]:
         """Law, options and timing, as :meth:`from_table` takes them."""
-        return {"type": self.law, **self.options, **({"run": changes} if (changes := self.run.changes) else {})}
+        return {
+            "type": self.law,
+            **self.options,
+            **({"run": changes} if (changes := self.run.changes) else {}),
+        }
 
     def changed(self, key: str, value: object) -> ControllerSpec:
-        """The same with another value of an option, or of a key of ``run``; raises as :meth:`from_table`."""
+        """The same with another value of an option, or of a key of ``run``; raises as
+        :meth:`from_table`.
+        """
         if key.partition(".")[0] != "run":
             return replace(self, options={**self.options, key: value})
         run = {**self.run.changes, key.removeprefix("run."): value} if key != "run" else value
@@ -101,7 +131,9 @@ class ControllerSpec:
 
     @classmethod
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
-        """A controller by its registered name or ``module:Class``; without ``name`` it has that of its class."""
+        """A controller by its registered name or ``module:Class``; without ``name`` it has that of
+        its class.
+        """
         own = controller_class(law, folder).name if ":" in law else law
         if not isinstance(own, str):
             raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
@@ -114,7 +146,9 @@ class ControllerSpec:
 
     @property
     def apart(self) -> bool:
-        """True if it is a custom law that another process can make: it runs in a process of its own."""
+        """True if it is a custom law that another process can make: it runs in a process of its
+        own.
+        """
         return ":" in self.law and not self.here
 
     @property
@@ -128,11 +162,14 @@ class ControllerSpec:
 
 
 def prepare_laws(laws: Iterable[ControllerSpec]) -> None:
-    """Compile, or read, what simulations need, and what only these need beside it; no code of own laws is run."""
+    """Compile, or read, what simulations need, and what only these need beside it; no code of own
+    laws is run.
+    """
     prepare(*sorted({name for law in laws if ":" not in law.law for name in law.make().kernels}))
 
 
-#: The controller that defines which rows a scenario challenges: every comparison and every study runs it.
+#: The controller that defines which rows a scenario challenges: every comparison and every study
+#: runs it.
 BASELINE = "tracking"
 
 SLIDING_MODE = ControllerSpec("sliding-mode")
@@ -140,10 +177,11 @@ SLIDING_MODE = ControllerSpec("sliding-mode")
 
 @dataclass(frozen=True, eq=False)
 class RunSpec:
-    """One run: a scenario, or the name of a shipped one, a controller, a trial. Two are equal if their results are.
+    """One run: a scenario, or the name of a shipped one, a controller, a trial. Two are equal if
+    their results are.
 
-    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where it starts;
-    ``may_end_early``, that it is run to see how it fails or is aborted.
+    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where
+    it starts; ``may_end_early``, that it is run to see how it fails or is aborted.
     """
 
     scenario: Scenario | str
@@ -164,12 +202,17 @@ class RunSpec:
         return self.name, self.controller.name, self.trial
 
     def __str__(self) -> str:
-        changes = ", ".join(f"{key} = {value}" for key, value in {**self.controller.options, **self.overrides}.items())
+        changes = ", ".join(
+            f"{key} = {value}"
+            for key, value in {**self.controller.options, **self.overrides}.items()
+        )
         return f"{self.name} with {self.controller.law}" + (f" ({changes})" if changes else "")
 
     @property
     def _identity(self) -> str:
-        scenario = self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
+        scenario = (
+            self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
+        )
         parts = scenario, self.overrides, self.controller.table, self.trial, self.seed
         return json.dumps(parts, sort_keys=True, default=str)
 
@@ -211,10 +254,14 @@ class RunSpec:
 
     @property
     def fingerprint(self) -> str:
-        """Identifies what is run but for the files it is made of: the code included, and whether it runs compiled."""
+        """Identifies what is run but for the files it is made of: the code included, and whether it
+        runs compiled.
+        """
         run = self.tables or str(self), self.controller.table, self.trial, self.seed
         what = *run, code_identity(), used_versions({**self.tables, "law": self.controller.options})
-        return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
+        return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[
+            :16
+        ]
 
 
 def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:

@@ -1,6 +1,7 @@
 """How sure is it? Rates, paired differences, profiles and ranks over many scenes.
 
-Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
+Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the
+guide.
 """
 
 from .judged import OUTCOMES, SCENE, distinguishable, judged_metrics, simultaneous, verdict

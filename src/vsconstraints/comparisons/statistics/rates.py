@@ -1,4 +1,6 @@
-"""Rates and medians with exact intervals, and two laws on the same scenes, by a flag or by a number."""
+"""Rates and medians with exact intervals, and two laws on the same scenes, by a flag or by a
+number.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 @dataclass(frozen=True)
 class Rate:
-    """``count`` of ``of`` scenes, and the exact two-sided interval of the rate (Clopper and Pearson 1934)."""
+    """``count`` of ``of`` scenes, and the exact two-sided interval of the rate (Clopper and Pearson
+    1934).
+    """
 
     count: int
     of: int
@@ -39,8 +43,9 @@ class Rate:
 class PairedRates(NamedTuple):
     """Two rates on the same n scenes: that of a less that of b (NaN of no scene) and its interval.
 
-    ``p`` is two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and only if the interval
-    excludes zero. ``only_a`` and ``only_b`` count the scenes in which only one has the flag.
+    ``p`` is two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and
+    only if the interval excludes zero. ``only_a`` and ``only_b`` count the scenes in which only one
+    has the flag.
     """
 
     difference: float
@@ -64,9 +69,10 @@ class Median(NamedTuple):
 class Paired(NamedTuple):
     """How a differs from b on the n scenes, ``of`` all, in which both have a value.
 
-    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero where
-    they differ in none, NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is two-sided, of
-    the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
+    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which
+    they differ: zero where they differ in none, NaN if n = 0. a is better in ``wins`` scenes and
+    worse in ``losses``. ``p`` is two-sided, of the exact sign test: at most 1 − confidence if and
+    only if the interval excludes zero.
     """
 
     median: float
@@ -80,12 +86,16 @@ class Paired(NamedTuple):
 
     @property
     def effect(self) -> float:
-        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no scene."""
+        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no
+        scene.
+        """
         return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
 
 
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
-    """How often a flag is set, (n,) booleans, one a scene. Of no scene the rate may be anything, from 0 to 1."""
+    """How often a flag is set, (n,) booleans, one a scene. Of no scene the rate may be anything,
+    from 0 to 1.
+    """
     column = flags(values)
     return rate_of(int(column.sum()), len(column), confidence)
 
@@ -104,29 +114,40 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
 def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates:
     """Whether a flag is set more often in a than in b on the same scenes, (n,) booleans each.
 
-    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference.
+    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a
+    difference.
     """
-    first, second = flags(a, "a"), flags(b, "b")
+    first = flags(a, "a")
+    second = flags(b, "b")
     pair(first, second)
-    n, only_a, only_b = len(first), int((first & ~second).sum()), int((second & ~first).sum())
+    n = len(first)
+    only_a = int((first & ~second).sum())
+    only_b = int((second & ~first).sum())
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
-    difference, p = (only_a - only_b) / n if n else math.nan, min(2.0 * float(norm.sf(score)), 1.0)
-    return PairedRates(difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b)
+    difference = (only_a - only_b) / n if n else math.nan
+    p = min(2.0 * float(norm.sf(score)), 1.0)
+    return PairedRates(
+        difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b
+    )
 
 
 def sign_test(wins: int, losses: int) -> float:
-    """Two-sided chance of a split at least as uneven, were both sides equally likely: binomial, exact."""
+    """Two-sided chance of a split at least as uneven, were both sides equally likely: binomial,
+    exact.
+    """
     return min(2.0 * float(binom.cdf(min(wins, losses), wins + losses, 0.5)), 1.0)
 
 
 def difference_interval(
     only_a: int, only_b: int, n: int, confidence: float = 0.95, *, correction: float = CONTINUITY
 ) -> tuple[float, float]:
-    """Interval of a difference of two rates on the same n scenes: Tango's score interval, corrected for continuity.
+    """Interval of a difference of two rates on the same n scenes: Tango's score interval, corrected
+    for continuity.
 
-    All differences δ with |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ))), where p is the most likely
-    rate of "only b" under δ (Tango, Statistics in Medicine 17, 1998, eqs. 24–26, without a correction).
+    All differences δ with |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ))), where p
+    is the most likely rate of "only b" under δ (Tango, Statistics in Medicine 17, 1998, eqs. 24–26,
+    without a correction).
     """
     z = _quantile(confidence)
     return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
@@ -143,19 +164,25 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 
     def beyond(delta: float) -> float:
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b
-        p = (math.sqrt(max(linear**2 + 8 * n * only_b * delta * (1.0 - delta), 0.0)) - linear) / (4 * n)
+        p = (math.sqrt(max(linear**2 + 8 * n * only_b * delta * (1.0 - delta), 0.0)) - linear) / (
+            4 * n
+        )
         return apart - n * delta - z * math.sqrt(max(n * (2.0 * p + delta * (1.0 - delta)), 0.0))
 
-    # at the difference found itself the expression may be zero too, where it is not the end that is sought
+    # at the difference found itself the expression may be zero too, where it is not the end that is
+    # sought
     return float(brentq(beyond, -1.0, apart / n - 1e-12, xtol=1e-14))
 
 
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """Smallest difference of two rates on n scenes, which differ in a share of these, that :func:`mcnemar` finds.
+    """Smallest difference of two rates on n scenes, which differ in a share of these, that
+    :func:`mcnemar` finds.
 
-    ``power`` is the chance to find it, in the right direction; infinite where not even 1 would be found.
+    ``power`` is the chance to find it, in the right direction; infinite where not even 1 would be
+    found.
     """
-    z, m = _quantile(confidence), np.arange(n + 1)
+    z = _quantile(confidence)
+    m = np.arange(n + 1)
     needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins of m scenes that differ
 
     def beyond(delta: float) -> float:
@@ -167,11 +194,13 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 
 
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
-    """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is NaN, or no number.
+    """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is
+    NaN, or no number.
 
-    The interval is exact, without a distribution: from the k-th value to the k-th from the end, where k is the greatest
-    for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that are not zero it
-    excludes zero if and only if the two-sided sign test rejects at the level α.
+    The interval is exact, without a distribution: from the k-th value to the k-th from the end,
+    where k is the greatest for which fewer than k of n values lie below the median with a chance of
+    at most α/2. Of values that are not zero it excludes zero if and only if the two-sided sign test
+    rejects at the level α.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(array(values, "values"))
@@ -180,7 +209,8 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
         raise InvalidInput("a median of values of which one is NaN; leave out what does not count")
     if n == 0:
         return Median(math.nan, -math.inf, math.inf, 0)
-    lower, upper = ordered[(n - 1) // 2], ordered[n // 2]
+    lower = ordered[(n - 1) // 2]
+    upper = ordered[n // 2]
     middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # of −∞ and ∞, zero
     k = int(np.count_nonzero(binom.cdf(np.arange(n), n, 0.5) <= alpha / 2.0))
     low, high = (float(ordered[k - 1]), float(ordered[n - k])) if k else (-math.inf, math.inf)
@@ -198,25 +228,33 @@ def paired(
 ) -> Paired:
     """Compare two columns of numbers, (n,) each, entry i of both being scene i.
 
-    Scenes with NaN, of a run that does not count, are left out for both. Values no more than ``least`` apart are equal.
-    Raises InvalidInput if lengths differ, a value is infinite, or negative in a ratio; ConfigurationError for options.
+    Scenes with NaN, of a run that does not count, are left out for both. Values no more than
+    ``least`` apart are equal. Raises InvalidInput if lengths differ, a value is infinite, or
+    negative in a ratio; ConfigurationError for options.
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)
-    first, second = numbers(a, "a"), numbers(b, "b")
+    first = numbers(a, "a")
+    second = numbers(b, "b")
     pair(first, second)
     both = ~(np.isnan(first) | np.isnan(second))
-    first, second = first[both], second[both]
+    first = first[both]
+    second = second[both]
     differences = first - second if kind == "difference" else log_ratios(first, second)
     middle = median(differences[np.abs(first - second) > least], confidence)
-    less, more = int((second - first > least).sum()), int((first - second > least).sum())
+    less = int((second - first > least).sum())
+    more = int((first - second > least).sum())
     wins, losses = (less, more) if better == "less" else (more, less)
     value = middle.median if middle.n or not len(first) else 0.0
-    return Paired(value, middle.low, middle.high, len(first), wins, losses, sign_test(wins, losses), len(both))
+    return Paired(
+        value, middle.low, middle.high, len(first), wins, losses, sign_test(wins, losses), len(both)
+    )
 
 
 def log_ratios(a: Array, b: Array) -> Array:
-    """(n,) ln(a/b) of values that are not negative: −∞ where only a is zero, ∞ where only b is, 0 where both are."""
+    """(n,) ln(a/b) of values that are not negative: −∞ where only a is zero, ∞ where only b is, 0
+    where both are.
+    """
     negative = np.concatenate([a[a < 0.0], b[b < 0.0]])
     if len(negative):
         raise InvalidInput(f"no ratio of negative values: {shown(negative[0])}")
@@ -224,9 +262,15 @@ def log_ratios(a: Array, b: Array) -> Array:
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
 
 
-def with_interval(value: float, low: float, high: float, factor: float = 1.0, unit: str = "") -> str:
-    """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not known is said so."""
-    value, low, high = factor * value, factor * low, factor * high
+def with_interval(
+    value: float, low: float, high: float, factor: float = 1.0, unit: str = ""
+) -> str:
+    """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not
+    known is said so.
+    """
+    value = factor * value
+    low = factor * low
+    high = factor * high
     after = f" {unit}" if unit else ""
     if math.isnan(value):
         return "no value"
@@ -234,13 +278,20 @@ def with_interval(value: float, low: float, high: float, factor: float = 1.0, un
         return f"{_decimals(value, _places(0.0, value))}{after} (too few for an interval)"
     half = (high - low) / 2.0
     places = _places(half if math.isfinite(half) else 0.0, value)
-    return f"{_decimals(value, places)} ({_decimals(low, places)} to {_decimals(high, places)}){after}"
+    return (
+        f"{_decimals(value, places)} ({_decimals(low, places)} to {_decimals(high, places)}){after}"
+    )
 
 
 def rate_text(rate: Rate) -> str:
-    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``, or one end of it: ``0 of 10 000: at most 3.7e-4 (95 %)``."""
+    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``, or one end of it: ``0 of 10 000: at most
+    3.7e-4 (95 %)``.
+    """
     level = f"{100.0 * rate.confidence:g} %"
-    count, of = (f"{each:,}".replace(",", " ") if each >= 10_000 else str(each) for each in (rate.count, rate.of))
+    count, of = (
+        f"{each:,}".replace(",", " ") if each >= 10_000 else str(each)
+        for each in (rate.count, rate.of)
+    )
     counted = f"{count} of {of}"
     if rate.of == 0:
         return f"{counted}: nothing is known"
@@ -254,7 +305,9 @@ def rate_text(rate: Rate) -> str:
         least = _decimals(100.0 * (math.floor(rate.low * 10.0**places) / 10.0**places), places - 2)
         return f"{counted}: at least {least} % ({level})"
     places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
-    low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
+    low, high, share = (
+        _decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share)
+    )
     return f"{counted}: {share} % ({level}: {low} to {high} %)"
 
 
@@ -263,7 +316,9 @@ def _short(text: str) -> str:
 
 
 def _places(half: float, value: float) -> int:
-    """Decimals that show two digits of half an interval's width, or three of the value where that is zero."""
+    """Decimals that show two digits of half an interval's width, or three of the value where that
+    is zero.
+    """
     size, digits = (half, 2) if half > 0.0 else (abs(value), 3)
     return digits - 1 - math.floor(math.log10(size)) if size > 0.0 and math.isfinite(size) else 0
 

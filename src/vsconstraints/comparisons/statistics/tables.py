@@ -1,4 +1,6 @@
-"""Tables of rates and medians of each law, and of every pair of laws on the same scenes. They need pandas."""
+"""Tables of rates and medians of each law, and of every pair of laws on the same scenes. They need
+pandas.
+"""
 
 from __future__ import annotations
 
@@ -33,15 +35,20 @@ from .rates import mcnemar, median, paired, rate
 BY = ("family", "condition")  #: scenes that have these in common are looked at together
 
 
-def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """How often each law's runs have one of :data:`.judged.OUTCOMES`: one line per group, of columns ``by``, and law.
+def rates(
+    runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95
+) -> Any:
+    """How often each law's runs have one of :data:`.judged.OUTCOMES`: one line per group, of
+    columns ``by``, and law.
 
-    ``runs`` has the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``; the pandas.DataFrame
-    that is returned ``by``, controller, count, of, share, low, high: :class:`.rates.Rate`.
+    ``runs`` has the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``; the
+    pandas.DataFrame that is returned ``by``, controller, count, of, share, low, high:
+    :class:`.rates.Rate`.
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
-    flagged, lines = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), []
+    flagged = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by)))
+    lines = []
     for group, own in _groups(flagged, (*by, LAW)):
         result = rate(own["flag"].to_numpy(bool), confidence)
         lines.append((*group, result.count, result.of, result.share, result.low, result.high))
@@ -49,21 +56,27 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
 
 
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """The median of a metric over those of each law's runs that count, not to be compared: see :func:`compare_laws`.
+    """The median of a metric over those of each law's runs that count, not to be compared: see
+    :func:`compare_laws`.
 
     Columns: ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
     """
-    judged, lines = judged_metric(metric), []
-    for group, own in _groups(runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)):
+    judged = judged_metric(metric)
+    lines = []
+    for group, own in _groups(
+        runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)
+    ):
         middle = median(own["value"].dropna(), confidence)
         lines.append((*group, middle.n, len(own), middle.median, middle.low, middle.high))
     return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
 
 
 class Costs(NamedTuple):
-    """(pandas.DataFrame) one line per scene, one column per law: less is better, ∞ for a run that does not count.
+    """(pandas.DataFrame) one line per scene, one column per law: less is better, ∞ for a run that
+    does not count.
 
-    ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
+    ``left_out`` counts scenes without a line: a law has not run there, or has no value though its
+    run counts.
     """
 
     table: Any
@@ -71,10 +84,16 @@ class Costs(NamedTuple):
 
 
 def costs(runs: Any, metric: str) -> Costs:
-    """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its value."""
+    """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its
+    value.
+    """
     judged = judged_metric(metric)
     result = values(checked(runs, (), judged), judged)
-    each = _by_law(runs, SCENE, (result if judged.better == "less" else -result).where(counts(runs, judged), np.inf))
+    each = _by_law(
+        runs,
+        SCENE,
+        (result if judged.better == "less" else -result).where(counts(runs, judged), np.inf),
+    )
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 
@@ -100,7 +119,8 @@ def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
 
 
 Comparison = namedtuple(  # of a pair of laws: columns of compare_laws
-    "Comparison", "scenes paired only_a only_b differ difference low high ratio ratio_low ratio_high effect p"
+    "Comparison",
+    "scenes paired only_a only_b differ difference low high ratio ratio_low ratio_high effect p",
 )
 
 
@@ -112,15 +132,24 @@ def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Compar
 
 
 def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
-    one, other = ~np.isnan(a), ~np.isnan(b)
+    one = ~np.isnan(a)
+    other = ~np.isnan(b)
     both = one & other
     result = paired(a, b, better=better, least=least, confidence=confidence)
     ratios = [math.nan] * 3
     if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
         with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
-            logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)[:3]
+            logarithms = paired(
+                a, b, "log-ratio", better=better, least=least, confidence=confidence
+            )[:3]
             ratios = np.exp(logarithms).tolist()
-    scenes = len(a), result.n, int((one & ~other).sum()), int((other & ~one).sum()), result.wins + result.losses
+    scenes = (
+        len(a),
+        result.n,
+        int((one & ~other).sum()),
+        int((other & ~one).sum()),
+        result.wins + result.losses,
+    )
     return Comparison._make((*scenes, *result[:3], *ratios, result.effect, result.p))
 
 
@@ -133,17 +162,19 @@ def compare_laws(
     least: float | None = None,
     confidence: float = 0.95,
 ) -> Any:
-    """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one reference.
+    """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one
+    reference.
 
-    In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which both runs count
-    (:func:`.judged.counts`). Intervals are simultaneous, and p-values corrected, for all pairs of a group that are
-    tested (Bonferroni), those of :data:`.judged.MIN_SCENES` scenes or more.
+    In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which
+    both runs count (:func:`.judged.counts`). Intervals are simultaneous, and p-values corrected,
+    for all pairs of a group that are tested (Bonferroni), those of :data:`.judged.MIN_SCENES`
+    scenes or more.
 
     Parameters
     ----------
     runs, by
-        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's;
-        those that define groups.
+        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``,
+        ``violated`` and the metric's; those that define groups.
     metric
         One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
     reference
@@ -154,11 +185,12 @@ def compare_laws(
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes that both ran, paired: compared, only_a, only_b: in which only one counts, differ:
-        in which the two are not equal; difference, low, high: of the rates, or the median of a − b over the scenes in
-        which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of outcomes and negative values);
-        effect: chance that a is better on a scene, equal values counting half; p (of McNemar's or of the sign test),
-        p_corrected; verdict: :func:`.judged.verdict`.
+        ``by``, metric, a, b; scenes that both ran, paired: compared, only_a, only_b: in which only
+        one counts, differ: in which the two are not equal; difference, low, high: of the rates, or
+        the median of a − b over the scenes in which they differ; ratio, ratio_low, ratio_high: the
+        same of a/b (empty of outcomes and negative values); effect: chance that a is better on a
+        scene, equal values counting half; p (of McNemar's or of the sign test), p_corrected;
+        verdict: :func:`.judged.verdict`.
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)
@@ -183,7 +215,9 @@ def compare_laws(
             if judged is None:
                 result = _by_outcome(one, other, better, level)
             else:
-                result = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
+                result = _by_metric(
+                    one, other, better, resolution(judged) if least is None else least, level
+                )
             judgement = verdict(result.low, result.high, n=result.paired, better=better)
             corrected = min(result.p * tests, 1.0) if result.paired >= MIN_SCENES else 1.0
             lines.append((*group, metric, a, b, *result, corrected, judgement))

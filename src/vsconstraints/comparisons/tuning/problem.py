@@ -1,4 +1,6 @@
-"""What is tuned on what: laws, and scenes of the training half only; and settings evaluated on them."""
+"""What is tuned on what: laws, and scenes of the training half only; and settings evaluated on
+them.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ from ..runs.spec import BASELINE, ControllerSpec
 
 
 class Objective(NamedTuple):
-    """A quantity to be minimized; ``worst`` bounds it and is that of a run that does not converge."""
+    """A quantity to be minimized; ``worst`` bounds it and is that of a run that does not
+    converge.
+    """
 
     column: str
     title: str
@@ -52,7 +56,9 @@ Point = tuple[float, ...]  #: a value of each objective
 
 
 class Outcome(NamedTuple):
-    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run has none."""
+    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run
+    has none.
+    """
 
     status: str
     violated: bool
@@ -60,7 +66,9 @@ class Outcome(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Means of a setting's objectives, share of runs with a violation, numbers of runs; successes violate nothing."""
+    """Means of a setting's objectives, share of runs with a violation, numbers of runs; successes
+    violate nothing.
+    """
 
     point: Point
     violations: float
@@ -75,16 +83,20 @@ class Judged(NamedTuple):
 
 
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
-    """The outcome of a run, from its line of results and that of the unconstrained baseline in the same scene.
+    """The outcome of a run, from its line of results and that of the unconstrained baseline in the
+    same scene.
 
-    A run that does not converge has the worst value of every objective; but if it and the baseline are still moving
-    when time is up, no law can reach the goal, and it counts by its variation alone. Of one that converges, the unused
-    space is left out where nothing was challenged, and the settling time where the baseline does not settle.
+    A run that does not converge has the worst value of every objective; but if it and the baseline
+    are still moving when time is up, no law can reach the goal, and it counts by its variation
+    alone. Of one that converges, the unused space is left out where nothing was challenged, and the
+    settling time where the baseline does not settle.
     """
-    status, violated = str(result["status"]), bool(result["violated"])
+    status = str(result["status"])
+    violated = bool(result["violated"])
     if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
         return Outcome(status, violated, REFERENCE)
-    variation, tracking = float(result["acceleration_variation"]), float(baseline["settling_time_s"])
+    variation = float(result["acceleration_variation"])
+    tracking = float(baseline["settling_time_s"])
     values = (
         1.0 - float(result["utilization"]),
         math.log10(variation) if variation > 0.0 else -math.inf,
@@ -99,7 +111,9 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 
 
 def judged(outcomes: Sequence[Outcome]) -> Judged:
-    """All outcomes of one setting; an objective that no run has is at its worst. The order of runs does not matter."""
+    """All outcomes of one setting; an objective that no run has is at its worst. The order of runs
+    does not matter.
+    """
     point = []
     for i, worst in enumerate(REFERENCE):
         values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
@@ -111,20 +125,28 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
 
 
 def loss(judged: Judged) -> float:
-    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their units."""
-    lengths = (value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True))
+    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their
+    units.
+    """
+    lengths = (
+        value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True)
+    )
     return 100.0 * (judged.runs - judged.successes) + math.fsum(lengths)
 
 
 def choose(settings: Sequence[Judged]) -> int:
-    """Position of the setting with the most successes; of as many, the one nearest to their ideal point.
+    """Position of the setting with the most successes; of as many, the one nearest to their ideal
+    point.
 
-    That has the least value of each objective; distances are Euclidean, in the objectives' units ("compromise
-    programming": Zeleny 1973). Of points as near, to rounding, the one with the least first objective is taken, etc.
+    That has the least value of each objective; distances are Euclidean, in the objectives' units
+    ("compromise programming": Zeleny 1973). Of points as near, to rounding, the one with the least
+    first objective is taken, etc.
     """
     most = max(each.successes for each in settings)
     best = [i for i, each in enumerate(settings) if each.successes == most]
-    points = np.array([settings[i].point for i in best]) / [objective.unit for objective in OBJECTIVES]
+    points = np.array([settings[i].point for i in best]) / [
+        objective.unit for objective in OBJECTIVES
+    ]
     distance = np.linalg.norm(points - points.min(axis=0), axis=1)
     nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
     return min((best[i] for i in nearest), key=lambda i: (settings[i].point, i))
@@ -136,9 +158,11 @@ ALL = ""  #: stands for all families where settings are judged by family
 
 ByFamily = dict[str, Judged]  #: how a setting is judged on all runs, and on those of each family
 
-Evaluate = Callable[[Sequence[ControllerSpec]], list[ByFamily]]  #: judges settings, all on the same runs
+#: judges settings, all on the same runs
+Evaluate = Callable[[Sequence[ControllerSpec]], list[ByFamily]]
 
-TRAINING = "training"  #: the only half of a family that tuning sees; the other is for judging the result
+#: the only half of a family that tuning sees; the other is for judging the result
+TRAINING = "training"
 
 
 @dataclass(frozen=True)
@@ -185,19 +209,25 @@ class Budget:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is tuned: the laws of a campaign in its families and conditions, with the same budget for each."""
+    """What is tuned: the laws of a campaign in its families and conditions, with the same budget
+    for each.
+    """
 
     campaign: Campaign
     budget: Budget
 
     def __post_init__(self) -> None:
         if not self.laws:
-            raise ConfigurationError(f"campaign {self.campaign.name}: it has no controller but {BASELINE} to be tuned")
+            raise ConfigurationError(
+                f"campaign {self.campaign.name}: it has no controller but {BASELINE} to be tuned"
+            )
 
     @cached_property
     def laws(self) -> tuple[Searched, ...]:
         """All but the baseline; raises ConfigurationError for ranges that are none."""
-        laws = tuple(Searched(entry) for entry in self.campaign.controllers if entry.name != BASELINE)
+        laws = tuple(
+            Searched(entry) for entry in self.campaign.controllers if entry.name != BASELINE
+        )
         for law in laws:
             _ = law.ranges, law.default
         return laws
@@ -208,7 +238,9 @@ class Problem:
         return next(entry for entry in self.campaign.controllers if entry.name == BASELINE)
 
     def configuration(self) -> dict[str, Any]:
-        """What evaluations depend on, as data; not how many there are, since more can be asked for."""
+        """What evaluations depend on, as data; not how many there are, since more can be asked
+        for.
+        """
         campaign = self.campaign
         return {
             **code_identity(),
@@ -224,21 +256,30 @@ class Problem:
         }
 
     def tasks(
-        self, workers: int | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
+        self,
+        workers: int | None = None,
+        on_progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> tuple[Batch, ...]:
         """Draw the training scenes: one task for each condition of each, of the baseline alone.
 
         Raises ConfigurationError if none is found, or drawing one raises something.
         """
-        campaign, each = self.campaign, range(self.budget.scenes)
-        calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
+        campaign = self.campaign
+        each = range(self.budget.scenes)
+        calls = {
+            (family.name, i): (family, i, TRAINING, campaign.seed)
+            for family in campaign.families
+            for i in each
+        }
         answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
         tasks: list[Batch] = []
         for family in campaign.families:
             drawn: list[Drawn] = []
             for scene in (answers[family.name, i] for i in each):
                 if isinstance(scene, Failure):
-                    raise ConfigurationError(f"family {family.name}: a training scene cannot be drawn: {scene.reason}")
+                    raise ConfigurationError(
+                        f"family {family.name}: a training scene cannot be drawn: {scene.reason}"
+                    )
                 drawn += [scene] if scene.found else []
             if not drawn:
                 family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
@@ -250,19 +291,24 @@ class Problem:
 
 @contextmanager
 def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
-    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is a failed run.
+    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is
+    a failed run.
 
-    What own laws load and read is added to ``files``; raises ConfigurationError if something else is there.
+    What own laws load and read is added to ``files``; raises ConfigurationError if something else
+    is there.
     """
     with processes(workers)(scored) as pool:
         families = [task.family.name for task in tasks]
         of_family = {
-            name: [at for at, family in enumerate(families) if name in (ALL, family)] for name in (ALL, *families)
+            name: [at for at, family in enumerate(families) if name in (ALL, family)]
+            for name in (ALL, *families)
         }
 
         def evaluate(settings: Sequence[ControllerSpec]) -> list[ByFamily]:
             named = tuple(replace(setting, name=str(i)) for i, setting in enumerate(settings))
-            calls = [replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings]
+            calls = [
+                replace(task, controllers=(*task.controllers, *named)) for task in tasks if settings
+            ]
             found = {}
             for at, part in results(calls, pool):
                 demand_unchanged_files(part.files, files)

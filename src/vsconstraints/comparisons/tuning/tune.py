@@ -1,4 +1,6 @@
-"""Tunes every law alike: the same tuner, the same number of evaluations, the same training scenes."""
+"""Tunes every law alike: the same tuner, the same number of evaluations, the same training
+scenes.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,23 @@ from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import git_commit, loaded_versions, machine
 from ..runs.spec import prepare_laws
-from .problem import ALL, OBJECTIVES, ByFamily, Evaluate, Judged, Options, Problem, Searched, choose, evaluating, loss
+from .problem import (
+    ALL,
+    OBJECTIVES,
+    ByFamily,
+    Evaluate,
+    Judged,
+    Options,
+    Problem,
+    Searched,
+    choose,
+    evaluating,
+    loss,
+)
 
-JOURNAL, TUNED, EVALUATIONS = "journal.jsonl", "tuned.toml", "evaluations.parquet"
+JOURNAL = "journal.jsonl"
+TUNED = "tuned.toml"
+EVALUATIONS = "evaluations.parquet"
 
 Setting = tuple[str, str]  #: a law's name, and its options as JSON
 
@@ -33,22 +49,27 @@ Progress = Callable[[str, int, int], None]
 
 
 class Search:
-    """Suggests settings of a law, one after the other, the default first; they depend on the seed and what was told.
+    """Suggests settings of a law, one after the other, the default first; they depend on the seed
+    and what was told.
 
-    The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all options together:
-    Falkner et al. 2018), which uses the order of settings alone.
+    The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all
+    options together: Falkner et al. 2018), which uses the order of settings alone.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
         import optuna
         from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-        self.searched, self.seed, default = searched, seed, dict(searched.default)
+        self.searched = searched
+        self.seed = seed
+        default = dict(searched.default)
         self._distributions: dict[str, optuna.distributions.BaseDistribution] = {}
         for option, ranged in searched.ranges.items():
             if isinstance(ranged, Choices):
                 default[option] = ranged.values.index(default[option])
-                self._distributions[option] = CategoricalDistribution(tuple(range(len(ranged.values))))
+                self._distributions[option] = CategoricalDistribution(
+                    tuple(range(len(ranged.values)))
+                )
             else:
                 kind = IntDistribution if ranged.integer else FloatDistribution
                 number = int if ranged.integer else float
@@ -63,7 +84,8 @@ class Search:
     def ask(self) -> Options:
         """The next setting's options."""
         self._trial = self._study.ask(self._distributions)
-        values, ranges = self._trial.params, self.searched.ranges.items()
+        values = self._trial.params
+        ranges = self.searched.ranges.items()
         return {
             option: ranged.values[values[option]] if isinstance(ranged, Choices) else values[option]
             for option, ranged in ranges
@@ -75,11 +97,13 @@ class Search:
 
 
 class Journal(dict[Setting, ByFamily]):
-    """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
+    """How settings are judged, stored as soon as it is known: a file with one line and checksum for
+    each.
 
-    A last line without an end is cut off, and nothing else is ever written again. (Optuna's JournalStorage has no
-    checksums, and its samplers do not go on from it as if they had never ended.) Raises ConfigurationError that names a
-    damaged line, StorageError if it cannot be written.
+    A last line without an end is cut off, and nothing else is ever written again. (Optuna's
+    JournalStorage has no checksums, and its samplers do not go on from it as if they had never
+    ended.) Raises ConfigurationError that names a damaged line, StorageError if it cannot be
+    written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -102,7 +126,9 @@ class Journal(dict[Setting, ByFamily]):
                 }
             except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 where = f"{path}, line {number} is damaged ({type(error).__name__})"
-                raise ConfigurationError(f"{where}: delete it, and its setting is evaluated again") from error
+                raise ConfigurationError(
+                    f"{where}: delete it, and its setting is evaluated again"
+                ) from error
         if rest:
             with storing("evaluations", path.parent):
                 os.truncate(path, len(data) - len(rest))
@@ -113,7 +139,10 @@ class Journal(dict[Setting, ByFamily]):
         entry = {"law": setting[0], "options": setting[1], "judged": by_family}
         entry |= {"files": self.files} if self.files else {}
         line = json.dumps({**entry, "checksum": _checksum(entry)})
-        with storing("evaluations", self._path.parent), self._path.open("a", encoding="utf-8") as file:
+        with (
+            storing("evaluations", self._path.parent),
+            self._path.open("a", encoding="utf-8") as file,
+        ):
             file.write(line + "\n")
         self[setting] = judged
 
@@ -124,7 +153,9 @@ def _checksum(entry: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The setting of this number, 0 the default, that a tuner with this seed suggested, and how it is judged."""
+    """The setting of this number, 0 the default, that a tuner with this seed suggested, and how it
+    is judged.
+    """
 
     seed: int
     number: int
@@ -139,7 +170,9 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Tuned:
-    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default."""
+    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the
+    default.
+    """
 
     law: Searched
     evaluations: Sequence[Evaluation]
@@ -159,7 +192,9 @@ class Tuned:
         return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
 
     def success(self, family: str, evaluations: int) -> list[float]:
-        """By tuner seed, the greatest share of runs in a family that succeeds with a setting within that budget."""
+        """By tuner seed, the greatest share of runs in a family that succeeds with a setting within
+        that budget.
+        """
         shares: dict[int, float] = {}
         for each in self.evaluations:
             if each.number < max(evaluations, 1):
@@ -176,10 +211,19 @@ class Tuned:
         """Lines of the setting that is best in a family as a table of controllers."""
         if not self.law.ranges:
             return [f"# {self.law.name}: nothing is searched"]
-        best, default = self.best(family), self.default.by_family[family]
-        judged, setting = best.by_family[family], self.law.setting(best.options)
-        succeed = f"# {judged.success} of {judged.runs} training runs succeed, {default.success} by default"
-        return [succeed, f"[controllers.{toml_text(f'{self.law.name}-tuned')}]", *toml_items(setting.table)]
+        best = self.best(family)
+        default = self.default.by_family[family]
+        judged = best.by_family[family]
+        setting = self.law.setting(best.options)
+        succeed = (
+            f"# {judged.success} of {judged.runs} training runs succeed, {default.success} "
+            f"by default"
+        )
+        return [
+            succeed,
+            f"[controllers.{toml_text(f'{self.law.name}-tuned')}]",
+            *toml_items(setting.table),
+        ]
 
 
 @dataclass(frozen=True)
@@ -200,8 +244,17 @@ class Tuning:
                 "seed": each.seed,
                 "number": each.number,
                 "options": json.dumps(each.options, sort_keys=True),
-                **dict(zip((*columns, *Judged._fields[1:]), (*each.judged.point, *each.judged[1:]), strict=True)),
-                **{f"successes[{family}]": each.by_family[family].successes for family in self.families},
+                **dict(
+                    zip(
+                        (*columns, *Judged._fields[1:]),
+                        (*each.judged.point, *each.judged[1:]),
+                        strict=True,
+                    )
+                ),
+                **{
+                    f"successes[{family}]": each.by_family[family].successes
+                    for family in self.families
+                },
                 "chosen": each is chosen,
             }
             for law, chosen in ((law, law.chosen) for law in self.laws)
@@ -220,9 +273,14 @@ class Tuning:
         return [family.name for family in self.problem.campaign.families]
 
     def toml(self, family: str = ALL) -> str:
-        """Settings that are best in a family as tables of controllers, which a campaign can take over."""
+        """Settings that are best in a family as tables of controllers, which a campaign can take
+        over.
+        """
         of = family or ", ".join(self.families)
-        lines = [f"# Laws of the campaign {self.problem.campaign.name}, tuned on training scenes of {of}."]
+        lines = [
+            f"# Laws of the campaign {self.problem.campaign.name}, tuned on training scenes of "
+            f"{of}."
+        ]
         for law in self.laws:
             lines += ["", *law.toml(family)]
         return "\n".join(lines) + "\n"
@@ -236,25 +294,31 @@ def tune(
     command: Sequence[str] = (),
     on_progress: Progress = lambda what, done, total: None,
 ) -> Tuning:
-    """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if needed.
+    """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if
+    needed.
 
-    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions do not depend on the
-    number of processes, at most ``workers``, nor on where an earlier call was ended. Settings that are stored are not
-    run again. Raises ConfigurationError if a package is missing, no training scene is found, or the folder holds
-    something else; StorageError if evaluations cannot be written: what could be stays.
+    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions do
+    not depend on the number of processes, at most ``workers``, nor on where an earlier call was
+    ended. Settings that are stored are not run again. Raises ConfigurationError if a package is
+    missing, no training scene is found, or the folder holds something else; StorageError if
+    evaluations cannot be written: what could be stays.
     """
     demand("tune")
     with locked(folder, "a tuning"):
         prepare_laws(problem.campaign.controllers)
         _claim(folder, problem, command)
-        tasks = problem.tasks(workers, lambda done, total: on_progress("drawing training scenes", done, total))
+        tasks = problem.tasks(
+            workers, lambda done, total: on_progress("drawing training scenes", done, total)
+        )
         journal = Journal(folder / JOURNAL)
         _demand_same_files(journal, folder, problem)
         evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
         with evaluating(tasks, workers, journal.files) as evaluate:
             for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
                 evaluations[law.name].append(evaluation)
-        tuning = Tuning(problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws))
+        tuning = Tuning(
+            problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws)
+        )
         tuning.write(folder)
         return tuning
 
@@ -264,13 +328,23 @@ def _evaluations(
 ) -> Iterator[tuple[Searched, Evaluation]]:
     """All evaluations; a law without searched options has one, its default."""
     budget = problem.budget
-    searches = [Search(law, seed) for law in problem.laws for seed in range(budget.seeds if law.ranges else 1)]
+    searches = [
+        Search(law, seed)
+        for law in problem.laws
+        for seed in range(budget.seeds if law.ranges else 1)
+    ]
     for number in range(budget.evaluations):
         on_progress("evaluating", number, budget.evaluations)
-        asked = [(search, search.ask()) for search in searches if number == 0 or search.searched.ranges]
-        keys = [(search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked]
+        asked = [
+            (search, search.ask()) for search in searches if number == 0 or search.searched.ranges
+        ]
+        keys = [
+            (search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked
+        ]
         settings = (search.searched.setting(options) for search, options in asked)
-        new = {key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal}
+        new = {
+            key: setting for key, setting in zip(keys, settings, strict=True) if key not in journal
+        }
         for key, judged in zip(new, evaluate(list(new.values())), strict=True):
             journal.add(key, judged)
         for key, (search, options) in zip(keys, asked, strict=True):
@@ -280,22 +354,31 @@ def _evaluations(
 
 
 def _demand_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
-    """Raise ConfigurationError if an own law has loaded or read a file that has another content now."""
+    """Raise ConfigurationError if an own law has loaded or read a file that has another content
+    now.
+    """
     campaign = problem.campaign
     now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
-    if other := [f"the content of {name} is another one now" for name in changed(journal.files, now)]:
-        raise ConfigurationError(f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out")
+    if other := [
+        f"the content of {name} is another one now" for name in changed(journal.files, now)
+    ]:
+        raise ConfigurationError(
+            f"{folder} holds another tuning: {in_words(other)}. Give another folder with --out"
+        )
 
 
 def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     """Write the manifest; raise ConfigurationError if the folder holds another tuning."""
-    path, here = folder / MANIFEST, plain(problem.configuration())
+    path = folder / MANIFEST
+    here = plain(problem.configuration())
     there = manifest_of(folder).get("tuning") if path.exists() else here
     if there is None:
         raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning")
     if there != here:
         other = in_words(list(differences(there, here)))
-        raise ConfigurationError(f"{folder} holds another tuning: {other}. Give another folder with --out")
+        raise ConfigurationError(
+            f"{folder} holds another tuning: {other}. Give another folder with --out"
+        )
     manifest = {
         "tuning": here,
         "evaluations": problem.budget.evaluations,

@@ -1,4 +1,6 @@
-"""The paper's claims, one function or formula for each sentence: importing this package registers all of them."""
+"""The paper's claims, one function or formula for each sentence: importing this package registers
+all of them.
+"""
 
 from . import experiments, general, simulations
 

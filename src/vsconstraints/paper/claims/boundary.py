@@ -1,4 +1,6 @@
-"""Measures that several claims share: is a row fulfilled, is its space used, is its boundary reached smoothly."""
+"""Measures that several claims share: is a row fulfilled, is its space used, is its boundary
+reached smoothly.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ from ..studies.laws import MAX_EXCESS, MAX_POSITIVE_SAMPLES
 from ..verdicts import Finding, NotMeasured, finding
 
 VANISHED = 0.01  #: Share of the greatest error that may be left where the paper says zero.
-#: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts as fully used.
+#: Unused margin, as a fraction of the characteristic length, up to which the allowed space counts
+#: as fully used.
 FULLY = 0.01
-#: Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) = 0.05.
+#: Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) =
+#: 0.05.
 SHARE_LEFT = 0.1
 
 
@@ -47,19 +51,41 @@ def greatest_phi(run: Run, labels: Sequence[str]) -> float:
 
 def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
-    sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
+    sigma = greatest_sigma(run, label)
+    bound = run.bound(label)
+    samples = run.positive_samples(label)
     phi = float(run.row(label)["phi_max"])
-    good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= MAX_POSITIVE_SAMPLES
-    return finding("fulfilled", good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
+    good = (
+        sigma <= 0.0
+        and clear(run, label) >= 0.0
+        and phi <= bound
+        and samples <= MAX_POSITIVE_SAMPLES
+    )
+    return finding(
+        "fulfilled", good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples
+    )
 
 
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
-    """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
+    """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls
+    ``fulfilled``.
+    """
     own = with_sigma(labels)
-    phi, sigma = greatest_phi(run, labels), greatest_sigma(run, *own)
-    worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
-    most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
-    part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MAX_EXCESS and samples <= MAX_POSITIVE_SAMPLES
+    phi = greatest_phi(run, labels)
+    sigma = greatest_sigma(run, *own)
+    worst, longest = (
+        max(labels, key=lambda label: excess(run, label)),
+        max(labels, key=run.positive_samples),
+    )
+    most = excess(run, worst)
+    samples = run.positive_samples(longest)
+    at = run.index(longest)
+    part = (
+        sigma <= 0.0
+        and clear(run, *own) >= 0.0
+        and most <= MAX_EXCESS
+        and samples <= MAX_POSITIVE_SAMPLES
+    )
     shown = {"rows": labels, "worst": worst, "row": longest, "needed": run.drift[:, at].max()}
     shown["gain"] = run.record.switching_gain[at]
     values = {"phi_max": phi, "sigma_max": sigma, "excess": most, "longest": samples}
@@ -72,7 +98,9 @@ def unused(run: Run, label: str) -> float:
 
 
 def fully_used(run: Run, *labels: str) -> Finding:
-    """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
+    """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none
+    negative.
+    """
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
     rows = [(label, clear(run, label), run.unit(label), share) for label, share in shares.items()]
@@ -81,17 +109,26 @@ def fully_used(run: Run, *labels: str) -> Finding:
 
 def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
     """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
-    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
+    return {
+        f"{side}_{k}": pair[i]
+        for k, pair in enumerate(intervals)
+        for i, side in enumerate(("from", "to"))
+    }
 
 
-def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
-    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
+def rounds_to(
+    intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]
+) -> bool:
+    """Whether there are as many intervals as are printed, and their ends are within half a second
+    of these.
+    """
     ends = zip(ends_of(intervals).values(), ends_of(printed).values(), strict=False)
     return len(intervals) == len(printed) and all(abs(a - b) <= 0.5 for a, b in ends)
 
 
 class Approach(NamedTuple):
-    """How a boundary is reached: normal speed when the row begins to act, 3 K later, and the greatest in between.
+    """How a boundary is reached: normal speed when the row begins to act, 3 K later, and the
+    greatest in between.
 
     ``start`` is a time [s]; the speeds are in the row's unit per second.
     """
@@ -103,7 +140,9 @@ class Approach(NamedTuple):
 
     @property
     def share(self) -> float:
-        """What is left of the speed after 3 K; infinite if there is none towards the boundary at first."""
+        """What is left of the speed after 3 K; infinite if there is none towards the boundary at
+        first.
+        """
         return abs(self.later) / self.first if self.first > 0.0 else inf
 
     @property
@@ -114,13 +153,19 @@ class Approach(NamedTuple):
 
 def approaches(run: Run, label: str) -> list[Approach]:
     """Every time the row acts for 3 K or longer."""
-    K, speed = run.constraint(label).K, run.approach_speed(label)
+    K = run.constraint(label).K
+    speed = run.approach_speed(label)
     every = []
     for first, last in run.active_intervals(label, gap=0.3):
         if last - first < 3.0 * K:
             continue
-        a, b = (int(np.searchsorted(run.t, time - 0.5 * run.sampling_time)) for time in (first, first + 3.0 * K))
-        every.append(Approach(first, float(speed[a]), float(speed[b]), float(speed[a : b + 1].max())))
+        a, b = (
+            int(np.searchsorted(run.t, time - 0.5 * run.sampling_time))
+            for time in (first, first + 3.0 * K)
+        )
+        every.append(
+            Approach(first, float(speed[a]), float(speed[b]), float(speed[a : b + 1].max()))
+        )
     return every
 
 
@@ -130,8 +175,11 @@ def smoothly(run: Run, *labels: str) -> Finding:
     every = [approach for own in by_row.values() for approach in own]
     if missing := [label for label, own in by_row.items() if not own]:
         return finding("never_approached", False, bool(every), {"rows": missing})
-    smooth, left = [one.smooth for one in every], max(one.share for one in every)
-    return finding("smoothly", all(smooth), any(smooth), {"run": run, "rows": by_row}, share_left=left)
+    smooth = [one.smooth for one in every]
+    left = max(one.share for one in every)
+    return finding(
+        "smoothly", all(smooth), any(smooth), {"run": run, "rows": by_row}, share_left=left
+    )
 
 
 def number(study: StudyResult, *key: str | float) -> float:
@@ -145,4 +193,8 @@ def number(study: StudyResult, *key: str | float) -> float:
 
 def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str, float]]:
     """The first part and the value of each number of a study whose key ends with this."""
-    return ((str(first), value) for (first, *others), value in study.numbers.items() if tuple(others) == last)
+    return (
+        (str(first), value)
+        for (first, *others), value in study.numbers.items()
+        if tuple(others) == last
+    )

@@ -1,4 +1,6 @@
-"""Claim 6: section 10, the experiments, simulated at their sampling time, without and with errors in the gradient."""
+"""Claim 6: section 10, the experiments, simulated at their sampling time, without and with errors
+in the gradient.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,33 @@ PBVS, IBVS = map(RunSpec, KINDS)
 PBVS_ERROR, IBVS_ERROR = (RunSpec(f"{scenario}-gradient-error") for scenario in KINDS)
 #: With ten times the gain at zero error, sampled as in the experiments and ten times as fast.
 FASTER = tuple(
-    RunSpec(scenario, overrides={"task.Kp0": 6.0, "duration": 60.0, "sampling_time": Ts}, may_end_early=True)
+    RunSpec(
+        scenario,
+        overrides={"task.Kp0": 6.0, "duration": 60.0, "sampling_time": Ts},
+        may_end_early=True,
+    )
     for scenario in KINDS
     for Ts in (0.1, 0.01)
 )
 PBVS_TEN, PBVS_TEN_FASTER, IBVS_TEN, IBVS_TEN_FASTER = FASTER
 
-EXPONENTIAL = 1.1  #: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
+#: Greatest speed towards the boundary relative to clearance / K, that of an exponential approach.
+EXPONENTIAL = 1.1
 
 #: Of the study of unselected scenes: (49) as printed, with its signs reversed, and in L_gφ alone.
 CASES = ("plus", "minus", "plus-action")
 SCENES = 100  #: Fewest unselected scenes that a share is taken of.
 #: Shares of the unselected scenes: with the former a sentence holds, with the latter partly.
-NEARLY_ALL, MOST = 0.95, 0.5
+NEARLY_ALL = 0.95
+MOST = 0.5
 
 UNSELECTED = "unselected-experiments"
 
 
 def acting_rows(run: Run, kind: str) -> list[str]:
-    """Rows of a kind that ever shape the command: with a wrong gradient their true φ may stay below zero."""
+    """Rows of a kind that ever shape the command: with a wrong gradient their true φ may stay below
+    zero.
+    """
     return [label for label in run.labels(kind) if acts(run, label).any()]
 
 
@@ -60,66 +70,111 @@ def passes(run: Run, kind: str) -> bool:
 
 
 def exponentially(run: Run, kind: str) -> Finding:
-    """Whether the row that slides is approached no faster than with the time constant K, from when it acts on."""
+    """Whether the row that slides is approached no faster than with the time constant K, from when
+    it acts on.
+    """
     label = sliding_row(run, kind)
     at = np.flatnonzero(acts(run, label))
     while_acting = slice(at[0], at[-1] + 1)
     clearance = run.trajectory.clearance[while_acting, run.index(label)]
-    speed, K = run.approach_speed(label)[while_acting], run.constraint(label).K
+    speed = run.approach_speed(label)[while_acting]
+    K = run.constraint(label).K
     # a negative clearance is no approach at all: NaN, which is below nothing
     share = (speed * K / np.where(clearance > 0.0, clearance, np.nan)).max()
-    shown = {"label": label, "times": run.t[at], "unit": run.unit(label), "clearance": clearance[speed.argmax()]}
-    return finding("exponentially", share <= EXPONENTIAL, False, shown, share=share, speed=speed.max())
+    shown = {
+        "label": label,
+        "times": run.t[at],
+        "unit": run.unit(label),
+        "clearance": clearance[speed.argmax()],
+    }
+    return finding(
+        "exponentially", share <= EXPONENTIAL, False, shown, share=share, speed=speed.max()
+    )
 
 
 def one_marker_slides(run: Run, kind: str) -> Finding:
     """Which markers' rows act, and how much of the allowed space is left."""
-    acting, row = acting_rows(run, kind), sliding_row(run, kind)
-    least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
+    acting = acting_rows(run, kind)
+    row = sliding_row(run, kind)
+    least = clear(run, row)
+    share = unused(run, row)
+    sigma = greatest_sigma(run, row)
+    times = run.t[acts(run, row)]
     kept = sigma <= 0.0 and least >= 0.0
     good = kept and len(acting) == 1 and share <= FULLY
     apart = np.diff(times).max(initial=0.0)
-    shown = {"acting": acting, "times": times, "apart": apart, "clear": least, "excess": excess(run, row)}
-    return finding("one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting))
+    shown = {
+        "acting": acting,
+        "times": times,
+        "apart": apart,
+        "clear": least,
+        "excess": excess(run, row),
+    }
+    return finding(
+        "one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting)
+    )
 
 
 def reached(run: Run) -> Finding:
     """How the run ends."""
-    end, values = run.trajectory, {"settling": run.settling_time}
+    end = run.trajectory
+    values = {"settling": run.settling_time}
     posed = np.isfinite(end.camera_error[-1, 0])
-    return finding("reached", end.status == "converged", False, {"end": end, "posed": posed}, **values)
+    return finding(
+        "reached", end.status == "converged", False, {"end": end, "posed": posed}, **values
+    )
 
 
 @claim("6m", PBVS, IBVS)
 def _integrated_twice(*runs: Run) -> Finding:
     """What is left of the changes of q and q̇ without the integrals of the commands."""
-    places, speeds = [], []
+    places = []
+    speeds = []
     for run in runs:
-        q, qd, qdd, Ts = run.trajectory.q, run.trajectory.qd, run.trajectory.qdd_command[:-1], run.sampling_time
+        q = run.trajectory.q
+        qd = run.trajectory.qd
+        qdd = run.trajectory.qdd_command[:-1]
+        Ts = run.sampling_time
         filtered = OrderFilter(q[0], qd[0], Ts)
         places.append(np.abs(np.diff(q, axis=0) - Ts * qd[:-1] - 0.5 * Ts**2 * qdd).max())
         places.append(np.abs([filtered.step(one) for one in qdd] - q[1:]).max())
         speeds.append(np.abs(np.diff(qd, axis=0) - Ts * qdd).max())
     most = max(places + speeds)
-    return finding("6m", most <= 1e-9, False, {"places": max(places), "speeds": max(speeds)}, left=most)
+    return finding(
+        "6m", most <= 1e-9, False, {"places": max(places), "speeds": max(speeds)}, left=most
+    )
 
 
 def in_unselected(study: StudyResult, scenario: str, what: str) -> Finding:
-    """Whether an error in the gradient leaves things as they are, in the shipped scene and in unselected ones."""
-    counts, scenes = ([number(study, scenario, case, name) for case in CASES] for name in (what, "scenes"))
+    """Whether an error in the gradient leaves things as they are, in the shipped scene and in
+    unselected ones.
+    """
+    counts, scenes = (
+        [number(study, scenario, case, name) for case in CASES] for name in (what, "scenes")
+    )
     if min(scenes) < SCENES:
-        raise NotMeasured(f"the study {UNSELECTED} has {min(scenes):.0f} scenes of {scenario}, fewer than {SCENES}")
+        raise NotMeasured(
+            f"the study {UNSELECTED} has {min(scenes):.0f} scenes of {scenario}, fewer than "
+            f"{SCENES}"
+        )
     for case, N in zip(CASES, scenes, strict=True):
         in_shipped = number(study, scenario, case, "shipped", "applied")
         if number(study, scenario, case, "applied") < NEARLY_ALL * N or not in_shipped:
-            raise NotMeasured(f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?")
+            raise NotMeasured(
+                f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?"
+            )
     plus, minus, alone = (x / N for x, N in zip(counts, scenes, strict=True))
-    both, here = min(plus, minus), number(study, scenario, CASES[0], "shipped", what) == 1.0
-    shown = {"here": here, "of": [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]}
+    both = min(plus, minus)
+    here = number(study, scenario, CASES[0], "shipped", what) == 1.0
+    shown = {
+        "here": here,
+        "of": [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)],
+    }
     names = ("track_px", "speed_share", "clearance_share")
     values = {name: number(study, scenario, CASES[0], "shipped", name) for name in names}
     shown["alone"] = {name: number(study, scenario, CASES[2], "shipped", name) for name in names}
-    good, part = here and both >= NEARLY_ALL, max(both, alone) >= MOST
+    good = here and both >= NEARLY_ALL
+    part = max(both, alone) >= MOST
     text = f"{worded('unselected', **shown)}. {worded(what, **shown, **values)}"
     return Finding(judged(good, part), text, values)
 

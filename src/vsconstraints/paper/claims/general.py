@@ -1,4 +1,6 @@
-"""Claims 7 to 11: what sweeps decide, or every scene with the paper's law, a scene made for them, or moving objects."""
+"""Claims 7 to 11: what sweeps decide, or every scene with the paper's law, a scene made for them,
+or moving objects.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,17 @@ from .simulations import CASE, FOV, SECOND
 
 WITHOUT_DRIFT = ControllerSpec("vsconstraints.paper.claims.general:WithoutDrift")
 BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
-TARGET, OCCLUDER, SPHERE = (RunSpec(name) for name in ("moving-target", "moving-occluder", "moving-sphere"))
-#: Where both scenarios with obstacles say that their motion is known: without it the rows take them for static.
+TARGET, OCCLUDER, SPHERE = (
+    RunSpec(name) for name in ("moving-target", "moving-occluder", "moving-sphere")
+)
+#: Where both scenarios with obstacles say that their motion is known: without it the rows take them
+#: for static.
 KNOWN = "constraints.0.motion.known"
 ROUNDING = 1e-9  #: Differences below this are none.
 
 SCENARIOS = ("example-2d-fov", "case-study-6r")
-SLIDING, FIELDS = "sliding-mode", ("potential-field", "potential-field-priority")
+SLIDING = "sliding-mode"
+FIELDS = ("potential-field", "potential-field-priority")
 SLIGHT = 1.0  #: Violation that counts as slight [% of the characteristic length].
 FULLY_USED = 1.0  #: Unused space up to which it counts as fully used [%].
 #: The claims are about commands that are carried out, whatever they ask of actuators.
@@ -43,20 +49,33 @@ SCENES = tuple(
     RunSpec(name, overrides=UNLIMITED.get(name, {}))
     for name in (
         *("example-2d-fov", "example-2d-fast", "example-2d-fast-high-gain", "example-2d-bowl"),
-        *("example-2d-heart-convex", "example-2d-heart-concave", "case-study-6r", "experiment-1-pbvs"),
+        *(
+            "example-2d-heart-convex",
+            "example-2d-heart-concave",
+            "case-study-6r",
+            "experiment-1-pbvs",
+        ),
         *("experiment-2-ibvs", "ur5-fov", "panda-fov", "eye-to-hand-pbvs", "free-camera"),
     )
 )
 #: Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that.
 NOT_DIFFERENTIABLE = "example-2d-heart-concave"
 
-IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sampling_time": 0.001, "duration": 1.0}
-#: The first example, its camera turning so fast at the start that φ of the second feature is above zero.
+IN_MOTION = {
+    "qd0": [0.0, 0.0, -3.0],
+    "constraints.0.switching_gain": 100.0,
+    "sampling_time": 0.001,
+    "duration": 1.0,
+}
+#: The first example, its camera turning so fast at the start that φ of the second feature is above
+#: zero.
 OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 
 
 class WithoutDrift(Controller):
-    """The sliding-mode law with random numbers in place of L_fφ, which contains all second derivatives."""
+    """The sliding-mode law with random numbers in place of L_fφ, which contains all second
+    derivatives.
+    """
 
     name = "sliding-mode-without-drift"
 
@@ -70,15 +89,22 @@ class WithoutDrift(Controller):
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
-        return self.law.command(replace(rows, Lf=self.random.normal(scale=100.0, size=rows.Lf.shape)), task)
+        return self.law.command(
+            replace(rows, Lf=self.random.normal(scale=100.0, size=rows.Lf.shape)), task
+        )
 
 
 @claim("9a", FOV, CASE, *BLIND)
 def _second_derivatives_not_needed(*runs: Run) -> Finding:
-    shown, same = [], []
+    shown = []
+    same = []
     for spec, law, blind in zip(BLIND, runs[:2], runs[2:], strict=True):
         whole = len(law.t) == len(blind.t)
-        difference = np.abs(law.trajectory.qdd_command - blind.trajectory.qdd_command).max() if whole else None
+        difference = (
+            np.abs(law.trajectory.qdd_command - blind.trajectory.qdd_command).max()
+            if whole
+            else None
+        )
         same.append(difference == 0.0 and bool((law.trajectory.q == blind.trajectory.q).all()))
         shown.append((spec.name, difference, len(law.t)))
     return finding("9a", all(same), False, {"runs": shown})
@@ -86,9 +112,11 @@ def _second_derivatives_not_needed(*runs: Run) -> Finding:
 
 @claim("11a", TARGET, OCCLUDER, SPHERE)
 def _moving_objects(*runs: Run) -> Finding:
-    scenes, good = [], []
+    scenes = []
+    good = []
     for spec, run in zip((TARGET, OCCLUDER, SPHERE), runs, strict=True):
-        sigma, acting = greatest_sigma(run, *with_sigma(run.trajectory.labels)), run.ever_active()
+        sigma = greatest_sigma(run, *with_sigma(run.trajectory.labels))
+        acting = run.ever_active()
         status = run.trajectory.status
         scenes.append((spec.name, status, sigma, acting))
         good.append(status == "converged" and sigma <= 0.0 and bool(acting))
@@ -98,16 +126,23 @@ def _moving_objects(*runs: Run) -> Finding:
 @claim("11b", OCCLUDER, SPHERE)
 def _only_the_bound_changes(*runs: Run) -> Finding:
     """Rows along the same motion with and without knowledge of the obstacle's."""
-    scenes, same, equal = [], [], []
+    scenes = []
+    same = []
+    equal = []
     for spec, run in zip((OCCLUDER, SPHERE), runs, strict=True):
         knowing = run.setup.world()
         unknowing = RunSpec(spec.name, overrides={KNOWN: False}).load().setup().control()
-        needed, Lg, phi = np.zeros(2), 0.0, 0.0
+        needed = np.zeros(2)
+        Lg = 0.0
+        phi = 0.0
         for k in np.flatnonzero((run.trajectory.phi >= 0.0).any(axis=1)):
             state = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
-            informed, blind = knowing.evaluate(*state).rows, unknowing.evaluate(*state).rows
+            informed = knowing.evaluate(*state).rows
+            blind = unknowing.evaluate(*state).rows
             active = informed.phi >= 0.0
-            needed = np.maximum(needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (informed, blind)])
+            needed = np.maximum(
+                needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (informed, blind)]
+            )
             Lg = max(Lg, np.abs(informed.Lg - blind.Lg).max())
             phi = max(phi, (np.abs(informed.phi - blind.phi) * active).max())
         scenes.append((spec.name, Lg, needed, phi))
@@ -117,25 +152,37 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
 
 
 def beside_fields(key: str, law: str, name: str, pareto: StudyResult) -> Finding:
-    """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field less.
+    """Whether the sliding mode leaves at most 1 % unused in each scenario, and no potential field
+    less.
 
-    ``name`` is the number of ``law`` that says what it leaves unused [%]; with the printed gains it is compared only
-    where they keep the boundaries. A field's number is the least of its runs.
+    ``name`` is the number of ``law`` that says what it leaves unused [%]; with the printed gains it
+    is compared only where they keep the boundaries. A field's number is the least of its runs.
     """
     scenes: dict[str, dict[str, float]] = {}
     verdicts: dict[str, Verdict] = {}
-    broken = {scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS}
+    broken = {
+        scenario: number(pareto, scenario, "printed", "kept") == 0.0 for scenario in SCENARIOS
+    }
     kept = {scenario: number(pareto, scenario, law, "kept") for scenario in SCENARIOS}
     for scenario in SCENARIOS:
         lost = law == "printed" and kept[scenario] != 1.0
         own = nan if lost else pareto.numbers.get((scenario, law, name), nan)
-        fields = {field: pareto.numbers.get((scenario, field, "least_unused"), nan) for field in FIELDS}
+        fields = {
+            field: pareto.numbers.get((scenario, field, "least_unused"), nan) for field in FIELDS
+        }
         part = own <= FULLY_USED
         verdicts[scenario] = judged(part and not any(left < own for left in fields.values()), part)
         scenes[scenario] = {SLIDING: own} | fields
-    values = {f"{scenario}/{law}": value for scenario, laws in scenes.items() for law, value in laws.items()}
-    good, part = set(verdicts.values()) == {"holds"}, set(verdicts.values()) != {"does not hold"}
-    return finding(key, good, part, {"scenes": scenes, "verdicts": verdicts, "broken": broken}, **values)
+    values = {
+        f"{scenario}/{law}": value
+        for scenario, laws in scenes.items()
+        for law, value in laws.items()
+    }
+    good = set(verdicts.values()) == {"holds"}
+    part = set(verdicts.values()) != {"does not hold"}
+    return finding(
+        key, good, part, {"scenes": scenes, "verdicts": verdicts, "broken": broken}, **values
+    )
 
 
 claim("7a", "pareto")(partial(beside_fields, "7a", "printed", "unused"))
@@ -144,13 +191,18 @@ claim("7c", "pareto")(partial(beside_fields, "7c", SLIDING, "least_unused"))
 
 @claim("8a", "shrinking-region")
 def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
-    """RMS distance of the joints' paths from the sliding mode's at the largest and the smallest region."""
-    scenes, good, part = {}, [], []
+    """RMS distance of the joints' paths from the sliding mode's at the largest and the smallest
+    region.
+    """
+    scenes = {}
+    good = []
+    part = []
     values: dict[str, float] = {}
     for scenario in SCENARIOS:
         scenes[scenario] = about(study.numbers, scenario, "priority")
         far, near = (
-            number(study, scenario, "priority", f"distance_{which}_region") for which in ("largest", "smallest")
+            number(study, scenario, "priority", f"distance_{which}_region")
+            for which in ("largest", "smallest")
         )
         floor = number(study, scenario, "sampling_distance")
         good.append(scenes[scenario]["distance_falls"] == 1.0 and near <= 2.0 * floor)
@@ -166,8 +218,13 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
     if not depth or not all(map(isfinite, depth.values())):
         raise NotMeasured("the study gradient-error has no run of the sliding mode with c_e = 0.3")
     converged = {name: value == 1.0 for name, value in converged.items()}
-    arrived, most = all(converged.values()), max(depth.values())
-    shown = {"converged": converged, "depth": depth, "deviation": dict.fromkeys(depth, nan) | deviation}
+    arrived = all(converged.values())
+    most = max(depth.values())
+    shown = {
+        "converged": converged,
+        "depth": depth,
+        "deviation": dict.fromkeys(depth, nan) | deviation,
+    }
     return finding("9b", arrived and most <= 0.0, arrived and most <= SLIGHT, shown, **depth)
 
 
@@ -209,19 +266,23 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     for spec, run in zip(SCENES, runs, strict=True):
         if spec.name == NOT_DIFFERENTIABLE:
             continue
-        share, labels = run.needed_share().max(), run.trajectory.labels
+        share = run.needed_share().max()
+        labels = run.trajectory.labels
         if share >= 1.0:
             broken[spec.name] = share
             continue
         most = max(excess(run, label) for label in labels)
-        above, band = above + 1, band + (most <= 1.0)
+        above = above + 1
+        band = band + (most <= 1.0)
         kept += all(clear(run, label) >= 0.0 for label in with_sigma(labels))
         if most > 1.0:
             beyond[spec.name] = most
     if above == 0:
         raise NotMeasured("no run is above the bound")
     values = {"above": above, "kept": kept, "band": band}
-    return finding("10b", band == above, kept == above, {"beyond": beyond, "broken": broken}, **values)
+    return finding(
+        "10b", band == above, kept == above, {"beyond": beyond, "broken": broken}, **values
+    )
 
 
 @claim("10c", "sampling-time", *SCENES)
@@ -234,7 +295,10 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     scenes = {}
     for spec, run in zip(SCENES, runs, strict=True):
         if labels := run.ever_active():
-            width = {label: float(np.ptp(run.while_sliding(label))) / run.bound(label) for label in labels}
+            width = {
+                label: float(np.ptp(run.while_sliding(label))) / run.bound(label)
+                for label in labels
+            }
             widest = max(labels, key=lambda label: (width[label], label))
             scenes[spec.name] = width[widest], widest, run.positive_samples(widest)
     greatest = max(*bands.values(), *(width for width, _, _ in scenes.values()))
@@ -247,26 +311,33 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
 @claim("10e", OUTSIDE)
 def _reached_in_finite_time(run: Run) -> Finding:
     """When φ is below zero for the first time, beside the time that (A.6) promises."""
-    phi, gain, Ts = run.phi(SECOND), run.bound(SECOND) / run.sampling_time, run.sampling_time
+    phi = run.phi(SECOND)
+    gain = run.bound(SECOND) / run.sampling_time
+    Ts = run.sampling_time
     inside = np.flatnonzero(phi < 0.0)
     if phi[0] <= 0.0:
         raise NotMeasured(f"φ is {phi[0]:.3g} at the start, not above zero")
     if not len(inside):
         return Finding("does not hold", f"φ starts at {phi[0]:.3g} and never falls below zero")
     first = inside[0]
-    after, push = float(run.t[first]), float(run.drift[:first, run.index(SECOND)].max())
+    after = float(run.t[first])
+    push = float(run.drift[:first, run.index(SECOND)].max())
     within = float(phi[0]) / (gain - push) if gain > push else nan
     later = phi[first:].max() / run.bound(SECOND)
     shown = {"phi": phi[0], "gain": gain, "push": push, "later": later}
-    return finding("10e", after <= within + Ts and later <= MAX_EXCESS, True, shown, after=after, within=within)
+    return finding(
+        "10e", after <= within + Ts and later <= MAX_EXCESS, True, shown, after=after, within=within
+    )
 
 
 @claim("10f", *FASTER)
 def _aborted_without_rank(*runs: Run) -> Finding:
     """The rank of the active rows, decomposed here, in every sample; and how the runs end."""
-    lost_by, right = [], []
+    lost_by = []
+    right = []
     for spec, run in zip(FASTER, runs, strict=True):
-        lost, end = lost_rank(run), run.trajectory
+        lost = lost_rank(run)
+        end = run.trajectory
         if lost is None:
             right.append(end.status != "aborted")
             continue
@@ -279,7 +350,9 @@ def _aborted_without_rank(*runs: Run) -> Finding:
 
 
 def lost_rank(run: Run) -> int | None:
-    """The first sample whose active rows, each divided by its length, are linearly dependent; None if there is none."""
+    """The first sample whose active rows, each divided by its length, are linearly dependent; None
+    if there is none.
+    """
     world = run.setup.world()
     for k in np.flatnonzero((run.trajectory.phi >= 0.0).sum(axis=1) > 1):
         rows = world.evaluate(float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]).rows

@@ -1,4 +1,6 @@
-"""Claims 1 to 5 and 12: sections 8 and 9, the planar arm and the case study, and computation time."""
+"""Claims 1 to 5 and 12: sections 8 and 9, the planar arm and the case study, and computation
+time.
+"""
 
 from __future__ import annotations
 
@@ -22,23 +24,33 @@ BOWL = RunSpec("example-2d-bowl")
 CONVEX = RunSpec("example-2d-heart-convex")
 CONCAVE = RunSpec("example-2d-heart-concave")
 
-FIRST, SECOND = "fov[marker 1]", "fov[marker 2]"
-HEART, BOWL_ROW, OTHER_ROW = "occlusion[heart, marker 1]", "occlusion[bowl, marker 1]", "occlusion[bowl, marker 2]"
-#: The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned [px].
-NOTCH, TIP = (-102.0, 35.0), (-137.0, 0.0)
+FIRST = "fov[marker 1]"
+SECOND = "fov[marker 2]"
+HEART = "occlusion[heart, marker 1]"
+BOWL_ROW = "occlusion[bowl, marker 1]"
+OTHER_ROW = "occlusion[bowl, marker 2]"
+#: The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned
+#: [px].
+NOTCH = (-102.0, 35.0)
+TIP = (-137.0, 0.0)
 
 CASE = RunSpec("case-study-6r")
 #: From a start at which the camera turns about another axis than the one that leads to the goal.
-TRACKING = RunSpec("case-study-6r", ControllerSpec(BASELINE), {"qd0": [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]})
+TRACKING = RunSpec(
+    "case-study-6r", ControllerSpec(BASELINE), {"qd0": [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]}
+)
 
 CASE_HALVED = RunSpec("case-study-6r", overrides={"sampling_time": 0.001})
 
-SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
+SPHERE = "sphere[tip]"
+RANGE = "range[joint 6]"
+SPEED = "speed[joint 2]"
 BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))
 #: What Fig. 11 draws a line for; a range or a speed is one line for both of its sides.
 EVENTS = (*BORDERS, RANGE, SPEED, SPHERE)
 
-Q6_RANGE, QD2_LIMIT = 1.2, 0.4
+Q6_RANGE = 1.2
+QD2_LIMIT = 0.4
 #: What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s].
 Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
 
@@ -74,13 +86,18 @@ def band(run: Run) -> float:
 
 @claim("1e", FOV)
 def _position_error_arises_and_vanishes(fov: Run) -> Finding:
-    error, acts = position(fov), fov.active_intervals(SECOND)
+    error = position(fov)
+    acts = fov.active_intervals(SECOND)
     if not acts:
         return Finding("does not hold", "the constraint never becomes active")
-    start, end = acts[0][0], acts[-1][1]
-    peak, when = error.max(), float(fov.t[error.argmax()])
-    before, last = error[fov.t < start].max(initial=0.0), error[-1]
-    arises, vanishes = before < VANISHED * peak and start <= when <= end, last < VANISHED * peak
+    start = acts[0][0]
+    end = acts[-1][1]
+    peak = error.max()
+    when = float(fov.t[error.argmax()])
+    before = error[fov.t < start].max(initial=0.0)
+    last = error[-1]
+    arises = before < VANISHED * peak and start <= when <= end
+    vanishes = last < VANISHED * peak
     values = {"before": before, "peak": peak, "peak_at": when, "last": last}
     return finding("1e", arises and vanishes, arises or vanishes, {"start": start}, **values)
 
@@ -98,7 +115,8 @@ def active_of(run: Run, event: str) -> BoolArray:
 
 def phases(run: Run, event: str) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     """When the rows of an event act in the first and in the second phase."""
-    k, active = switch_sample(run), active_of(run, event)
+    k = switch_sample(run)
+    active = active_of(run, event)
     return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
 
 
@@ -120,11 +138,15 @@ def _three_at_a_time(case: Run) -> Finding:
     count = at_once(case)
     most = int(count.max())
     same = int(np.sum([active_of(case, event) for event in EVENTS], axis=0)[count == most].max())
-    return finding("5h", most == 3, most > 1, {"when": case.t[count == most]}, most=most, same_sample=same)
+    return finding(
+        "5h", most == 3, most > 1, {"when": case.t[count == most]}, most=most, same_sample=same
+    )
 
 
 def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
-    """(N, k) error at times (N,) from e and ė (k,), with K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1."""
+    """(N, k) error at times (N,) from e and ė (k,), with K_T,p(0) = 20, slope 60 and K_T,v = 3
+    √K_T,p as in 9.1.
+    """
 
     def rate(_: float, x: Array) -> Array:
         e, e_dot = x.reshape(2, -1)
@@ -132,7 +154,9 @@ def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
         return np.concatenate((e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot))
 
     ends = (float(t[0]), float(t[-1]))
-    found = solve_ivp(rate, ends, np.concatenate((start, start_rate)), t_eval=t, rtol=1e-9, atol=1e-12)
+    found = solve_ivp(
+        rate, ends, np.concatenate((start, start_rate)), t_eval=t, rtol=1e-9, atol=1e-12
+    )
     return np.asarray(found.y[: len(start)].T)
 
 
@@ -141,7 +165,13 @@ def _approach_follows_the_parameter(*runs: Run) -> Finding:
     constants = dict(zip(PARAMETERS, map(time_constant, runs), strict=True))
     good = all(abs(tau / K - 1.0) <= 0.25 for K, tau in constants.items())
     rising = bool((np.diff(list(constants.values())) > 0.0).all())
-    return finding("7b", good, rising, {"constants": constants}, **{str(K): tau for K, tau in constants.items()})
+    return finding(
+        "7b",
+        good,
+        rising,
+        {"constants": constants},
+        **{str(K): tau for K, tau in constants.items()},
+    )
 
 
 def time_constant(run: Run) -> float:
@@ -149,7 +179,8 @@ def time_constant(run: Run) -> float:
     acts = run.phi(SECOND) >= 0.0
     if not acts.any():
         raise NotMeasured("the row never acts")
-    first, K = run.t[acts.argmax()], run.constraint(SECOND).K
+    first = run.t[acts.argmax()]
+    K = run.constraint(SECOND).K
     during = (run.t >= first) & (run.t <= first + 2.0 * K)
     speed = np.maximum(run.approach_speed(SECOND)[during], 1e-6)
     return -1.0 / float(np.polyfit(run.t[during], np.log(speed), 1)[0])

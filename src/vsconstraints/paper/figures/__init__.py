@@ -10,10 +10,12 @@ from ..claims.experiments import IBVS, IBVS_ERROR, PBVS, PBVS_ERROR
 from ..claims.simulations import BOWL, CASE, CONCAVE, CONVEX, FAST, FOV, HIGH_GAIN
 from . import experiments, simulations, space
 
-CAPTIONS: dict[str, str] = tomllib.loads(Path(__file__).with_name("captions.toml").read_text(encoding="utf-8"))
+CAPTIONS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("captions.toml").read_text(encoding="utf-8")
+)
 
-#: By the paper's number the function that draws our counterpart, and the runs that it shows. Figs. 1 and 13 show frames
-#: and a laboratory, and have none.
+#: By the paper's number the function that draws our counterpart, and the runs that it shows. Figs.
+#: 1 and 13 show frames and a laboratory, and have none.
 DRAWN: dict[int, tuple[Any, ...]] = {
     2: (simulations.draw_hyperellipses,),
     3: (partial(space.draw_system, view=space.PLANE), FOV),
@@ -34,6 +36,13 @@ DRAWN: dict[int, tuple[Any, ...]] = {
     19: (experiments.draw_comparison, IBVS, IBVS_ERROR),
 }
 FIGURES: dict[int, Figure] = {
-    number: Figure(f"fig-{number:02d}", f"Fig. {number}", CAPTIONS[str(number)], draw, tuple(needs), formulas=True)
+    number: Figure(
+        f"fig-{number:02d}",
+        f"Fig. {number}",
+        CAPTIONS[str(number)],
+        draw,
+        tuple(needs),
+        formulas=True,
+    )
     for number, (draw, *needs) in DRAWN.items()
 }

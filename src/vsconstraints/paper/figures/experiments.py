@@ -30,17 +30,26 @@ def draw_signals(run: Run) -> Sheet:
     """Figs. 14 and 17: errors, control action and visibility constraint functions."""
     image = is_image_based(run)
     sheet = Sheet(paper.LEFT)
-    *errors, action, phi = sheet.panels(3 if image else 4, height=1.4, above=0.4, labels=("time [s]", ""))
+    *errors, action, phi = sheet.panels(
+        3 if image else 4, height=1.4, above=0.4, labels=("time [s]", "")
+    )
     if image:
         for k, values in enumerate(image_errors(run).T):
             marker, vertical = divmod(k, 2)
-            look = {"color": paper.COLOURS[marker], "linestyle": "--" if vertical else "-", "linewidth": 1.3}
-            signal(errors[0], run.t, values, **look, label=f"${'v' if vertical else 'u'}_{marker + 1}$")
+            look = {
+                "color": paper.COLOURS[marker],
+                "linestyle": "--" if vertical else "-",
+                "linewidth": 1.3,
+            }
+            signal(
+                errors[0], run.t, values, **look, label=f"${'v' if vertical else 'u'}_{marker + 1}$"
+            )
         paper.over_time(errors[0], run, "image\nerrors [px]")
         above_legend(errors[0], 8)
     else:
         paper.pose_errors(errors, run, legend=above_legend)
-    qdd, rows = run.trajectory.qdd_command, [*run.labels("fov"), *run.labels("occlusion")]
+    qdd = run.trajectory.qdd_command
+    rows = [*run.labels("fov"), *run.labels("occlusion")]
     names = [rf"$\ddot{{q}}_{{c{k + 1}}}$" for k in range(qdd.shape[1])]
     paper.signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
     above_legend(action, len(names))
@@ -48,7 +57,10 @@ def draw_signals(run: Run) -> Sheet:
     least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
     # what stays below the panel has no name above it, and the others keep their colours
     seen = (values.max(axis=0) > least).tolist()
-    names = [f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}" for row, see in zip(rows, seen, strict=True)]
+    names = [
+        f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}"
+        for row, see in zip(rows, seen, strict=True)
+    ]
     paper.signals(phi, run, values, names, "", linewidth=1.2)
     paper.phi_axis(phi, run, (least, 0.25), "constraint\nfunctions $\\phi_V$")
     above_legend(phi, max(sum(seen), 1))
@@ -60,7 +72,10 @@ def draw_tracks(run: Run) -> Sheet:
     sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views(paper.image_size(run, 3.75))
     entries = paper.draw_tracks(ax, run)
-    for name, corners, colour in (("start", run.trajectory.features_px[0], paper.GREEN), ("goal", _goal(run), INK)):
+    for name, corners, colour in (
+        ("start", run.trajectory.features_px[0], paper.GREEN),
+        ("goal", _goal(run), INK),
+    ):
         look = line(f"target, {name}", colour, (0, (2, 2)), linewidth=1.0)
         ax.plot(*corners[[*range(len(corners)), 0]].T, **look, zorder=3.5)
         entries.append(look)
@@ -70,8 +85,14 @@ def draw_tracks(run: Run) -> Sheet:
 
 def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
     """Figs. 16 and 19: without and with errors in the gradient vector."""
-    looks = (line("no errors", paper.BLUE), line("30 % error in the gradient", paper.MAGENTA, paper.DASHED))
-    runs = ((exact, {"color": paper.BLUE}), (erroneous, {"color": paper.MAGENTA, "linestyle": paper.DASHED}))
+    looks = (
+        line("no errors", paper.BLUE),
+        line("30 % error in the gradient", paper.MAGENTA, paper.DASHED),
+    )
+    runs = (
+        (exact, {"color": paper.BLUE}),
+        (erroneous, {"color": paper.MAGENTA, "linestyle": paper.DASHED}),
+    )
     sheet = Sheet(paper.LEFT)
     if is_image_based(exact):
         sheet.legend(looks)
@@ -87,8 +108,12 @@ def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
         for run, look in runs:
             tracks(ax, run.trajectory.features_px, **look, linewidth=1.8, zorder=4)
         ax.plot(*exact.trajectory.features_px[0].T, **symbol("o", *paper.START), zorder=6.2)
-        sheet.side_legend([*looks, symbol("o", *paper.START, label="start"), *plane.entries("boundary")])
-    speeds = sheet.panels(exact.trajectory.qd.shape[1], 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", ""))
+        sheet.side_legend(
+            [*looks, symbol("o", *paper.START, label="start"), *plane.entries("boundary")]
+        )
+    speeds = sheet.panels(
+        exact.trajectory.qd.shape[1], 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", "")
+    )
     for k, ax in enumerate(speeds):
         for run, look in runs:
             signal(ax, run.t, run.trajectory.qd[:, k], **look, linewidth=1.3)

@@ -1,4 +1,6 @@
-"""What the paper's figures have in common: colours, signals over time, tracks with symbols at their ends."""
+"""What the paper's figures have in common: colours, signals over time, tracks with symbols at their
+ends.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,13 @@ from ...rows import Array
 COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")
 
 BLUE, MAGENTA, GREEN = COLOURS[:3]
-RED, CYAN = "#D42A2A", "#00A0C6"
+RED = "#D42A2A"
+CYAN = "#00A0C6"
 BAND = "#DCE6FA"
 #: Face and edge of symbols at the start, at the end of the first phase, and at the end.
-START, SWITCH, END = ("#86DC6A", INK), ("white", INK), (INK, "white")
+START = ("#86DC6A", INK)
+SWITCH = ("white", INK)
+END = (INK, "white")
 DASHED: Any = (0, (4, 2))
 
 PARTS = ("x", "y", "z", r"\alpha", r"\beta", r"\gamma")  #: Of an error of the camera's pose.
@@ -28,11 +33,15 @@ LEFT = 0.85
 
 
 def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
-    """The path of a marker (counted from 0) in the image, with symbols at its start and at the end of each phase."""
+    """The path of a marker (counted from 0) in the image, with symbols at its start and at the end
+    of each phase.
+    """
     pixels = run.trajectory.features_px[:, marker]
     mark = ("o", "*" if run.trajectory.features_px.shape[1] == 2 else "^", "s", "*")[marker]
     ax.plot(*pixels.T, **{"color": COLOURS[marker], "linewidth": 2.0, "zorder": 4, **look})
-    for k in [int(np.searchsorted(run.t, goal.from_time - 1e-9)) for goal in run.setup.task.goals[1:]]:
+    for k in [
+        int(np.searchsorted(run.t, goal.from_time - 1e-9)) for goal in run.setup.task.goals[1:]
+    ]:
         ax.plot(*pixels[k], **symbol(mark, *SWITCH), zorder=5.9)
     ax.plot(*pixels[-1], **symbol(mark, *END), zorder=6)
     ax.plot(*pixels[0], **symbol(mark, *START), zorder=6.2)
@@ -40,7 +49,8 @@ def track(ax: Any, run: Run, marker: int, **look: Any) -> None:
 
 def draw_tracks(ax: Any, run: Run, upwards: bool = False) -> list[dict[str, Any]]:
     """The whole image with the paths of all markers; returns entries for a legend."""
-    plane, count = Plane.of(run.setup), run.trajectory.features_px.shape[1]
+    plane = Plane.of(run.setup)
+    count = run.trajectory.features_px.shape[1]
     plane.draw(ax, upwards=upwards)
     for i in range(count):
         track(ax, run, i)
@@ -60,26 +70,46 @@ def image_size(run: Run, height: float) -> tuple[float, float]:
 
 def over_time(ax: Any, run: Run, label: str = "") -> None:
     """From start to end of a run, with the changes of its goal."""
-    time_axis(ax, float(run.t[-1]), [goal.from_time for goal in run.setup.task.goals[1:]], label, linewidth=1.8)
+    time_axis(
+        ax,
+        float(run.t[-1]),
+        [goal.from_time for goal in run.setup.task.goals[1:]],
+        label,
+        linewidth=1.8,
+    )
     ax.locator_params(axis="y", nbins=4, steps=[1, 2, 2.5, 5, 10])
 
 
-def signals(ax: Any, run: Run, values: Array, names: Iterable[str], label: str, **look: Any) -> None:
+def signals(
+    ax: Any, run: Run, values: Array, names: Iterable[str], label: str, **look: Any
+) -> None:
     """Signals (N, k) of a run over time, in the order of the colours."""
     for k, name in enumerate(names):
-        signal(ax, run.t, values[:, k], **{"color": COLOURS[k % len(COLOURS)], "label": name, "linewidth": 1.3, **look})
+        signal(
+            ax,
+            run.t,
+            values[:, k],
+            **{"color": COLOURS[k % len(COLOURS)], "label": name, "linewidth": 1.3, **look},
+        )
     over_time(ax, run, label)
 
 
 def pose_errors(
-    panels: Sequence[Any], run: Run, parts: Iterable[int] = range(6), legend: Callable[..., None] = inside_legend
+    panels: Sequence[Any],
+    run: Run,
+    parts: Iterable[int] = range(6),
+    legend: Callable[..., None] = inside_legend,
 ) -> None:
     """Errors of the camera's position and orientation in a panel each, some of their six parts."""
     kinds = (("position\nerror [m]", (0, 1, 2)), ("orientation\nerror [rad]", (3, 4, 5)))
     for ax, (label, own) in zip(panels, kinds, strict=True):
         shown = [part for part in own if part in parts]
         for part, dash in zip(shown, ("-", "--", ":"), strict=False):
-            look = {"color": (BLUE, MAGENTA, RED)[part % 3], "linestyle": dash, "label": f"$e_{{{PARTS[part]}}}$"}
+            look = {
+                "color": (BLUE, MAGENTA, RED)[part % 3],
+                "linestyle": dash,
+                "label": f"$e_{{{PARTS[part]}}}$",
+            }
             signal(ax, run.t, run.trajectory.error[:, part], **look)
         over_time(ax, run, label)
         legend(ax, len(shown))
@@ -109,5 +139,6 @@ def phi_panel(
 
 def limits_around(ax: Any, values: Array, share: float = 0.06) -> None:
     """Vertical limits around values, with a little room."""
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     ax.set_ylim(low - share * (high - low), high + share * (high - low))

@@ -1,4 +1,6 @@
-"""Figs. 2, 4 to 8, 10 and 11: the boundary of the FOV constraint, the planar arm, and the case study over time."""
+"""Figs. 2, 4 to 8, 10 and 11: the boundary of the FOV constraint, the planar arm, and the case
+study over time.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,19 @@ from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic,
 from ...reports.plots.image import Plane, square
 from ...vision.camera import Camera
 from ..claims import simulations as claims
-from ..claims.simulations import BORDERS, BOWL_ROW, HEART, NOTCH, OTHER_ROW, RANGE, SECOND, SPEED, SPHERE, TIP, phases
+from ..claims.simulations import (
+    BORDERS,
+    BOWL_ROW,
+    HEART,
+    NOTCH,
+    OTHER_ROW,
+    RANGE,
+    SECOND,
+    SPEED,
+    SPHERE,
+    TIP,
+    phases,
+)
 from . import lines as paper
 
 VIEW = 3.7
@@ -27,12 +41,15 @@ SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)
 def draw_hyperellipses() -> Sheet:
     """Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
     width, height = size = (640.0, 480.0)
-    sheet, camera = Sheet(paper.LEFT), Camera((600.0, 600.0), size)
+    sheet = Sheet(paper.LEFT)
+    camera = Camera((600.0, 600.0), size)
     (ax,) = sheet.views((4.6, 4.6 * height / width))
     square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
     entries = [line("image", INK) | {"linewidth": 2.6}]
     for n, colour, dash in zip((2, 4, 8, 16), paper.COLOURS, ("-", "--", "-.", "-"), strict=False):
-        for points in FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n).boundary(size):
+        for points in FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n).boundary(
+            size
+        ):
             ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
         entries.append(line(f"$\\sigma_V$ = 0 for $n_V$ = {n}", colour, dash))
     ax.set_xlim(-0.53 * width, 0.53 * width)
@@ -50,7 +67,9 @@ def draw_fov(fov: Run) -> Sheet:
     sheet.side_legend(paper.draw_tracks(ax, fov, upwards=True))
     *errors, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
     paper.pose_errors(errors, fov, PLANAR)
-    paper.signals(joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]")
+    paper.signals(
+        joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]"
+    )
     inside_legend(joints, 3)
     paper.phi_panel(phi, fov, {SECOND: line(r"$\phi_{V,2}$", paper.CYAN)}, (-1.1, 0.2))
     return sheet
@@ -66,7 +85,10 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
     sheet.side_legend([*entries, line("both features, $u^+$ = 50", **FASTER)])
     whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
     for ax, low, top, what in ((whole, -1.1, 0.3, ""), (near, -0.3, 0.2, ", near zero")):
-        for run, colour, name in ((fast, paper.BLUE, "$u^+$ = 10"), (high, FASTER["color"], "$u^+$ = 50")):
+        for run, colour, name in (
+            (fast, paper.BLUE, "$u^+$ = 10"),
+            (high, FASTER["color"], "$u^+$ = 50"),
+        ):
             signal(ax, run.t, run.phi(SECOND), color=colour, label=name, linewidth=1.4)
         paper.phi_axis(ax, fast, (low, top), r"$\phi_{V,2}$" + what)
     bound = fast.bound(SECOND)
@@ -79,7 +101,9 @@ def draw_fast(fast: Run, high: Run) -> Sheet:
 
 
 class Obstacle(NamedTuple):
-    """What the first marker meets: its row and name, a detail [px], limits of φ, and a row of the other marker."""
+    """What the first marker meets: its row and name, a detail [px], limits of φ, and a row of the
+    other marker.
+    """
 
     row: str
     name: str
@@ -109,7 +133,9 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
     detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
     detail.set_xlabel("u [px]", labelpad=1)
     paper.track(detail, run, 0)
-    outside = np.where((run.sigma(met.row) > 0.0)[:, None], run.trajectory.features_px[:, 0], np.nan)
+    outside = np.where(
+        (run.sigma(met.row) > 0.0)[:, None], run.trajectory.features_px[:, 0], np.nan
+    )
     if np.isfinite(outside).any():
         detail.plot(*outside.T, color=paper.RED, linewidth=2.6, zorder=5)
         entries.append(line(r"$\sigma$ > 0", paper.RED))
@@ -136,7 +162,11 @@ def frame_times(run: Run) -> list[float]:
     """  # noqa: D205
     count = claims.at_once(run)
     three = run.t[count == count.max()]
-    spans = [(three[0], three[-1]), *phases(run, BORDERS[2])[0][:1], *phases(run, BORDERS[1])[1][:1]]
+    spans = [
+        (three[0], three[-1]),
+        *phases(run, BORDERS[2])[0][:1],
+        *phases(run, BORDERS[1])[1][:1],
+    ]
     spans += phases(run, SPHERE)[1][:1]
     return [float(run.t[np.argmin(np.abs(run.t - 0.5 * (a + b)))]) for a, b in spans]
 
@@ -158,14 +188,22 @@ def draw_signals(case: Run) -> Sheet:
         (panels[0], case.trajectory.q, "joint positions\n[rad]", "q", f"{RANGE}.upper"),
         (panels[1], case.trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}", f"{SPEED}.upper"),
     ):
-        paper.signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
+        paper.signals(
+            ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label
+        )
         paper.limits_around(ax, values)
         plots.above_legend(ax, 6)
         # the limit that acts: the value that the row's joint had, and its clearance
         constraint: Any = case.constraint(limited)
         joint = int(constraint.joints[0])
-        limit = float(np.median(values[:, joint - 1] + case.trajectory.clearance[:, case.index(limited)]))
-        ax.axhline(limit, **plots.REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
+        limit = float(
+            np.median(values[:, joint - 1] + case.trajectory.clearance[:, case.index(limited)])
+        )
+        ax.axhline(
+            limit,
+            **plots.REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4},
+            zorder=1.7,
+        )
         plots.note(ax, f"limit of joint {joint}", limit, across=0.26)
     signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
     paper.phi_axis(panels[2], case, (-0.2, 0.04), r"greatest $\phi_i$")
@@ -173,8 +211,14 @@ def draw_signals(case: Run) -> Sheet:
     for number, time in enumerate(frame_times(case), start=1):
         for ax in panels:
             ax.axvline(time, color="#666666", linestyle="--", linewidth=0.9, zorder=1.4)
-        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "ha": "center"}
-        panels[3].annotate(f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=plots.FAINT)
+        place: dict[str, Any] = {
+            "xycoords": ("data", "axes fraction"),
+            "textcoords": "offset points",
+            "ha": "center",
+        }
+        panels[3].annotate(
+            f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=plots.FAINT
+        )
     return sheet
 
 
@@ -183,7 +227,14 @@ def _lanes(ax: Any, run: Run) -> None:
     shown = [event for event in claims.EVENTS if any(phases(run, event))]
     for lane, event in enumerate(shown):
         for first, last in (span for phase in phases(run, event) for span in phase):
-            ax.plot([first, last], [lane, lane], color=INK, linewidth=2.6, solid_capstyle="butt", zorder=3)
+            ax.plot(
+                [first, last],
+                [lane, lane],
+                color=INK,
+                linewidth=2.6,
+                solid_capstyle="butt",
+                zorder=3,
+            )
             inside = [time for time in frame_times(run) if first <= time <= last]
             ax.plot(inside, [lane] * len(inside), **plots.symbol("o", "white", size=7.0), zorder=4)
     paper.over_time(ax, run)

@@ -15,14 +15,16 @@ from ..claims.simulations import phases
 from . import lines as paper
 from .simulations import SHORT, frame_times
 
-#: What Fig. 3, and what Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg].
+#: What Fig. 3, and what Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the
+#: look at it [deg].
 PLANE = Viewpoint(np.array([0.1, -0.5, -0.3]), 1.15, 80.0, -90.0)
 CUBE = Viewpoint(np.array([0.27, 0.1, 0.33]), 0.43, 22.0, -58.0)
 
 
 def scene_of(run: Run, view: Viewpoint) -> Scene3D:
     """The arm with its camera, the target and what is forbidden in space, wherever they are."""
-    scene, scale = Scene3D(), view.half / CUBE.half
+    scene = Scene3D()
+    scale = view.half / CUBE.half
     add_surroundings(scene, run.setup, view.half)
     add_robot(scene, run.setup, bars(run.setup.scene.robot, scale), scale)
     return scene
@@ -35,7 +37,9 @@ def space(sheet: Sheet, left: float, top: float, side: float) -> Any:
 
 def draw_system(run: Run, view: Viewpoint) -> Sheet:
     """Figs. 3 and 9: the arm at its start, the target, and the frames."""
-    sheet, scene, q = Sheet(), scene_of(run, view), run.trajectory.q[0]
+    sheet = Sheet()
+    scene = scene_of(run, view)
+    q = run.trajectory.q[0]
     goals = [goal.camera for goal in run.setup.task.goals if goal.camera is not None]
     poses = {"F": Pose.identity(), "O": Pose(np.eye(3), run.setup.scene.markers.mean(axis=0))}
     poses["C"] = run.setup.scene.camera_pose(q)
@@ -55,19 +59,27 @@ def draw_system(run: Run, view: Viewpoint) -> Sheet:
 def draw_frames(case: Run) -> Sheet:
     """Fig. 12: the arm at four instants, and the end-effector's path."""
     (tip,) = [i for i, point in enumerate(case.setup.scene.points) if point.label == "tip"]
-    sheet, trail = Sheet(), case.trajectory.points[:, tip]
+    sheet = Sheet()
+    trail = case.trajectory.points[:, tip]
     for number, time in enumerate(frame_times(case), start=1):
         row, column = divmod(number - 1, 2)
-        left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
+        left = column * (WIDTH / 2) + 0.02
+        top = 0.05 + row * 3.4
         k = int(np.argmin(np.abs(case.t - time)))
         scene = scene_of(case, CUBE)
         path = trail[: k + 1][np.unique(np.linspace(0, k, 160).astype(int))]
         scene.add(tube(path, 0.0045, 6, caps=False), paper.RED)
         frames = setup_frames(case.setup, case.trajectory.q[k], time)
         scene.draw(space(sheet, left, top - 0.35, 3.95), CUBE, frames, whole=False)
-        sheet.text(left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top")
-        spans = {event: [span for phase in phases(case, event) for span in phase] for event in SHORT}
-        active = [SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)]
+        sheet.text(
+            left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top"
+        )
+        spans = {
+            event: [span for phase in phases(case, event) for span in phase] for event in SHORT
+        }
+        active = [
+            SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)
+        ]
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
     return sheet

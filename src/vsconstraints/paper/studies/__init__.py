@@ -4,4 +4,13 @@ from .run import CAMPAIGNS, STUDIES, data_file, figure_file, run_studies
 from .study import Study, StudyResult
 from .summary import RunSummary
 
-__all__ = ["CAMPAIGNS", "STUDIES", "RunSummary", "Study", "StudyResult", "data_file", "figure_file", "run_studies"]
+__all__ = [
+    "CAMPAIGNS",
+    "STUDIES",
+    "RunSummary",
+    "Study",
+    "StudyResult",
+    "data_file",
+    "figure_file",
+    "run_studies",
+]

@@ -17,17 +17,20 @@ from .tables import Numbers, Points, about, ended_early, grouped, scenario_title
 def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> Sheet:
     """The figure of a study's points and numbers, as its table says.
 
-    Below a legend there is for each of the ``measures`` a row of panels, one for each scenario; with ``columns`` in the
-    ``layout`` one panel for each measure, and so many in a row. The layout gives the left margin, the height of panels
-    and what is between them in inches, and of the horizontal axis the column ``x``, its label (``below``), ``limits``
-    (or only the last one) and, if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is
-    drawn there. A measure is logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it has a ``label``
-    or a ``title``, and may have ``ticks``, horizontal ones too (``below``), a ``level`` to compare with, a ``margin``,
-    or limits: ``low``, and ``top`` or ``headroom`` times what the data reach, the ``same`` in all panels. What differs
-    between scenarios is a table by scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see
+    Below a legend there is for each of the ``measures`` a row of panels, one for each scenario;
+    with ``columns`` in the ``layout`` one panel for each measure, and so many in a row. The layout
+    gives the left margin, the height of panels and what is between them in inches, and of the
+    horizontal axis the column ``x``, its label (``below``), ``limits`` (or only the last one) and,
+    if it is logarithmic, ``ticks`` with maybe ``names``; what is less than ``least`` is drawn
+    there. A measure is logarithmic, linear ``linear_below`` a value, unless it is ``linear``; it
+    has a ``label`` or a ``title``, and may have ``ticks``, horizontal ones too (``below``), a
+    ``level`` to compare with, a ``margin``, or limits: ``low``, and ``top`` or ``headroom`` times
+    what the data reach, the ``same`` in all panels. What differs between scenarios is a table by
+    scenario. ``layers`` are drawn into all panels or those ``on`` some measures: see
     :class:`Series`.
     """
-    layout, measures = table["layout"], table["measures"]
+    layout = table["layout"]
+    measures = table["measures"]
     series = list(all_series(table, points, numbers))
     scenarios = [None] if "columns" in layout else list(grouped(points, "scenario"))
     sheet = Sheet(left=layout["left"])
@@ -37,13 +40,30 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
     sheet.legend([look for label, look in entries.items() if label], layout.get("legend", 3))
     sheet.at += layout.get("above", 0.15)
     places = list(product(measures, scenarios))
-    size = {"height": layout["height"], "gap": layout.get("gap", 0.7), "labels": (layout["below"], "")}
-    axes = dict(zip(places, sheet.panels(len(places), layout.get("columns", len(scenarios)), **size), strict=True))
+    size = {
+        "height": layout["height"],
+        "gap": layout.get("gap", 0.7),
+        "labels": (layout["below"], ""),
+    }
+    axes = dict(
+        zip(
+            places,
+            sheet.panels(len(places), layout.get("columns", len(scenarios)), **size),
+            strict=True,
+        )
+    )
     for (name, scenario), ax in axes.items():
-        own = {key: value[scenario] if isinstance(value, dict) else value for key, value in measures[name].items()}
+        own = {
+            key: value[scenario] if isinstance(value, dict) else value
+            for key, value in measures[name].items()
+        }
         if scenario == scenarios[0] or own != measures[name]:
             ax.set_ylabel(own.get("label", ""))
-        ax.set_title(scenario_title(scenario) if scenario and name == next(iter(measures)) else own.get("title", ""))
+        ax.set_title(
+            scenario_title(scenario)
+            if scenario and name == next(iter(measures))
+            else own.get("title", "")
+        )
         for one in series:
             if name in one.layer.get("on", measures):
                 one.draw(ax, layout, name, scenario)
@@ -72,14 +92,16 @@ def sweep_figure(table: Mapping[str, Any], points: Points, numbers: Numbers) -> 
 
 
 class Series(NamedTuple):
-    """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the layer.
+    """One of what a layer of a table draws: its name, points, how they look in matplotlib, and the
+    layer.
 
-    Its points are those ``where`` columns have values, ``without`` those that have others, or the ``numbers`` about so
-    many of the first varied fields, all together or ``by`` a column. They are joined by a line if their ``kind`` is not
-    ``level`` (a line across the panel), ``below`` (what lies below it is shaded), ``crosses`` (near the upper edge, of
-    runs that failed), ``edge`` (at the left edge) or ``distribution`` (against the share of points with less); ``y`` is
-    the measure if not another column. They look as a law does, as the table's ``looks`` or the layer's ``palette`` and
-    ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
+    Its points are those ``where`` columns have values, ``without`` those that have others, or the
+    ``numbers`` about so many of the first varied fields, all together or ``by`` a column. They are
+    joined by a line if their ``kind`` is not ``level`` (a line across the panel), ``below`` (what
+    lies below it is shaded), ``crosses`` (near the upper edge, of runs that failed), ``edge`` (at
+    the left edge) or ``distribution`` (against the share of points with less); ``y`` is the measure
+    if not another column. They look as a law does, as the table's ``looks`` or the layer's
+    ``palette`` and ``look`` say, ``reference`` dashed, ever thinner with ``widths``.
     """
 
     name: str
@@ -89,27 +111,44 @@ class Series(NamedTuple):
 
     def draw(self, ax: Any, layout: Mapping[str, Any], measure: str, scenario: str | None) -> None:
         """Draw it into the panel of a measure and of a scenario, or of all of them."""
-        x, y, kind = layout.get("x", ""), self.layer.get("y", measure), self.layer.get("kind")
+        x = layout.get("x", "")
+        y = self.layer.get("y", measure)
+        kind = self.layer.get("kind")
         points = where(self.points, scenario=scenario) if scenario else self.points
         if kind == "crosses":
             shift = self.layer.get("shift", {}).get(self.name, 0.0)
             values = [point[x] + shift for point in points if ended_early(point)]
-            look = self.look | {"linestyle": "none", "marker": "x", "markersize": 6.0, "markeredgewidth": 1.4}
+            look = self.look | {
+                "linestyle": "none",
+                "marker": "x",
+                "markersize": 6.0,
+                "markeredgewidth": 1.4,
+            }
             look |= {"markeredgecolor": self.look["color"], "clip_on": False, "zorder": 5}
             ax.plot(values, [0.92] * len(values), transform=ax.get_xaxis_transform(), **look)
             return
         # a run that failed is shown where its outcome is
-        finite = [p for p in points if math.isfinite(p[y]) and ("outcome" in p or not ended_early(p))]
+        finite = [
+            p for p in points if math.isfinite(p[y]) and ("outcome" in p or not ended_early(p))
+        ]
         if kind in ("level", "below"):
             for point in finite:
-                ax.axhline(point[y], **self.look) if kind == "level" else ax.axvspan(point[y], 1e-9, **self.look)
+                ax.axhline(point[y], **self.look) if kind == "level" else ax.axvspan(
+                    point[y], 1e-9, **self.look
+                )
             return
         if kind in ("distribution", "edge"):
             values = [p[y] for p in finite]
             if kind == "edge":
-                ax.plot([0.02] * len(values), values, transform=ax.get_yaxis_transform(), **self.look)
+                ax.plot(
+                    [0.02] * len(values), values, transform=ax.get_yaxis_transform(), **self.look
+                )
             elif values:
-                ax.ecdf(values + [math.inf] * (len(points) - len(finite)), orientation="horizontal", **self.look)
+                ax.ecdf(
+                    values + [math.inf] * (len(points) - len(finite)),
+                    orientation="horizontal",
+                    **self.look,
+                )
             return
         least = layout.get("least", -math.inf)
         pairs = sorted((max(p[x], least), p[y]) for p in finite if math.isfinite(p[x]))
@@ -123,16 +162,34 @@ def all_series(table: Mapping[str, Any], points: Points, numbers: Numbers) -> It
         of = points
         if count := layer.get("numbers"):
             keys = dict.fromkeys(key[:-1] for key in numbers if len(key) == count + 1)
-            of = [dict(zip(table["varied"], key, strict=False)) | about(numbers, *key) | {"status": ""} for key in keys]
+            of = [
+                dict(zip(table["varied"], key, strict=False))
+                | about(numbers, *key)
+                | {"status": ""}
+                for key in keys
+            ]
         own = where(of, **layer.get("where", {}))
-        own = [point for point in own if point not in where(own, **layer["without"])] if "without" in layer else own
+        own = (
+            [point for point in own if point not in where(own, **layer["without"])]
+            if "without" in layer
+            else own
+        )
         groups = grouped(own, layer["by"]) if "by" in layer else {"": own}
-        names = [name for name in looks if name in groups] or [name for name in groups if name or "by" not in layer]
-        thinner = widths(names, *layer["widths"]) if "widths" in layer else dict.fromkeys(names, 1.4)
+        names = [name for name in looks if name in groups] or [
+            name for name in groups if name or "by" not in layer
+        ]
+        thinner = (
+            widths(names, *layer["widths"]) if "widths" in layer else dict.fromkeys(names, 1.4)
+        )
         for k, name in enumerate(names):
             look: dict[str, Any] = {}
             if layer.get("kind") != "below":
-                look = {"linewidth": thinner[name], "color": INK, "markersize": 5.0, "label": scenario_title(name)}
+                look = {
+                    "linewidth": thinner[name],
+                    "color": INK,
+                    "markersize": 5.0,
+                    "label": scenario_title(name),
+                }
                 look |= looks.get(name, {})
                 if law := LOOKS.get(look.pop("law", name)):
                     look |= {"color": law.colour, "marker": law.marker}

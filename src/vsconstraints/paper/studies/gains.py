@@ -1,4 +1,6 @@
-"""How large the switching gain must be, beside moving obstacles too, and how the band shrinks with the period."""
+"""How large the switching gain must be, beside moving obstacles too, and how the band shrinks with
+the period.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from .study import Found, Results, Sweep
 from .summary import RunSummary
 from .tables import TABLES, Points, greatest, grouped, smallest_gain, where
 
-OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")  #: Of a run, the worst first.
+#: Of a run, the worst first.
+OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
 #: What can be required of a switching gain, and the outcomes that are enough for it.
 ENOUGH = {"allowed": OUTCOMES[2:], "in_band": OUTCOMES[3:], "sliding": OUTCOMES[4:]}
 BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
@@ -41,38 +44,58 @@ def _gain_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, 
         outcome = "violated"
     elif run.phi_max > band:
         outcome = "beyond band"
-    return [{"outcome": outcome, "band_bound": band, "bound_sampled": run.needed_gain + max(run.entry_push, 0.0)}]
+    return [
+        {
+            "outcome": outcome,
+            "band_bound": band,
+            "bound_sampled": run.needed_gain + max(run.entry_push, 0.0),
+        }
+    ]
 
 
 def _gain_numbers(points: Points) -> Found:
-    """For every speed the bounds and the smallest gains that are enough; and how many runs above (12) are so."""
+    """For every speed the bounds and the smallest gains that are enough; and how many runs above
+    (12) are so.
+    """
     numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
     for Kp0, own in grouped(points, "Kp0").items():
-        # the greatest along the runs that slide, or along the one with the largest gain if none does
-        bounding = where(own, outcome="sliding") or [max(own, key=lambda point: float(point["switching_gain"]))]
+        # the greatest along the runs that slide, or along the one with the largest gain if none
+        # does
+        bounding = where(own, outcome="sliding") or [
+            max(own, key=lambda point: float(point["switching_gain"]))
+        ]
         numbers[Kp0,] = {name: greatest(bounding, name) for name in ("bound_12", "bound_sampled")}
-        numbers[Kp0,] |= {f"smallest_{name}": smallest_gain(own, outcomes) for name, outcomes in ENOUGH.items()}
+        numbers[Kp0,] |= {
+            f"smallest_{name}": smallest_gain(own, outcomes) for name, outcomes in ENOUGH.items()
+        }
     # along its own motion; without an active row there is no bound to exceed
     below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
     above = [point for point in points if point not in below]
     numbers[()] = {"above_bound": len(above), "below_bound": len(below)}
     for side, own in (("above_bound", above), ("below_bound", below)):
-        numbers[()] |= {f"{side}_{name}": len(where(own, outcome=[*good])) for name, good in ENOUGH.items()}
+        numbers[()] |= {
+            f"{side}_{name}": len(where(own, outcome=[*good])) for name, good in ENOUGH.items()
+        }
     return numbers
 
 
-#: The first example with ever faster motion, and a grid of switching gains for each speed. Three things can be required
-#: of a switching gain, each more than the one before: that σ ≤ 0 holds, that φ stays within the band (43), and that φ
-#: is back below zero after one sample, as in a sliding mode. Condition (12) promises that φ falls while its row is
-#: active. While it is inactive, tracking moves φ at up to L_fφ + L_gφ q̈, so that one sample is enough to come back if
-#: u⁺ exceeds L_fφ by as much.
+#: The first example with ever faster motion, and a grid of switching gains for each speed. Three
+#: things can be required of a switching gain, each more than the one before: that σ ≤ 0 holds, that
+#: φ stays within the band (43), and that φ is back below zero after one sample, as in a sliding
+#: mode. Condition (12) promises that φ falls while its row is active. While it is inactive,
+#: tracking moves φ at up to L_fφ + L_gφ q̈, so that one sample is enough to come back if u⁺ exceeds
+#: L_fφ by as much.
 SWITCHING_GAIN = Sweep("switching-gain", _gain_spec, _gain_lines, _gain_numbers)
 
 
 def _time_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
     """The run's band and what is expected of it; and each row of the case study that was active."""
     bound = run.value("phi_band_bound")
-    bands = {"band": run.value("phi_band"), "bound_43": bound, "band_expected": bound + run.Ts * run.entry_push}
+    bands = {
+        "band": run.value("phi_band"),
+        "bound_43": bound,
+        "band_expected": bound + run.Ts * run.entry_push,
+    }
     rows = run.rows.values() if case.scenario == ROW_SCENARIO else ()
     return [{"row": "", **bands}, *(_row(row, run.Ts) for row in rows if row["active_time_s"] > 0)]
 
@@ -90,7 +113,9 @@ def _row(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
 
 
 def _time_numbers(points: Points) -> Found:
-    """How bands grow, for each scenario; how far and how long the rows of the case study are above zero."""
+    """How bands grow, for each scenario; how far and how long the rows of the case study are above
+    zero.
+    """
     numbers: dict[tuple[Any, ...], dict[Any, float]] = {}
     for scenario in BAND_SCENARIOS:
         if own := [p for p in where(points, scenario=scenario, row="") if math.isfinite(p["band"])]:
@@ -107,7 +132,9 @@ def _time_numbers(points: Points) -> Found:
 
 
 def _growth(points: Points) -> dict[str, float]:
-    """The bands of a scenario beside what is expected of them, and how they grow with the sampling time."""
+    """The bands of a scenario beside what is expected of them, and how they grow with the sampling
+    time.
+    """
     names = ("Ts_ms", "band", "bound_43", "band_expected")
     Ts, band, bound, expected = (np.array([point[name] for point in points]) for name in names)
     found = {
@@ -116,12 +143,15 @@ def _growth(points: Points) -> dict[str, float]:
         "greatest_share_of_expected": (band / expected).max(),
         "longest_run": greatest(points, "longest_run"),
     }
-    return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})
+    return found | (
+        {"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {}
+    )
 
 
-#: The sliding-mode law with different sampling times, nothing else changed. (43) bounds one step of the constraint
-#: action alone: T_s u⁺. In the last sample before a row becomes active, tracking moves φ by up to T_s (L_fφ + L_gφ q̈):
-#: that is what the band has above zero, and the sum is what to expect.
+#: The sliding-mode law with different sampling times, nothing else changed. (43) bounds one step of
+#: the constraint action alone: T_s u⁺. In the last sample before a row becomes active, tracking
+#: moves φ by up to T_s (L_fφ + L_gφ q̈): that is what the band has above zero, and the sum is what
+#: to expect.
 SAMPLING_TIME = Sweep(
     "sampling-time",
     lambda case: RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3}),
@@ -131,7 +161,9 @@ SAMPLING_TIME = Sweep(
 
 
 def _constraint(case: Any) -> dict[str, Any]:
-    """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the meeting time."""
+    """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the
+    meeting time.
+    """
     obstacle = OBSTACLES[case.scenario]
     table: dict[str, Any] = copy.deepcopy(Scenario.load(case.scenario).tables["constraints"][0])
     velocity = np.array(table["motion"]["velocity"])
@@ -145,19 +177,24 @@ def _constraint(case: Any) -> dict[str, Any]:
 
 def _obstacle_spec(case: Any) -> RunSpec:
     duration = OBSTACLES[case.scenario]["duration"]
-    return RunSpec(case.scenario, overrides={"constraints": [_constraint(case)], "duration": duration})
+    return RunSpec(
+        case.scenario, overrides={"constraints": [_constraint(case)], "duration": duration}
+    )
 
 
 def _obstacle_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
     """Its outcome, how deep the obstacle is entered, and K times its speed."""
-    table, factor = _constraint(case), OBSTACLES[case.scenario]["factor"]
+    table = _constraint(case)
+    factor = OBSTACLES[case.scenario]["factor"]
     depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
     outcome = "kept" if run.value("violation_depth") <= KEPT else "violated"
     return [
         {
             "outcome": "failed" if run.ended_early else outcome,
             "depth": factor * depth,
-            "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
+            "depth_expected": factor
+            * table["K"]
+            * float(np.linalg.norm(table["motion"]["velocity"])),
         }
     ]
 
@@ -168,9 +205,12 @@ def _obstacle_numbers(points: Points) -> Found:
     above: Points = []
     for key, own in grouped(points, "scenario", "speed").items():
         known = where(own, known=True)
-        unknown = next(iter(where(own, known=False)), {"switching_gain": math.nan, "depth": math.nan})
+        unknown = next(
+            iter(where(own, known=False)), {"switching_gain": math.nan, "depth": math.nan}
+        )
         same = where(known, switching_gain=unknown["switching_gain"])
-        largest = max(known, key=lambda point: float(point["switching_gain"]))  # whose bound is the speed's
+        # whose bound is the speed's
+        largest = max(known, key=lambda point: float(point["switching_gain"]))
         numbers[key] = {
             "bound_12": largest["bound_12"],
             "smallest_kept": smallest_gain(known, ["kept"]),
@@ -178,12 +218,20 @@ def _obstacle_numbers(points: Points) -> Found:
             "depth_unknown": unknown["depth"],
             "depth_expected": largest["depth_expected"],
         }
-        above += [p for p in known if p["switching_gain"] > largest["bound_12"] and p["outcome"] != "failed"]
-    return {**numbers, (): {"above_bound": len(above), "above_bound_kept": len(where(above, outcome="kept"))}}
+        above += [
+            p
+            for p in known
+            if p["switching_gain"] > largest["bound_12"] and p["outcome"] != "failed"
+        ]
+    return {
+        **numbers,
+        (): {"above_bound": len(above), "above_bound_kept": len(where(above, outcome="kept"))},
+    }
 
 
-#: The sliding-mode law with obstacles that move at different speeds, known and unknown. The obstacle is the only
-#: constraint. It is displaced so that it is at the same place at one time whatever its speed, and stands there if the
-#: speed is zero. Claim: ∂φ/∂t only changes the bound (12) on u⁺ (section 5.4). A controller that takes the obstacle for
-#: static keeps σ + K (σ̇ − ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its speed.
+#: The sliding-mode law with obstacles that move at different speeds, known and unknown. The
+#: obstacle is the only constraint. It is displaced so that it is at the same place at one time
+#: whatever its speed, and stands there if the speed is zero. Claim: ∂φ/∂t only changes the bound
+#: (12) on u⁺ (section 5.4). A controller that takes the obstacle for static keeps σ + K (σ̇ −
+#: ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its speed.
 NON_STATIC = Sweep("non-static", _obstacle_spec, _obstacle_lines, _obstacle_numbers)

@@ -1,4 +1,6 @@
-"""What laws do: with erroneous gradients, as potential fields become the sliding mode, and for using allowed space."""
+"""What laws do: with erroneous gradients, as potential fields become the sliding mode, and for
+using allowed space.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from .tables import TABLES, Points, ended_early, grouped, where
 
 #: Every law that studies compare with its usual options, by name.
 LAWS = {name: ControllerSpec.from_table(name, table) for name, table in TABLES["laws"].items()}
-#: Greatest number of samples in a row with φ ≥ 0 if a boundary is kept; and greatest φ of a speed in T_s u⁺.
+#: Greatest number of samples in a row with φ ≥ 0 if a boundary is kept; and greatest φ of a speed
+#: in T_s u⁺.
 MAX_POSITIVE_SAMPLES: int = TABLES["pareto"]["limits"]["samples"]
 MAX_EXCESS: float = TABLES["pareto"]["limits"]["excess"]
 
@@ -33,14 +36,17 @@ def _error_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str,
 def _error_numbers(points: Points) -> Found:
     names = ("deviation_px", "violation", "settling_time_s")
     return {
-        (point["scenario"], point["controller"], point["gradient_error"]): {name: point[name] for name in names}
+        (point["scenario"], point["controller"], point["gradient_error"]): {
+            name: point[name] for name in names
+        }
         | {"converged": point["status"] == "converged"}
         for point in points
     }
 
 
-#: Every law with the erroneous gradient (49) in its visibility rows. The deviation is the greatest distance, at any
-#: time, of a marker from where it is in the run of the same law with exact gradients.
+#: Every law with the erroneous gradient (49) in its visibility rows. The deviation is the greatest
+#: distance, at any time, of a marker from where it is in the run of the same law with exact
+#: gradients.
 GRADIENT_ERROR = Sweep("gradient-error", _error_spec, _error_lines, _error_numbers)
 
 
@@ -52,9 +58,15 @@ def _region_spec(case: Any) -> RunSpec:
 
 
 def _region_lines(case: Any, run: RunSummary, results: Results) -> list[dict[str, Any]]:
-    """Its distances to the sliding-mode law, and what one sample of a row's action moves φ by in its range."""
+    """Its distances to the sliding-mode law, and what one sample of a row's action moves φ by in
+    its range.
+    """
     reference = results.get(case._replace(law="sliding-mode", region=None), NOT_RUN)
-    steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
+    steps = [
+        run.Ts * row["switching_gain"] / row["scale"]
+        for row in run.rows.values()
+        if row["challenged"]
+    ]
     return [
         {
             "joint_distance": joint_distance(run, reference),
@@ -82,7 +94,9 @@ def _region_numbers(points: Points) -> Found:
 
 def _shrinking(points: Points, floor: float) -> dict[str, float]:
     """Numbers about the runs of one blend, from the largest to the smallest region."""
-    own = sorted([point for point in points if not ended_early(point)], key=lambda point: -point["region"])
+    own = sorted(
+        [point for point in points if not ended_early(point)], key=lambda point: -point["region"]
+    )
     found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
     if not own:
         return found
@@ -94,49 +108,73 @@ def _shrinking(points: Points, floor: float) -> dict[str, float]:
     falls = all(b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(own))
     deepest = max(own, key=lambda point: float(point["violation_depth"]))
     found |= {"distance_falls": falls and len(own) == len(points)}
-    return found | {"violation_depth": deepest["violation_depth"], "violation_region": deepest["region"]}
+    return found | {
+        "violation_depth": deepest["violation_depth"],
+        "violation_region": deepest["region"],
+    }
 
 
-#: Potential fields with ever smaller regions beside the sliding-mode law. The distance to sliding mode is the root mean
-#: square of ‖q − q_SM‖ over time. How far the sliding-mode law is from itself at half the sampling time is the scale of
-#: what sampling alone changes: no distance below it means anything.
+#: Potential fields with ever smaller regions beside the sliding-mode law. The distance to sliding
+#: mode is the root mean square of ‖q − q_SM‖ over time. How far the sliding-mode law is from itself
+#: at half the sampling time is the scale of what sampling alone changes: no distance below it means
+#: anything.
 SHRINKING_REGION = Sweep("shrinking-region", _region_spec, _region_lines, _region_numbers)
 
 
 def kept(points: Iterable[dict[str, Any]]) -> Points:
     """Points of runs that keep their boundaries, and have both what is compared."""
-    return [p for p in points if not p["not_kept"] and math.isfinite(p["unused"] + p["acceleration_variation"])]
+    return [
+        p
+        for p in points
+        if not p["not_kept"] and math.isfinite(p["unused"] + p["acceleration_variation"])
+    ]
 
 
 def _pareto_spec(case: Any) -> RunSpec:
     law = LAWS[case.controller]
     if "region" in law.options:
-        return RunSpec(case.scenario, law.changed("region", case.parameter).changed("strength", case.strength))
+        return RunSpec(
+            case.scenario, law.changed("region", case.parameter).changed("strength", case.strength)
+        )
     if "alpha" in law.options:
         return RunSpec(case.scenario, law.changed("alpha", case.parameter))
     return RunSpec(case.scenario, law, scaled_gains(case.scenario, case.parameter))
 
 
 def _pareto_numbers(points: Points) -> Found:
-    """What each law leaves unused at best, and how many of its runs are compared, and on the front."""
+    """What each law leaves unused at best, and how many of its runs are compared, and on the
+    front.
+    """
     numbers: dict[tuple[Any, ...], Mapping[Any, float]] = {}
     for key, runs in grouped(points, "scenario", "controller").items():
         compared = kept(runs)
         least = min((point["unused"] for point in compared), default=math.nan)
-        numbers[key] = {"least_unused": least, "on_front": len(where(compared, front=True)), "kept": len(compared)}
+        numbers[key] = {
+            "least_unused": least,
+            "on_front": len(where(compared, front=True)),
+            "kept": len(compared),
+        }
     for point in where(points, controller="sliding-mode", parameter=1.0):
-        numbers[point["scenario"], "printed"] = {"unused": point["unused"], "kept": bool(kept([point]))}
+        numbers[point["scenario"], "printed"] = {
+            "unused": point["unused"],
+            "kept": bool(kept([point])),
+        }
     return numbers
 
 
 def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
     """Overrides that multiply every u⁺ of a shipped scenario; none for the factor 1."""
     constraints = Scenario.load(scenario).tables["constraints"] if factor != 1.0 else ()
-    return {f"constraints.{i}.switching_gain": factor * table["switching_gain"] for i, table in enumerate(constraints)}
+    return {
+        f"constraints.{i}.switching_gain": factor * table["switching_gain"]
+        for i, table in enumerate(constraints)
+    }
 
 
 def front(points: Sequence[dict[str, Any]]) -> Points:
-    """The runs without violation that no other such run beats in both unused space and acceleration variation."""
+    """The runs without violation that no other such run beats in both unused space and acceleration
+    variation.
+    """
     chosen: Points = []
     for point in sorted(kept(points), key=lambda p: (p["unused"], p["acceleration_variation"])):
         if not chosen or point["acceleration_variation"] < chosen[-1]["acceleration_variation"]:
@@ -145,8 +183,12 @@ def front(points: Sequence[dict[str, Any]]) -> Points:
 
 
 def unused(run: RunSummary) -> float:
-    """Least clearance as a share of the characteristic length, averaged over the challenged rows [%]; NaN without."""
-    left = [max(0.0, 1.0 - float(row["usage_max"])) for row in run.rows.values() if row["challenged"]]
+    """Least clearance as a share of the characteristic length, averaged over the challenged rows
+    [%]; NaN without.
+    """
+    left = [
+        max(0.0, 1.0 - float(row["usage_max"])) for row in run.rows.values() if row["challenged"]
+    ]
     return 100.0 * math.fsum(left) / len(left) if left else math.nan
 
 
@@ -167,17 +209,20 @@ def not_kept(run: RunSummary) -> str:
     return ""
 
 
-#: Every law over the range of its own parameter: a factor on every u⁺, a region, or the rate α of a barrier. Runs are
-#: compared if they keep their boundaries: they reach the goal, no row with a σ of its own is violated, no speed by more
-#: than sampling explains, and φ ≥ 0 lasts for two samples at most, so that where a row acts it slides or stays inside.
-#: A run is on the front if it is one of these and no other both leaves less of the allowed space unused and varies its
-#: acceleration less. What is left unused is the least clearance of a row as a share of its characteristic length,
+#: Every law over the range of its own parameter: a factor on every u⁺, a region, or the rate α of a
+#: barrier. Runs are compared if they keep their boundaries: they reach the goal, no row with a σ of
+#: its own is violated, no speed by more than sampling explains, and φ ≥ 0 lasts for two samples at
+#: most, so that where a row acts it slides or stays inside. A run is on the front if it is one of
+#: these and no other both leaves less of the allowed space unused and varies its acceleration less.
+#: What is left unused is the least clearance of a row as a share of its characteristic length,
 #: averaged over the rows that tracking alone violates.
 PARETO = Sweep(
     "pareto",
     _pareto_spec,
     lambda case, run, results: [{"unused": unused(run), "not_kept": not_kept(run)}],
     _pareto_numbers,
-    lambda points: [p | {"front": p in front(where(points, scenario=p["scenario"]))} for p in points],
+    lambda points: [
+        p | {"front": p in front(where(points, scenario=p["scenario"]))} for p in points
+    ],
     helpers={"kept": kept},
 )

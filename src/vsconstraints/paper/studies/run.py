@@ -27,10 +27,18 @@ from .unselected_experiments import UNSELECTED_EXPERIMENTS
 
 Progress = Callable[[int, int], None]  #: Called with the number of runs done and their total.
 
-_SHIPPED: tuple[Study, ...] = (SHRINKING_REGION, SWITCHING_GAIN, SAMPLING_TIME, GRADIENT_ERROR, PARETO, NON_STATIC)
+_SHIPPED: tuple[Study, ...] = (
+    SHRINKING_REGION,
+    SWITCHING_GAIN,
+    SAMPLING_TIME,
+    GRADIENT_ERROR,
+    PARETO,
+    NON_STATIC,
+)
 #: Studies by the name files and the command line use.
 STUDIES = {study.name: study for study in (*_SHIPPED, UNSELECTED_EXPERIMENTS)}
-#: Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only where named.
+#: Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only
+#: where named.
 CAMPAIGNS = ("real-world",)
 
 
@@ -55,11 +63,13 @@ def run_studies(
     formats: Formats = PNG,
     kept: Path | None = None,
 ) -> dict[str, StudyResult]:
-    """Run ``studies``, or those that are named, and write figure and table of each below ``folder`` if it is given.
+    """Run ``studies``, or those that are named, and write figure and table of each below ``folder``
+    if it is given.
 
-    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that does. ``workers`` is
-    the greatest number of processes; with ``small`` a few short runs stand for all; finished runs are ``kept`` there
-    until all are, or below the folder. Raises ConfigurationError for unknown names, and if the folder cannot be made.
+    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that
+    does. ``workers`` is the greatest number of processes; with ``small`` a few short runs stand for
+    all; finished runs are ``kept`` there until all are, or below the folder. Raises
+    ConfigurationError for unknown names, and if the folder cannot be made.
     """
     for name in names or ():
         if name not in studies:
@@ -73,10 +83,13 @@ def run_studies(
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
     drift_noted: dict[RunSpec, bool] = {}
     for name, own in runs.items():
-        drift_noted |= {run: drift_noted.get(run, False) or studies[name].drift_noted for run in own.values()}
+        drift_noted |= {
+            run: drift_noted.get(run, False) or studies[name].drift_noted for run in own.values()
+        }
     # tracking on the scenario as it is shipped shows which rows are challenged
     baselines = {run.name: RunSpec(run.name, ControllerSpec(BASELINE)) for run in drift_noted}
-    first, limits = longest_first(baselines.values()), longest_first(drift_noted)
+    first = longest_first(baselines.values())
+    limits = longest_first(drift_noted)
     prepare()
     with nullcontext(kept) if kept else unfinished(folder) as store:
         answers = run_all(
@@ -87,10 +100,16 @@ def run_studies(
             limits=first | limits,
             on_progress=on_progress,
         )
-        lost = {run: RunSummary("failed", why.reason) for run, why in answers.items() if isinstance(why, Failure)}
+        lost = {
+            run: RunSummary("failed", why.reason)
+            for run, why in answers.items()
+            if isinstance(why, Failure)
+        }
         summaries: dict[RunSpec, Any] = answers | lost
         return {
-            name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
+            name: _finish(
+                studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats
+            )
             for name, own in runs.items()
         }
 
@@ -106,19 +125,27 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
         with suppress(OSError):  # then it can only not be taken up again
             if run == baseline:
                 performed.record.save(kept_file(kept, run))
-        summary = summarise(performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
+        summary = summarise(
+            performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted
+        )
     with suppress(OSError):
         write_arrays(file, vars(summary))
     return summary
 
 
-def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats) -> StudyResult:
+def _finish(
+    study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats
+) -> StudyResult:
     """Evaluate and draw one study; its own mistakes cost neither its numbers nor other studies."""
-    result, doing = StudyResult(study.name), "evaluation"
+    result = StudyResult(study.name)
+    doing = "evaluation"
     try:
-        result, doing = study.evaluate(summaries), "figure"
+        result = study.evaluate(summaries)
+        doing = "figure"
         if folder is not None:
-            write_table(data_file(folder, study.name), list(next(iter(result.points), {})), result.points)
+            write_table(
+                data_file(folder, study.name), list(next(iter(result.points), {})), result.points
+            )
             for suffix in formats:
                 study.draw(result, figure_file(folder, study.name, (suffix,)))
     except Exception as error:

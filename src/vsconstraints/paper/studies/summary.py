@@ -1,4 +1,6 @@
-"""What a study keeps of a run: its scores and coarse trajectories, small enough to hand between processes."""
+"""What a study keeps of a run: its scores and coarse trajectories, small enough to hand between
+processes.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,10 @@ from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
 from ...rows import Array
 
-#: Trajectories are kept at these intervals [s], and at greater ones where there would be more samples than this.
-GRID, MAX_SAMPLES = 0.02, 1000
+#: Trajectories are kept at these intervals [s], and at greater ones where there would be more
+#: samples than this.
+GRID = 0.02
+MAX_SAMPLES = 1000
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,8 @@ class RunSummary:
     )  #: (T, M, 2) markers from the image's centre [px].
     #: Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
     needed_gain: float = np.nan
-    #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what moves φ past zero.
+    #: Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what
+    #: moves φ past zero.
     entry_push: float = np.nan
     phi_max: float = np.nan  #: Greatest φ of any row.
     longest_run: int = 0  #: Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
@@ -72,20 +77,34 @@ NOT_RUN = RunSummary("failed", "not run")  #: In place of a run that is missing.
 
 
 def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
-    """The summary of a run; tracking alone on the same scenario, or None, shows the challenged rows."""
-    record, moved = run.record, run.trajectory
+    """The summary of a run; tracking alone on the same scenario, or None, shows the challenged
+    rows.
+    """
+    record = run.record
+    moved = run.trajectory
     scored = score(record, baseline)
     if not len(moved.t):
         return RunSummary(moved.status, moved.reason, scored.result)
     t = np.arange(0.0, moved.t[-1] + 1e-9, max(GRID, moved.t[-1] / MAX_SAMPLES))
-    fine = {"q": moved.q, "clearance": moved.clearance / record.length, "pixels": moved.features_px, "qd": moved.qd}
-    coarse: dict[str, Any] = {name: _at(t, moved.t, values).astype(np.float32) for name, values in fine.items()}
-    gain_and_scale = zip(record.switching_gain.tolist(), run.setup.constraints.scale.tolist(), strict=True)
+    fine = {
+        "q": moved.q,
+        "clearance": moved.clearance / record.length,
+        "pixels": moved.features_px,
+        "qd": moved.qd,
+    }
+    coarse: dict[str, Any] = {
+        name: _at(t, moved.t, values).astype(np.float32) for name, values in fine.items()
+    }
+    gain_and_scale = zip(
+        record.switching_gain.tolist(), run.setup.constraints.scale.tolist(), strict=True
+    )
     rows = {
         str(row["constraint"]): {**row, "switching_gain": gain, "scale": scale}
         for row, (gain, scale) in zip(scored.constraints, gain_and_scale, strict=True)
     }
-    longest = max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0)
+    longest = max(
+        (round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0
+    )
     noted = gains(run) if drift_noted else {}
     phi_max = float(moved.phi.max(initial=-np.inf))
     numbers: dict[str, Any] = {"Ts": record.Ts, "phi_max": phi_max, "longest_run": longest, **noted}
@@ -93,12 +112,16 @@ def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False
 
 
 def joint_distance(a: RunSummary, b: RunSummary) -> float:
-    """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both have."""
+    """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both
+    have.
+    """
     return _rms(_difference(a, b, "q"))
 
 
 def clearance_distance(a: RunSummary, b: RunSummary) -> float:
-    """Root mean square over time and rows of the difference of clearances, as a fraction of each row's length."""
+    """Root mean square over time and rows of the difference of clearances, as a fraction of each
+    row's length.
+    """
     return _rms(_difference(a, b, "clearance")) / math.sqrt(max(a.clearance.shape[1], 1))
 
 
@@ -109,8 +132,11 @@ def pixel_distance(a: RunSummary, b: RunSummary) -> float:
 
 
 def speed_difference(a: RunSummary, b: RunSummary) -> tuple[float, float]:
-    """How joint speeds differ: the greatest difference of one, as a share of the other run's greatest; and both RMS."""
-    apart, reference = _difference(a, b, "qd"), b.qd
+    """How joint speeds differ: the greatest difference of one, as a share of the other run's
+    greatest; and both RMS.
+    """
+    apart = _difference(a, b, "qd")
+    reference = b.qd
     if not len(apart) or not reference.any():
         return math.nan, math.nan
     rms = math.sqrt(float((apart**2).mean()) / float((reference**2).mean()))
@@ -122,7 +148,9 @@ def _rms(differences: Array) -> float:
 
 
 def _difference(a: RunSummary, b: RunSummary, name: str) -> Array:
-    """Differences of an array at the times of ``a`` that ``b`` has reached, too; empty if there are none."""
+    """Differences of an array at the times of ``a`` that ``b`` has reached, too; empty if there are
+    none.
+    """
     t = a.t[a.t <= b.t[-1]] if len(a.t) and len(b.t) else np.empty(0)
     if not len(t):
         return np.empty((0, 0, 2))
@@ -132,13 +160,17 @@ def _difference(a: RunSummary, b: RunSummary, name: str) -> Array:
 def _at(t: Array, times: Array, values: Array) -> Array:
     """Values (N, ...) at other times, by linear interpolation."""
     flat = values.reshape(len(times), -1)
-    return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(len(t), *values.shape[1:])
+    return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(
+        len(t), *values.shape[1:]
+    )
 
 
 def gains(run: Run) -> dict[str, float]:
-    """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion and with what its controller knew.
+    """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion and with what its
+    controller knew.
 
-    Gradient errors and disturbances of what is sensed are left out; without an active row there are none.
+    Gradient errors and disturbances of what is sensed are left out; without an active row there are
+    none.
     """
     active = run.trajectory.phi >= 0.0
     if not active.any():
@@ -147,7 +179,8 @@ def gains(run: Run) -> dict[str, float]:
     entered[:-1] = active[1:] & ~active[:-1]
     step = ControlStep(run.setup.scene, run.setup.constraints, run.setup.task)
     step.reset()
-    needed, push = 0.0, []
+    needed = 0.0
+    push = []
     with suppress(SceneError):  # the sample at which a run failed
         for k, t in enumerate(run.t):
             now = step.evaluate(float(t), run.trajectory.q[k], run.trajectory.qd[k])

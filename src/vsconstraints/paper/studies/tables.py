@@ -1,4 +1,6 @@
-"""Lines of a study's data, numbers about them, and the tables that say how they are drawn and worded."""
+"""Lines of a study's data, numbers about them, and the tables that say how they are drawn and
+worded.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,15 @@ from ...scenarios.reading import demand_known
 from ..verdicts import ENVIRONMENT
 
 Points = list[dict[str, Any]]  #: Lines of a study's data, by column.
-#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured.
+#: Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not
+#: measured.
 Numbers = dict[tuple[str | float, ...], float]
 
-#: The keys of a study's table, and of the tables in it: see :class:`.study.Sweep` and :func:`.drawing.sweep_figure`.
+#: The keys of a study's table, and of the tables in it: see :class:`.study.Sweep` and
+#: :func:`.drawing.sweep_figure`.
 KEYS = {
-    "": "title question varied claims columns drift caption sentences runs small limits obstacles panels looks layout "
+    "": "title question varied claims columns drift caption sentences runs small limits obstacles "
+    "panels looks layout "
     "layers measures",
     "layout": "x below ticks names least limits margin columns left height gap above legend",
     "layers": "by kind on y where without look numbers reference palette widths shift",
@@ -44,7 +49,8 @@ def read_tables(text: str) -> dict[str, dict[str, Any]]:
     return tables
 
 
-#: Texts and varied values of the shipped studies, by name; under ``titles`` what scenarios are called, and ``laws``.
+#: Texts and varied values of the shipped studies, by name; under ``titles`` what scenarios are
+#: called, and ``laws``.
 TABLES = read_tables(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
 
 
@@ -60,7 +66,9 @@ def sentence_start(scenario: str) -> str:
 
 
 def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points]:
-    """Points by their value in a column, or their values in several, in the order in which these come."""
+    """Points by their value in a column, or their values in several, in the order in which these
+    come.
+    """
     groups: dict[Any, Points] = {}
     for point in points:
         key = tuple(point[column] for column in columns)
@@ -70,8 +78,12 @@ def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points
 
 def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
     """Points whose columns have these values, or one of them where a list is given."""
-    lists = {column: value if isinstance(value, list) else [value] for column, value in values.items()}
-    return [point for point in points if all(point[column] in some for column, some in lists.items())]
+    lists = {
+        column: value if isinstance(value, list) else [value] for column, value in values.items()
+    }
+    return [
+        point for point in points if all(point[column] in some for column, some in lists.items())
+    ]
 
 
 def ended_early(point: Mapping[str, Any]) -> bool:
@@ -90,10 +102,14 @@ def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
 
 
 def smallest_gain(points: Points, outcomes: Collection[str]) -> float:
-    """Smallest switching gain from which on every run has one of these outcomes; NaN if the greatest gain has not."""
+    """Smallest switching gain from which on every run has one of these outcomes; NaN if the
+    greatest gain has not.
+    """
     downwards = sorted(points, key=lambda point: -float(point["switching_gain"]))
     enough = takewhile(lambda point: point["outcome"] in outcomes, downwards)
     return min((float(point["switching_gain"]) for point in enough), default=math.nan)
 
 
-ENVIRONMENT.filters |= {one.__name__: one for one in (grouped, where, greatest, scenario_title, sentence_start)}
+ENVIRONMENT.filters |= {
+    one.__name__: one for one in (grouped, where, greatest, scenario_title, sentence_start)
+}

@@ -1,4 +1,6 @@
-"""How controllers do and fail in every situation, and figures of single scenes that are made again."""
+"""How controllers do and fail in every situation, and figures of single scenes that are made
+again.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,12 @@ from .ranking import Ranking, Share, ranking
 from .tables import most_frequent
 
 #: Ways to fail in a cell, and of how many of a controller's failed runs at least.
-MAX_REASONS, MIN_SHARE = 3, 0.02
+MAX_REASONS = 3
+MIN_SHARE = 0.02
 #: Of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-#: Relative luminance above which black is read better than white, the contrast of both being the same there (WCAG).
+#: Relative luminance above which black is read better than white, the contrast of both being the
+#: same there (WCAG).
 BRIGHT = 0.179
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
@@ -46,15 +50,23 @@ def _failure_kind(ending: str, violated: str, reason: str) -> str:
 
 
 def worst_last(runs: Any) -> Any:
-    """Runs by depth of violation and ending, the successful before all others and of these the slowest last."""
-    depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
+    """Runs by depth of violation and ending, the successful before all others and of these the
+    slowest last.
+    """
+    depth = runs["violation_depth"].astype(float).fillna(0.0)
+    ending = runs["status"].map(ORDER).fillna(len(ORDER))
     by = ["success", "depth", "order", "settling_time_s"]
-    return runs.assign(depth=depth, order=ending).sort_values(by, ascending=[False, True, True, True], kind="stable")
+    return runs.assign(depth=depth, order=ending).sort_values(
+        by, ascending=[False, True, True, True], kind="stable"
+    )
 
 
 def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """By controller that fails, its typical (median) and worst run without success, by depth and ending."""
-    examples, failures = {}, worst_last(dataset.runs[~dataset.runs["success"]])
+    """By controller that fails, its typical (median) and worst run without success, by depth and
+    ending.
+    """
+    examples = {}
+    failures = worst_last(dataset.runs[~dataset.runs["success"]])
     for law in dataset.laws:
         runs = failures[failures["controller"] == law]
         if len(runs):
@@ -69,7 +81,8 @@ def where(run: Any) -> str:
 
 def reason_text(dataset: Dataset, run: Any) -> str:
     """Why a run was no success, and which row it violated by how much."""
-    parts, keys = [plain(run["reason"])] if run["reason"] else [], ["family", "condition", "scene", "controller"]
+    parts = [plain(run["reason"])] if run["reason"] else []
+    keys = ["family", "condition", "scene", "controller"]
 
     def violated() -> tuple[Any, Any]:
         rows = dataset.evidence.rows[dataset.evidence.rows["violation_depth"] > 0.0]
@@ -89,31 +102,47 @@ def reason_text(dataset: Dataset, run: Any) -> str:
 
 
 def divisive_scene(dataset: Dataset, family: str) -> int | None:
-    """The number of the scene that divides controllers most evenly; None if there is none in which they differ."""
+    """The number of the scene that divides controllers most evenly; None if there is none in which
+    they differ.
+    """
     share = dataset.paired(dataset.conditions[0], "success", [family]).astype(bool).mean(axis=1)
     divided: Any = share[(share > 0.0) & (share < 1.0)]
     return None if divided.empty else int((divided - 0.5).abs().idxmin()[1])
 
 
 def scene_figures(dataset: Dataset) -> list[str]:
-    """In each family the tracks of all controllers on the most divisive scene, in the first condition."""
-    texts, condition = [], dataset.conditions[0]
+    """In each family the tracks of all controllers on the most divisive scene, in the first
+    condition.
+    """
+    texts = []
+    condition = dataset.conditions[0]
     for family in dataset.families if dataset.figures else ():
         scene = divisive_scene(dataset, family)
         if scene is None:
             continue
         first = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
-        laws = [law for law in dataset.laws if law in first]  # in this order they have the colors of other figures
+        # in this order they have the colors of other figures
+        laws = [law for law in dataset.laws if law in first]
         try:
             setup = setup_of(dataset.evidence, family, scene, condition)
             runs = {name: rerun(dataset.evidence, setup, name) for name in (BASELINE, *laws)}
         except Exception as error:  # own parts that are no longer there can raise anything
-            texts.append(f"Scene {scene} of {plain(family)} could not be simulated again: {plain(described(error))}.")
+            texts.append(
+                f"Scene {scene} of {plain(family)} could not be simulated again: "
+                f"{plain(described(error))}."
+            )
             continue
-        success: Any = dataset.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
+        success: Any = (
+            dataset.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
+        )
         successful = enumeration([law for law in laws if success[law]]) or "none of these"
         title = f"{plain(family)} {scene}, {condition}"
-        figure = replace(TRACKS, name=f"scene--{family}", title=title, caption=f"{title}. Successful: {successful}.")
+        figure = replace(
+            TRACKS,
+            name=f"scene--{family}",
+            title=title,
+            caption=f"{title}. Successful: {successful}.",
+        )
         texts.append(dataset.picture(figure, View(setup, runs, (BASELINE, *laws))))
     return texts
 
@@ -122,9 +151,11 @@ def scene_figures(dataset: Dataset) -> list[str]:
 
 
 class Cell(NamedTuple):
-    """A controller in a situation: success, how runs ended, and whether it is in ``front``, with others behind it.
+    """A controller in a situation: success, how runs ended, and whether it is in ``front``, with
+    others behind it.
 
-    ``worst`` is the scene of its worst run, with its ``status`` and, unless it is a success, the ``reason``.
+    ``worst`` is the scene of its worst run, with its ``status`` and, unless it is a success, the
+    ``reason``.
     """
 
     share: Share
@@ -136,18 +167,24 @@ class Cell(NamedTuple):
 
     @property
     def colours(self) -> tuple[str, str]:
-        """Of the ground, as readable for colour-blind people as for others, and of the text on it."""
+        """Of the ground, as readable for colour-blind people as for others, and of the text on
+        it.
+        """
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 
         rgb = colormaps["cividis"](self.share.value)[:3]
-        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in rgb]
+        linear = [
+            part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in rgb
+        ]
         luminance = sum(w * part for w, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
         return to_hex(rgb), "#000" if luminance > BRIGHT else "#fff"
 
 
 class Situation(NamedTuple):
-    """A family in a condition: how often controllers succeed there, and a cell for each that has runs."""
+    """A family in a condition: how often controllers succeed there, and a cell for each that has
+    runs.
+    """
 
     family: str
     condition: str
@@ -167,10 +204,14 @@ def _situations(dataset: Dataset) -> list[Situation]:
     worst: dict[tuple[str, ...], Any] = {tuple(run[keys]): run for _, run in last.iterrows()}
     found = []
     for family, condition in dataset.situations:
-        ranked, cells = ranking(dataset, condition, families=[family]), {}
+        ranked = ranking(dataset, condition, families=[family])
+        cells = {}
         for law, share in ranked.shares.items():
-            run, front = worst[family, condition, law], law in ranked.front and ranked.next is not None
-            ends = {name: counts[family, condition, law, name] for name in ("success", *UNSUCCESSFUL)}
+            run = worst[family, condition, law]
+            front = law in ranked.front and ranked.next is not None
+            ends = {
+                name: counts[family, condition, law, name] for name in ("success", *UNSUCCESSFUL)
+            }
             reason = "" if run["success"] else reason_text(dataset, run)
             cells[law] = Cell(share, front, ends, int(run["scene"]), str(run["status"]), reason)
         if cells:
@@ -179,16 +220,26 @@ def _situations(dataset: Dataset) -> list[Situation]:
 
 
 def heat_map(dataset: Dataset) -> str:
-    """Success as HTML with a colour for each cell, which leads to its worst run; columns are sorted by a click."""
-    entries, shown = dataset.configuration["controllers"], {"laws": dataset.laws, "endings": UNSUCCESSFUL}
+    """Success as HTML with a colour for each cell, which leads to its worst run; columns are sorted
+    by a click.
+    """
+    entries = dataset.configuration["controllers"]
+    shown = {"laws": dataset.laws, "endings": UNSUCCESSFUL}
     own = {law for law in dataset.laws if ":" in str(entries.get(law, {}).get("type", law))}
     return render_html("heat-map.html", situations=situations(dataset), own=own, **shown)
 
 
 def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
-    """For files: a line for each controller in each situation, the share with its interval and counts of endings."""
+    """For files: a line for each controller in each situation, the share with its interval and
+    counts of endings.
+    """
     return [
-        {"family": one.family, "condition": one.condition, "law": law, **cell.share.numbers("success")}
+        {
+            "family": one.family,
+            "condition": one.condition,
+            "law": law,
+            **cell.share.numbers("success"),
+        }
         | {"endings": cell.endings, "front": cell.front, "worst_scene": cell.worst}
         for one in situations(dataset)
         for law, cell in one.cells.items()

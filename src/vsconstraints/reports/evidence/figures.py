@@ -1,4 +1,6 @@
-"""Figures of the report of evidence: success over tolerated depth, profiles, mean ranks, budgets, the worst runs."""
+"""Figures of the report of evidence: success over tolerated depth, profiles, mean ranks, budgets,
+the worst runs.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +14,48 @@ from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.statistics import Profile, Ranks
 from ...rows import Array
 from ...scenarios.families.family import NOMINAL
-from ..plots import INK, REFERENCE, WIDTH, Figure, Sheet, line, logarithmic, looks, mark_of, markers, shortened, widths
+from ..plots import (
+    INK,
+    REFERENCE,
+    WIDTH,
+    Figure,
+    Sheet,
+    line,
+    logarithmic,
+    looks,
+    mark_of,
+    markers,
+    shortened,
+    widths,
+)
 from .dataset import Factorial
 from .ranking import Ranking
 
 COLUMNS = 3
 DEEPEST = 0.1  #: Up to this depth violations are tolerated in the figure of it [L].
 #: Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis.
-MAX_RATIO, TICK_GAP = 100.0, 0.12
+MAX_RATIO = 100.0
+TICK_GAP = 0.12
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
-#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a level's room.
-DODGE, SPREAD = 0.05, 0.6
-#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks [in].
-NAME_LINE, BAR, MARGIN = 0.2, 0.1, 2.15
-Depths = tuple[str, Any]  #: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
-Panel = tuple[str, tuple[str, ...], Profile]  #: Its title, the laws that it shows, and their profile.
+#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a
+#: level's room.
+DODGE = 0.05
+SPREAD = 0.6
+#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks
+#: [in].
+NAME_LINE = 0.2
+BAR = 0.1
+MARGIN = 2.15
+#: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
+Depths = tuple[str, Any]
+#: Its title, the laws that it shows, and their profile.
+Panel = tuple[str, tuple[str, ...], Profile]
 Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
 
 
-def _panels(sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any) -> list[Any]:
+def _panels(
+    sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any
+) -> list[Any]:
     """Panels with the same vertical axis and a title each."""
     made = sheet.panels(len(titles), columns, **{"above": 0.28, "same_y": True, **options})
     for ax, title in zip(made, titles, strict=True):
@@ -39,8 +64,11 @@ def _panels(sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **optio
 
 
 def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequence[str]) -> None:
-    """The shares of each law that is shown, (laws, N) over x (N,), in the looks that it has among all laws."""
-    look, width = looks(laws), widths(laws, 2.4, 1.2)
+    """The shares of each law that is shown, (laws, N) over x (N,), in the looks that it has among
+    all laws.
+    """
+    look = looks(laws)
+    width = widths(laws, 2.4, 1.2)
     for law, own in zip(shown, shares, strict=True):
         style = {"color": look[law].colour, "linestyle": look[law].line, "linewidth": width[law]}
         ax.plot(x, 100.0 * own, **style, **markers(law, laws, len(x)))
@@ -58,11 +86,18 @@ def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | Non
     """One panel per condition."""
     if not panels:
         return None
-    sheet, depth = Sheet(left=0.62, right=0.2), np.geomspace(NEGLIGIBLE, DEEPEST, 400)
+    sheet = Sheet(left=0.62, right=0.2)
+    depth = np.geomspace(NEGLIGIBLE, DEEPEST, 400)
     labels = "tolerated depth [% of L]", "success [% of scenes]"
     every = _panels(sheet, [title for title, _ in panels], height=2.0, gap=0.4, labels=labels)
     for ax, (_, least) in zip(every, panels, strict=True):
-        _curves(ax, 100.0 * depth, (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T, least.columns, laws)
+        _curves(
+            ax,
+            100.0 * depth,
+            (least.to_numpy()[:, None] <= depth[:, None]).mean(axis=0).T,
+            least.columns,
+            laws,
+        )
         ax.axvline(100.0 * TOLERANT, **REFERENCE | {"linewidth": 0.8})
         logarithmic(ax.xaxis, [0.01, 0.1, 1.0, 10.0])
     _legend(sheet, laws)
@@ -73,16 +108,22 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     """One panel per condition, metrics below each other, each with a horizontal axis of its own."""
     if not any(metrics):
         return None
-    sheet, labels = Sheet(left=0.62, right=0.2), ("times the least of the scene", "share of scenes [%]")
+    sheet = Sheet(left=0.62, right=0.2)
+    labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
         finite = [profile.ratios[np.isfinite(profile.ratios)] for _, _, profile in panels]
         # where nearly all curves have come to their end
-        last = max([1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))])
-        tau, ticks = np.geomspace(1.0, last, 400), [1.0]
+        last = max(
+            [1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))]
+        )
+        tau = np.geomspace(1.0, last, 400)
+        ticks = [1.0]
         for tick in TICKS:
             if tick <= last and np.log(tick / ticks[-1]) >= TICK_GAP * np.log(last):
                 ticks.append(tick)
-        every = _panels(sheet, [title for title, _, _ in panels], height=1.75, gap=0.2, labels=labels)
+        every = _panels(
+            sheet, [title for title, _, _ in panels], height=1.75, gap=0.2, labels=labels
+        )
         for ax, (_, shown, profile) in zip(every, panels, strict=True):
             _curves(ax, tau, profile.share(tau).T, shown, laws)
             logarithmic(ax.xaxis, ticks)
@@ -90,17 +131,33 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
     return sheet
 
 
-def draw_levels(factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]) -> Sheet | None:
-    """Over the levels of the first factor, a panel for each combination of the others; ``rankings`` by condition."""
+def draw_levels(
+    factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]
+) -> Sheet | None:
+    """Over the levels of the first factor, a panel for each combination of the others; ``rankings``
+    by condition.
+    """
     first, *others = factorial.factors
-    panels = [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
-    titles = [", ".join(level for level in panel if level != NOMINAL) or NOMINAL for panel in panels]
-    sheet, look, labels = Sheet(left=0.62, right=0.2), looks(laws), ("", "success [% of scenes]")
+    panels = (
+        [(column, *rest) for *rest, column in product(*others[1:], *others[:1])] if others else [()]
+    )
+    titles = [
+        ", ".join(level for level in panel if level != NOMINAL) or NOMINAL for panel in panels
+    ]
+    sheet = Sheet(left=0.62, right=0.2)
+    look = looks(laws)
+    labels = ("", "success [% of scenes]")
     step = min(DODGE, SPREAD / max(len(laws) - 1, 1))
-    grid: dict[str, Any] = {"columns": len(others[0]) if others else 1, "height": 1.9, "gap": 0.2, "above": 0.3}
+    grid: dict[str, Any] = {
+        "columns": len(others[0]) if others else 1,
+        "height": 1.9,
+        "gap": 0.2,
+        "above": 0.3,
+    }
     for ax, panel in zip(_panels(sheet, titles, **grid, labels=labels), panels, strict=True):
         for i, (law, own) in enumerate(look.items()):
-            places, shares = [], []
+            places = []
+            shares = []
             for k, level in enumerate(first):
                 condition = factorial.conditions.get((level, *panel), "")
                 if condition in rankings and law in rankings[condition].shares:
@@ -109,45 +166,93 @@ def draw_levels(factorial: Factorial, rankings: Mapping[str, Ranking], laws: Seq
             middle, low, high = 100.0 * np.reshape(shares, (-1, 3)).T
             style = {"color": own.colour, "linestyle": own.line, "marker": own.marker}
             error = np.maximum([middle - low, high - middle], 0.0)
-            ax.errorbar(places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7)
-        ax.set(xlim=(-0.5, len(first) - 0.5), ylim=(-3.0, 103.0), xticks=range(len(first)), xticklabels=first)
+            ax.errorbar(
+                places, middle, error, **style, markersize=3.0, linewidth=1.2, elinewidth=0.7
+            )
+        ax.set(
+            xlim=(-0.5, len(first) - 0.5),
+            ylim=(-3.0, 103.0),
+            xticks=range(len(first)),
+            xticklabels=first,
+        )
     small = {"markersize": 4.0, "linewidth": 1.2}
-    sheet.legend([line(shortened(law), one.colour, one.line, marker=one.marker) | small for law, one in look.items()])
+    sheet.legend(
+        [
+            line(shortened(law), one.colour, one.line, marker=one.marker) | small
+            for law, one in look.items()
+        ]
+    )
     return sheet
 
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
     """One diagram per condition, as Demšar draws them: best left."""
-    look, sheet = looks(laws), Sheet(left=MARGIN, right=MARGIN)
+    look = looks(laws)
+    sheet = Sheet(left=MARGIN, right=MARGIN)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
     for title, own, ranks in shown:
-        count, half, bars = len(own), -(-len(own) // 2), BAR * len(ranks.groups) + 0.08
+        count = len(own)
+        half = -(-len(own) // 2)
+        bars = BAR * len(ranks.groups) + 0.08
         height = bars + NAME_LINE * half + 0.1
         sheet.text(0.1, sheet.at + 0.1, title, fontsize=9.0, va="center", color=INK)
         ax = sheet.axes(MARGIN, sheet.at + 0.5, WIDTH - 2.0 * MARGIN, height)
         sheet.at += 0.12
-        ax.set(xlim=(0.9, count + 0.1), ylim=(height, 0.0), xticks=range(1, count + 1, -(-count // 15)), yticks=[])
+        ax.set(
+            xlim=(0.9, count + 0.1),
+            ylim=(height, 0.0),
+            xticks=range(1, count + 1, -(-count // 15)),
+            yticks=[],
+        )
         ax.xaxis.tick_top()
         ax.grid(False)
         ax.spines[["left", "right", "bottom"]].set_visible(False)
         for i, group in enumerate(ranks.groups):
-            ends, at = [float(ranks.means[k]) for k in group], 0.08 + BAR * i
-            ax.plot([min(ends) - 0.03, max(ends) + 0.03], [at, at], color=INK, linewidth=3.0, solid_capstyle="butt")
-        for place, (rank, law) in enumerate(sorted(zip(map(float, ranks.means), own, strict=True), key=lambda x: x[0])):
+            ends = [float(ranks.means[k]) for k in group]
+            at = 0.08 + BAR * i
+            ax.plot(
+                [min(ends) - 0.03, max(ends) + 0.03],
+                [at, at],
+                color=INK,
+                linewidth=3.0,
+                solid_capstyle="butt",
+            )
+        for place, (rank, law) in enumerate(
+            sorted(zip(map(float, ranks.means), own, strict=True), key=lambda x: x[0])
+        ):
             # a line from the rank down to the law's name beside the diagram
             left = place < half
-            at, end = bars + NAME_LINE * (place if left else count - 1 - place), ax.get_xlim()[not left]
-            ax.plot([rank, rank, end], [0.0, at, at], color=look[law].colour, linewidth=1.3, clip_on=False)
+            at = bars + NAME_LINE * (place if left else count - 1 - place)
+            end = ax.get_xlim()[not left]
+            ax.plot(
+                [rank, rank, end],
+                [0.0, at, at],
+                color=look[law].colour,
+                linewidth=1.3,
+                clip_on=False,
+            )
             text = f"{shortened(law)}  {rank:.2f}" if left else f"{rank:.2f}  {shortened(law)}"
-            font: dict[str, Any] = {"fontsize": 8.5, "color": INK, "va": "center_baseline", "annotation_clip": False}
-            side = {"xytext": (-5 if left else 5, 0), "ha": "right" if left else "left", "textcoords": "offset points"}
+            font: dict[str, Any] = {
+                "fontsize": 8.5,
+                "color": INK,
+                "va": "center_baseline",
+                "annotation_clip": False,
+            }
+            side = {
+                "xytext": (-5 if left else 5, 0),
+                "ha": "right" if left else "left",
+                "textcoords": "offset points",
+            }
             ax.annotate(text, (end, at), **side, **font)
     return sheet if shown else None
 
 
 def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
-    """A curve per law, median over tuner seeds, and a band from the least to the greatest where they differ."""
-    width, sheet = widths(laws, 2.4, 1.2), Sheet(left=0.72, right=0.2)
+    """A curve per law, median over tuner seeds, and a band from the least to the greatest where
+    they differ.
+    """
+    width = widths(laws, 2.4, 1.2)
+    sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=3.2, above=0.05)
     for law, look in looks(laws).items():
         own = evaluations[evaluations["law"] == law].sort_values("number")
@@ -156,8 +261,12 @@ def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         number = best.index + 1
         style = {"color": look.colour, "linestyle": look.line, "linewidth": width[law]}
         ax.plot(number, best.median(axis=1), **style, **markers(law, laws, len(number)))
-        ax.fill_between(number, best.min(axis=1), best.max(axis=1), color=look.colour, alpha=0.12, linewidth=0)
-    ax.set(xlabel="evaluations of each law, the default first", ylabel="success on training scenes [%]")
+        ax.fill_between(
+            number, best.min(axis=1), best.max(axis=1), color=look.colour, alpha=0.12, linewidth=0
+        )
+    ax.set(
+        xlabel="evaluations of each law, the default first", ylabel="success on training scenes [%]"
+    )
     _legend(sheet, laws)
     return sheet
 

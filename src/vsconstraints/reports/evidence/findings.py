@@ -14,7 +14,16 @@ from ...rows.readable import counted
 from ..markdown import first_names
 from ..page import render
 from .dataset import Dataset
-from .ranking import MAX_NAMES, Ranking, Share, best_by, condition_text, kept_ranking, names_text, ranking
+from .ranking import (
+    MAX_NAMES,
+    Ranking,
+    Share,
+    best_by,
+    condition_text,
+    kept_ranking,
+    names_text,
+    ranking,
+)
 
 #: What may not be available: as controllers state it, and in words.
 INFORMATION: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
@@ -23,11 +32,13 @@ MIN_REACHED = 0.9  #: Where tracking alone reaches the goal less often than this
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim of the report: as it stands there, of what kind, in which condition and about which controllers.
+    """A claim of the report: as it stands there, of what kind, in which condition and about which
+    controllers.
 
-    ``numbers`` are all that the text shows, unrounded, shares as such and not in per cent; those of a controller carry
-    its name, as in ``success[sliding-mode]``. ``standard`` is that by which rows are violated in it, ``strict`` or
-    ``tolerant``; empty where it is not about violations, as is ``condition`` where it is about several.
+    ``numbers`` are all that the text shows, unrounded, shares as such and not in per cent; those of
+    a controller carry its name, as in ``success[sliding-mode]``. ``standard`` is that by which rows
+    are violated in it, ``strict`` or ``tolerant``; empty where it is not about violations, as is
+    ``condition`` where it is about several.
     """
 
     text: str
@@ -62,33 +73,47 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
 
 
 def best(ranked: Ranking, standard: str = "strict") -> Finding:
-    """Which controllers succeed most often in a condition, and the best that does significantly less often."""
-    about, named, pair = "best", [ranked.leader], None
+    """Which controllers succeed most often in a condition, and the best that does significantly
+    less often.
+    """
+    about = "best"
+    named = [ranked.leader]
+    pair = None
     if not ranked.hopeless and len(ranked.laws) > 1:
-        about, named = "best" if ranked.next else "alike", named_of(ranked.front)
+        about = "best" if ranked.next else "alike"
+        named = named_of(ranked.front)
         pair = (ranked.leader, ranked.next) if ranked.next else None
     about = about if standard == "strict" else standard
     named += pair[1:] if pair else ()
     text = text_of(about, ranked=ranked, begin=condition_text(ranked.condition))
-    return Finding(text, about, ranked.condition, tuple(named), numbers_of(ranked, named, pair), standard)
+    return Finding(
+        text, about, ranked.condition, tuple(named), numbers_of(ranked, named, pair), standard
+    )
 
 
 def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
     """The best of the controllers that do without some information, such as L_fφ."""
     if ranked.hopeless or ranked.next is None:
         return []
-    known = {law: required for law in ranked.laws if (required := dataset.required[law]) is not None}
+    known = {
+        law: required for law in ranked.laws if (required := dataset.required[law]) is not None
+    }
     several = []
     for what, words in INFORMATION:
-        spare, about = [law for law, required in known.items() if what not in required], f"without {what}"
+        spare = [law for law, required in known.items() if what not in required]
+        about = f"without {what}"
         in_front = [law for law in ranked.front if law in spare]
         # that those in front need no model goes without saying
         if not spare or len(spare) == len(known) or (in_front and what != INFORMATION[0][0]):
             continue
-        named, numbers, facts = named_of(in_front), dict[str, float](), dict[str, Any]()
+        named = named_of(in_front)
+        numbers = dict[str, float]()
+        facts = dict[str, Any]()
         if not in_front:
-            own, leader = ranked.among(spare), ranked.leader
-            named, pair = [*named_of(own.front), leader], (leader, own.leader)
+            own = ranked.among(spare)
+            leader = ranked.leader
+            named = [*named_of(own.front), leader]
+            pair = (leader, own.leader)
             numbers = numbers_of(ranked, named[:-1], pair)
             facts = {"ranked": own, "leader": leader, "difference": ranked.differences[pair]}
         text = text_of(about, words=words, in_front=names_text(in_front), **facts)
@@ -107,8 +132,15 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
     (calm,), pairs = best
     second = max((law for law in front if law != calm), key=lambda law: pairs[calm, law].difference)
     pair = pairs[calm, second]
-    text = text_of("calmest", calm=calm, second=second, pair=pair, scenes=counted(pair.scenes, "scene"))
-    numbers = {"ratio": pair.difference, "ratio_low": pair.low, "ratio_high": pair.high, "ratio_scenes": pair.scenes}
+    text = text_of(
+        "calmest", calm=calm, second=second, pair=pair, scenes=counted(pair.scenes, "scene")
+    )
+    numbers = {
+        "ratio": pair.difference,
+        "ratio_low": pair.low,
+        "ratio_high": pair.high,
+        "ratio_scenes": pair.scenes,
+    }
     others = tuple(law for law in front if law not in (calm, second))
     return Finding(text, "calmest", ranked.condition, (calm, second, *others), numbers)
 
@@ -120,7 +152,9 @@ def violations(dataset: Dataset, condition: str) -> Finding:
     numbers: dict[str, float] = {"scenes": ranked.scenes}
     for law, share in violated.items():
         numbers |= share.numbers("violation", law=law)
-    return Finding(text_of("violations", shares=violated), "violations", condition, tuple(violated), numbers)
+    return Finding(
+        text_of("violations", shares=violated), "violations", condition, tuple(violated), numbers
+    )
 
 
 def attainable(dataset: Dataset, condition: str) -> Finding | None:
@@ -131,15 +165,21 @@ def attainable(dataset: Dataset, condition: str) -> Finding | None:
     if not len(own) or share.value >= MIN_REACHED:
         return None
     text = text_of("attainable", share=share, scenes=counted(len(own), "scene"))
-    return Finding(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)}, "")
+    return Finding(
+        text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)}, ""
+    )
 
 
 def reversals(dataset: Dataset) -> Iterator[Finding]:
-    """For each further condition the greatest rank reversal, significant in both conditions on the same families."""
+    """For each further condition the greatest rank reversal, significant in both conditions on the
+    same families.
+    """
     first, *others = dataset.conditions or ("",)
     for other in others:
         common = dataset.families_of(first, other)
-        before, after = (ranking(dataset, condition, families=common) for condition in (first, other))
+        before, after = (
+            ranking(dataset, condition, families=common) for condition in (first, other)
+        )
         sizes = {
             (a, b): min(before.differences[a, b].value, after.differences[b, a].value)
             for a, b in combinations(before.laws, 2)
@@ -149,11 +189,19 @@ def reversals(dataset: Dataset) -> Iterator[Finding]:
         if sizes:
             a, b = max(sizes, key=sizes.__getitem__)
             shares = {first: before.differences[a, b], other: after.differences[b, a]}
-            texts = {condition_text(condition, inside=True): share for condition, share in shares.items()}
+            texts = {
+                condition_text(condition, inside=True): share for condition, share in shares.items()
+            }
             text = text_of("turned", a=a, b=b, shares=texts, ranked=before, more=len(sizes) - 1)
-            numbers: dict[str, float] = {"scenes": before.scenes, "families": before.families, "pairs": len(sizes)}
+            numbers: dict[str, float] = {
+                "scenes": before.scenes,
+                "families": before.families,
+                "pairs": len(sizes),
+            }
             for condition, share in shares.items():
-                numbers |= share.numbers(f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]")
+                numbers |= share.numbers(
+                    f"difference[{condition}]", f"low[{condition}]", f"high[{condition}]"
+                )
             yield Finding(text, "turned", other, (a, b), numbers)
 
 
@@ -163,15 +211,23 @@ def tuning_gain(dataset: Dataset) -> Finding | None:
     pairs = {law: name for law, name in dataset.tuned.items() if {law, name} <= set(ranked.laws)}
     if not pairs:
         return None
-    gains = {law: ranked.differences[name, law] for law, name in pairs.items() if ranked.significant(name, law)}
+    gains = {
+        law: ranked.differences[name, law]
+        for law, name in pairs.items()
+        if ranked.significant(name, law)
+    }
     better = {law: gain for law, gain in gains.items() if gain.value > 0.0}
     worse = {law: gain.reversed for law, gain in gains.items() if gain.value < 0.0}
     numbers = {"scenes": float(ranked.scenes)}
     for law in (*better, *worse):
         numbers |= gains[law].numbers("difference", law=law)
-    changed, same = {"more successful": better, "less successful": worse}, [law for law in pairs if law not in gains]
-    condition, scenes = condition_text(ranked.condition, inside=True), counted(ranked.scenes, "held-out scene")
-    text = text_of("tuned", condition=condition, changed=changed, same=names_text(same), scenes=scenes)
+    changed = {"more successful": better, "less successful": worse}
+    same = [law for law in pairs if law not in gains]
+    condition = condition_text(ranked.condition, inside=True)
+    scenes = counted(ranked.scenes, "held-out scene")
+    text = text_of(
+        "tuned", condition=condition, changed=changed, same=names_text(same), scenes=scenes
+    )
     return Finding(text, "tuned", ranked.condition, tuple(pairs), numbers)
 
 
@@ -192,11 +248,15 @@ def named_of(laws: Sequence[str]) -> list[str]:
     return [law for law in first_names(laws, MAX_NAMES) if law in laws]
 
 
-def numbers_of(ranked: Ranking, laws: Sequence[str], pair: tuple[str, str] | None = None) -> dict[str, float]:
+def numbers_of(
+    ranked: Ranking, laws: Sequence[str], pair: tuple[str, str] | None = None
+) -> dict[str, float]:
     """The numbers of a finding on these controllers, and on the difference of two of them."""
     numbers: dict[str, float] = {"scenes": ranked.scenes, "families": ranked.families}
     for law in laws:
         numbers |= ranked.shares[law].numbers("success", law=law)
     if pair is not None:
-        numbers |= ranked.differences[pair].numbers("difference", "difference_low", "difference_high")
+        numbers |= ranked.differences[pair].numbers(
+            "difference", "difference_low", "difference_high"
+        )
     return numbers

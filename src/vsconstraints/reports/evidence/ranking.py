@@ -7,7 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...comparisons.statistics import Rate, compare_laws, distinguishable, mcnemar, rate, simultaneous
+from ...comparisons.statistics import (
+    Rate,
+    compare_laws,
+    distinguishable,
+    mcnemar,
+    rate,
+    simultaneous,
+)
 from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
 from ...rows.readable import counted
 from ..markdown import bold, enumeration, first_names, plain
@@ -72,7 +79,11 @@ class Share(NamedTuple):
     def digits(self) -> int:
         """Decimals: as many as the interval can resolve, and no more."""
         half = 50.0 * (self.high - self.low)
-        return min(max(math.ceil(-math.log10(half / 3.0)), 0), 4) if math.isfinite(half) and half > 0.0 else 1
+        return (
+            min(max(math.ceil(-math.log10(half / 3.0)), 0), 4)
+            if math.isfinite(half) and half > 0.0
+            else 1
+        )
 
     def _texts(self) -> tuple[str, str]:
         """The value and its interval, without a unit."""
@@ -95,7 +106,9 @@ class Share(NamedTuple):
         """``1.7 points (0.6–3.0)``, of a difference of two shares."""
         return "{} points ({})".format(*self._texts())
 
-    def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
+    def numbers(
+        self, name: str, low: str = "low", high: str = "high", law: str = ""
+    ) -> dict[str, float]:
         """The three numbers by these names, of a controller if one is named."""
         of = f"[{law}]" if law else ""
         return {name + of: self.value, low + of: self.low, high + of: self.high}
@@ -104,8 +117,9 @@ class Share(NamedTuple):
 class Ranking(NamedTuple):
     """Controllers in a condition, the best first.
 
-    ``shares`` say how often each succeeds, in scenes that all of them ran; ``differences`` by how much each of two
-    does more often than the other, with 95 % intervals simultaneous for all pairs of the condition.
+    ``shares`` say how often each succeeds, in scenes that all of them ran; ``differences`` by how
+    much each of two does more often than the other, with 95 % intervals simultaneous for all pairs
+    of the condition.
     """
 
     condition: str
@@ -143,7 +157,9 @@ class Ranking(NamedTuple):
     @property
     def front(self) -> tuple[str, ...]:
         """The leader, and all that do not differ significantly from it."""
-        return tuple(law for law in self.laws if law == self.leader or not self.significant(self.leader, law))
+        return tuple(
+            law for law in self.laws if law == self.leader or not self.significant(self.leader, law)
+        )
 
     @property
     def next(self) -> str | None:
@@ -156,12 +172,19 @@ class Ranking(NamedTuple):
         return self._replace(laws=tuple(law for law in self.laws if law in chosen))
 
     def cell(self, law: str, complement: bool = False) -> str:
-        """How often one succeeds, or does not: bold if significantly the best, ≈ if not significantly worse."""
+        """How often one succeeds, or does not: bold if significantly the best, ≈ if not
+        significantly worse.
+        """
         if law not in self.shares:
             return DASH
         share = self.shares[law]
         text = (share.complement if complement else share).cell
-        if len(self.laws) < 2 or law not in self.laws or law not in self.front or (self.hopeless and not complement):
+        if (
+            len(self.laws) < 2
+            or law not in self.laws
+            or law not in self.front
+            or (self.hopeless and not complement)
+        ):
             return text
         return bold(text) if len(self.front) == 1 else f"≈ {text}"
 
@@ -169,13 +192,17 @@ class Ranking(NamedTuple):
     def named_front(self) -> str:
         """Those in front with their shares, or the first of them and how many more there are."""
         texts = first_names(self.front, MAX_NAMES)
-        return enumeration([f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts])
+        return enumeration(
+            [f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts]
+        )
 
 
 def ranking(
     dataset: Dataset, condition: str, column: str = "success", families: Sequence[str] | None = None
 ) -> Ranking:
-    """How often a column is true for each controller, in the scenes of a condition that all of them ran."""
+    """How often a column is true for each controller, in the scenes of a condition that all of them
+    ran.
+    """
     key = (condition, column, None if families is None else tuple(families))
     return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
 
@@ -186,7 +213,9 @@ def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Rank
 
 
 def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
-    """The same from one line per scene, whose index begins with its family, and one column per controller."""
+    """The same from one line per scene, whose index begins with its family, and one column per
+    controller.
+    """
     arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
     # sorting keeps the order of equal ones
     laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
@@ -195,15 +224,18 @@ def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
     differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
     differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
     shares = {law: Share.of(rate(arrays[law])) for law in laws}
-    return Ranking(condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0))))
+    return Ranking(
+        condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0)))
+    )
 
 
 class PairVerdict(NamedTuple):
     """One controller against another by a measure, in one condition.
 
-    ``difference`` with the ends of its interval, simultaneous for all pairs, is that of the rates, or the median of
-    the difference or ratio over the scenes in which the two differ; ``p`` is corrected for all pairs; ``scenes`` are
-    compared, and in ``differ`` of them they differ. ``verdict``: better, worse, not distinguishable or too few.
+    ``difference`` with the ends of its interval, simultaneous for all pairs, is that of the rates,
+    or the median of the difference or ratio over the scenes in which the two differ; ``p`` is
+    corrected for all pairs; ``scenes`` are compared, and in ``differ`` of them they differ.
+    ``verdict``: better, worse, not distinguishable or too few.
     """
 
     difference: float
@@ -217,18 +249,29 @@ class PairVerdict(NamedTuple):
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """The same for files: None where a number is not finite."""
-    return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in numbers.items()}
+    return {
+        name: None if isinstance(x, float) and not math.isfinite(x) else x
+        for name, x in numbers.items()
+    }
 
 
 PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Every controller against every other one.
 
 
 def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVerdicts:
-    """Every controller against every other one on the same scenes, by a metric's ratio or difference or an outcome."""
+    """Every controller against every other one on the same scenes, by a metric's ratio or
+    difference or an outcome.
+    """
     verdicts: PairVerdicts = {}
     for line in compare_laws(runs, metric, by=()).itertuples():
-        ends = (line.ratio, line.ratio_low, line.ratio_high) if ratio else (line.difference, line.low, line.high)
-        middle, high, low = [1.0 / end if end else math.inf for end in ends] if ratio else [-end for end in ends]
+        ends = (
+            (line.ratio, line.ratio_low, line.ratio_high)
+            if ratio
+            else (line.difference, line.low, line.high)
+        )
+        middle, high, low = (
+            [1.0 / end if end else math.inf for end in ends] if ratio else [-end for end in ends]
+        )
         against = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
         same = line.p_corrected, line.paired, line.differ
         verdicts[line.a, line.b] = PairVerdict(*ends, *same, line.verdict)
@@ -239,18 +282,28 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
 def best_by(
     dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
 ) -> tuple[list[str], PairVerdicts] | None:
-    """The best by the median of a metric over scenes in which all succeed, with its ties, and all pairs; or None."""
+    """The best by the median of a metric over scenes in which all succeed, with its ties, and all
+    pairs; or None.
+    """
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
-    clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(axis=1) & values.notna().all(axis=1)
+    clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(
+        axis=1
+    ) & values.notna().all(axis=1)
     values = values[clean]
     if len(laws) < 2 or values.empty:
         return None
     runs = dataset.among(condition)
-    chosen = runs["controller"].isin(list(laws)) & runs.set_index(["family", "scene"]).index.isin(values.index)
+    chosen = runs["controller"].isin(list(laws)) & runs.set_index(["family", "scene"]).index.isin(
+        values.index
+    )
     medians = values.median()
     first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
-    pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)  # of all: the same scenes say which is first
-    return [first, *(law for law in laws if law != first and pairs[first, law].verdict != "better")], pairs
+    # of all: the same scenes say which is first
+    pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)
+    return [
+        first,
+        *(law for law in laws if law != first and pairs[first, law].verdict != "better"),
+    ], pairs
 
 
 def gap(pair: PairVerdict, factor: float = 1.0) -> str:

@@ -1,4 +1,6 @@
-"""The report of evidence: tables, figures and findings put together by a template, and the findings as data."""
+"""The report of evidence: tables, figures and findings put together by a template, and the findings
+as data.
+"""
 
 from __future__ import annotations
 
@@ -39,10 +41,13 @@ DEFINED = (
 )
 #: Metrics of the profiles, all positive, and their names; ranks are by the first.
 PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
-ACROSS = ("turned", "tuned", "nowhere")  #: Kinds of findings on several conditions, each a line of its own.
-#: Kinds of findings not in the line of a condition: those across conditions, and those that a table shows.
+#: Kinds of findings on several conditions, each a line of its own.
+ACROSS = ("turned", "tuned", "nowhere")
+#: Kinds of findings not in the line of a condition: those across conditions, and those that a table
+#: shows.
 HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
-OnWritten = Callable[[int, int], None]  #: Called with how many parts of a report are there, and how many there will be.
+#: Called with how many parts of a report are there, and how many there will be.
+OnWritten = Callable[[int, int], None]
 
 
 def write_evidence_report(
@@ -55,21 +60,24 @@ def write_evidence_report(
     on_written: OnWritten = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, details.md, both as report.html, figures and claims.json from a campaign; returns report.md.
+    """Write report.md, details.md, both as report.html, figures and claims.json from a campaign;
+    returns report.md.
 
-    Without ``figures`` those that are there stay as they are, and the report shows none; the report shows the first of
-    the ``formats``. ``tuning`` is the folder that tuned settings come from, ``tuning`` in the campaign's folder if not
-    given. Only with ``trust`` are laws and constraints imported that the campaign names as ``module:Class``. Called are
-    ``on_written`` with how many parts are there and how many there will be, ``on_remark`` with warnings. Raises
-    ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs are gone that its
-    report was made from, and StorageError if the report cannot be written.
+    Without ``figures`` those that are there stay as they are, and the report shows none; the report
+    shows the first of the ``formats``. ``tuning`` is the folder that tuned settings come from,
+    ``tuning`` in the campaign's folder if not given. Only with ``trust`` are laws and constraints
+    imported that the campaign names as ``module:Class``. Called are ``on_written`` with how many
+    parts are there and how many there will be, ``on_remark`` with warnings. Raises
+    ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs
+    are gone that its report was made from, and StorageError if the report cannot be written.
     """
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:
         on_remark(remark)
     if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
         raise ConfigurationError(
-            f"{folder} has none of the {count} runs that its report was made from: runs, rows and scenes are missing. "
+            f"{folder} has none of the {count} runs that its report was made from: runs, rows and "
+            f"scenes are missing. "
             "The report is left as it is"
         )
     own = folder / "tuning"
@@ -79,7 +87,9 @@ def write_evidence_report(
 
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
     """Write the report of evidence that has been read."""
-    context, parts, report = dict[str, Any](), (_claims, _quality, _singles), dataset.folder / "report.md"
+    context = dict[str, Any]()
+    parts = (_claims, _quality, _singles)
+    report = dataset.folder / "report.md"
     for done, part in enumerate(parts):
         on_written(done, len(parts))
         if done == 0 or context["rankings"]:
@@ -95,11 +105,18 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         "situations": [finite(one) for one in failures.situation_data(dataset)],
     }
     call_times = dataset.configuration.get("call_times")
-    late = {"call_time": from_table(CallTimes, call_times, "call_times").sentence} if call_times else {}
+    late = (
+        {"call_time": from_table(CallTimes, call_times, "call_times").sentence}
+        if call_times
+        else {}
+    )
     context |= {
         "strict": NEGLIGIBLE,
         "tolerant": TOLERANT,
-        "definitions": {**{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS}, **late},
+        "definitions": {
+            **{name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+            **late,
+        },
         "tables": tables,
         "failures": failures,
         "across": across,
@@ -124,19 +141,30 @@ def claims_of(dataset: Dataset) -> list[Finding]:
     """The findings of the first screen in their order; none if only tracking alone was run."""
     every = [finding for own in findings(dataset).values() for finding in own]
     if every:
-        every += [*reversals(dataset), *robustness.robustness_findings(dataset), *across.across_findings(dataset)]
+        every += [
+            *reversals(dataset),
+            *robustness.robustness_findings(dataset),
+            *across.across_findings(dataset),
+        ]
         every += [*filter(None, [tuning_gain(dataset)]), *always_failing(dataset)]
     return every
 
 
 def _claims(dataset: Dataset) -> dict[str, Any]:
     claims = claims_of(dataset)
-    rankings = [one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes]
+    rankings = [
+        one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes
+    ]
     texts = {
-        one.condition: " ".join(x.text for x in claims if x.condition == one.condition and x.about not in HIDDEN)
+        one.condition: " ".join(
+            x.text for x in claims if x.condition == one.condition and x.about not in HIDDEN
+        )
         for one in rankings
     }
-    depths = [(condition_text(one.condition), dataset.paired(one.condition, "tolerance")) for one in rankings]
+    depths = [
+        (condition_text(one.condition), dataset.paired(one.condition, "tolerance"))
+        for one in rankings
+    ]
     laws = dict.fromkeys((*rankings[0].laws, *dataset.laws)) if rankings else ()
     return {
         "claims": claims,
@@ -152,10 +180,18 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
 def _levels(dataset: Dataset) -> Iterator[str]:
     """The figure of each family whose conditions are a factorial."""
     for family, factorial in dataset.factorials.items():
-        rankings = {name: ranking(dataset, name, families=[family]) for name in factorial.conditions.values()}
+        rankings = {
+            name: ranking(dataset, name, families=[family])
+            for name in factorial.conditions.values()
+        }
         scenes = sorted({one.scenes for one in rankings.values()})
-        caption = f"{family}, {' to '.join(map(str, (scenes[0], scenes[-1])[-len(scenes) :]))} scenes. {LEVELS.caption}"
-        figure = replace(LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption)
+        caption = (
+            f"{family}, {' to '.join(map(str, (scenes[0], scenes[-1])[-len(scenes) :]))} "
+            f"scenes. {LEVELS.caption}"
+        )
+        figure = replace(
+            LEVELS, name=f"levels--{family}", title=f"{family}: {LEVELS.title}", caption=caption
+        )
         yield dataset.picture(figure, factorial, rankings, dataset.laws)
 
 
@@ -163,7 +199,9 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
     """Figures of all conditions, and one table for each."""
     panels: dict[str, list[Panel]] = {metric: [] for metric in PROFILED}
     diagrams: list[Diagram] = []
-    for (metric, words), condition in product(PROFILED.items(), dataset.conditions if len(dataset.laws) > 1 else ()):
+    for (metric, words), condition in product(
+        PROFILED.items(), dataset.conditions if len(dataset.laws) > 1 else ()
+    ):
         cost = costs(dataset.among(condition), metric).table
         laws = tuple(law for law in dataset.laws if law in cost.columns)
         values = cost[list(laws)].to_numpy(float)

@@ -1,4 +1,6 @@
-"""Which conclusions on pairs of controllers hold in other conditions, and which reversals would be detected."""
+"""Which conclusions on pairs of controllers hold in other conditions, and which reversals would be
+detected.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +15,18 @@ from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
 
-#: Same significant ordering in the other condition; opposite significant ordering; no significant difference.
+#: Same significant ordering in the other condition; opposite significant ordering; no significant
+#: difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
 POWER = 0.8  #: With which a reversal of the reported size would have been detected.
 
 
 class Measure(NamedTuple):
-    """What two controllers are compared by: an outcome or a metric, its name in cells and in headings.
+    """What two controllers are compared by: an outcome or a metric, its name in cells and in
+    headings.
 
-    ``margin`` is the smallest reversal that would matter, as a difference or, with ``ratio``, a ratio; ``more``
-    whether more is better.
+    ``margin`` is the smallest reversal that would matter, as a difference or, with ``ratio``, a
+    ratio; ``more`` whether more is better.
     """
 
     name: str
@@ -34,21 +38,33 @@ class Measure(NamedTuple):
 
     def text(self, pair: PairVerdict) -> str:
         """The difference, for a table's cell."""
-        return f"× {number(pair.difference)}" if self.ratio else f"{percentage(pair.difference, 1)} points"
+        return (
+            f"× {number(pair.difference)}"
+            if self.ratio
+            else f"{percentage(pair.difference, 1)} points"
+        )
 
 
-#: What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
-#: by success and violation, a hundredth of the space, a quarter of the variation.
+#: What conclusions are about. The margins are a choice: half of what separates neighbors in the
+#: study of all families by success and violation, a hundredth of the space, a quarter of the
+#: variation.
 MEASURES = (
     Measure("success", "success", "Success", 0.1, more=True),
     Measure("violation", "violation", "Violation", 0.1),
     Measure("utilization", "space", "Utilization, where both succeed", 0.01, more=True),
-    Measure("acceleration_variation", "chattering", "Acceleration variation, where both succeed", 1.25, ratio=True),
+    Measure(
+        "acceleration_variation",
+        "chattering",
+        "Acceleration variation, where both succeed",
+        1.25,
+        ratio=True,
+    ),
 )
 
 
 class Conclusion(NamedTuple):
-    """One controller is better than another in the first condition; and the outcome in another ``condition``.
+    """One controller is better than another in the first condition; and the outcome in another
+    ``condition``.
 
     ``first`` and ``other`` compare the two in each of these conditions.
     """
@@ -64,7 +80,11 @@ class Conclusion(NamedTuple):
     @property
     def excluded(self) -> bool:
         """Whether the interval excludes that the better one is worse by the margin or more."""
-        return self.other.low > -self.measure.margin if self.measure.more else self.other.high < self.measure.margin
+        return (
+            self.other.low > -self.measure.margin
+            if self.measure.more
+            else self.other.high < self.measure.margin
+        )
 
     def as_data(self) -> dict[str, Any]:
         """For files."""
@@ -74,11 +94,13 @@ class Conclusion(NamedTuple):
 
 
 class Power(NamedTuple):
-    """Which reversals would have been detected, by a measure in a condition with so many conclusions.
+    """Which reversals would have been detected, by a measure in a condition with so many
+    conclusions.
 
-    ``scenes`` are those on which a pair is compared: median over the conclusions. ``detectable`` is the share of scenes
-    by which the controller that was ahead must fall behind the other one, to be detected with :data:`POWER`
-    (:func:`.detectable`); of success and violation the difference of rates. Infinite where none is.
+    ``scenes`` are those on which a pair is compared: median over the conclusions. ``detectable`` is
+    the share of scenes by which the controller that was ahead must fall behind the other one, to be
+    detected with :data:`POWER` (:func:`.detectable`); of success and violation the difference of
+    rates. Infinite where none is.
     """
 
     measure: str
@@ -89,7 +111,9 @@ class Power(NamedTuple):
 
 
 def conclusions(dataset: Dataset) -> list[Conclusion]:
-    """All conclusions of the first condition in each of the others, in the families that both have."""
+    """All conclusions of the first condition in each of the others, in the families that both
+    have.
+    """
     return dataset.once("robustness", lambda: _robustness(dataset))[0]
 
 
@@ -101,22 +125,32 @@ def powers(dataset: Dataset) -> list[Power]:
 def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
     (first, *others), every, powers = dataset.conditions or ("",), list[Conclusion](), list[Power]()
     for condition, measure in product(others, MEASURES):
-        before, after = (_verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first)))
+        before, after = (
+            _verdicts(dataset, *two, measure) for two in ((first, condition), (condition, first))
+        )
         own = [pair for pair, one in before.items() if one.verdict == "better" and pair in after]
         for a, b in own:
-            outcome = {"better": "holds", "worse": "reversed"}.get(after[a, b].verdict, "inconclusive")
+            outcome = {"better": "holds", "worse": "reversed"}.get(
+                after[a, b].verdict, "inconclusive"
+            )
             every.append(Conclusion(measure, a, b, condition, outcome, before[a, b], after[a, b]))
         if own:
             tests = sum(one.verdict != "too few" for one in after.values()) // 2
             scenes = median(after[pair].scenes for pair in own)
-            differing = median(after[p].differ / after[p].scenes for p in own if after[p].scenes) if scenes else 0.0
+            differing = (
+                median(after[p].differ / after[p].scenes for p in own if after[p].scenes)
+                if scenes
+                else 0.0
+            )
             least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
             powers.append(Power(measure.name, condition, len(own), scenes, least))
     return every, powers
 
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:
-    """Runs in a condition of the families that are in the other one too, of controllers that work in both."""
+    """Runs in a condition of the families that are in the other one too, of controllers that work
+    in both.
+    """
     working = set(dataset.working(condition)) & set(dataset.working(other))
     runs = dataset.among(condition, dataset.families_of(condition, other))
     return runs[runs["controller"].isin(working)]
@@ -130,33 +164,56 @@ def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) ->
 
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
-    """For each further condition, how many conclusions hold there, and which reversal of success is detectable."""
+    """For each further condition, how many conclusions hold there, and which reversal of success is
+    detectable.
+    """
     several = []
     for condition in dataset.conditions[1:]:
         if own := [one for one in conclusions(dataset) if one.condition == condition]:
             runs = _runs(dataset, condition, dataset.conditions[0])
-            scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
-            numbers = {"conclusions": len(own), **_counts(own), "scenes": scenes, "families": families}
+            scenes = len(runs[SCENE].drop_duplicates())
+            families = len(set(runs["family"]))
+            numbers = {
+                "conclusions": len(own),
+                **_counts(own),
+                "scenes": scenes,
+                "families": families,
+            }
             for power in powers(dataset):
-                if (power.condition, power.measure) == (condition, "success") and isfinite(power.detectable):
+                if (power.condition, power.measure) == (condition, "success") and isfinite(
+                    power.detectable
+                ):
                     numbers["detectable"] = power.detectable
             several.append(Finding(text_of("holds", **numbers), "holds", condition, (), numbers))
     return several
 
 
 def _counts(own: list[Conclusion]) -> dict[str, float]:
-    """How many conclusions have each outcome, and how many inconclusive ones exclude a reversal by the margin."""
+    """How many conclusions have each outcome, and how many inconclusive ones exclude a reversal by
+    the margin.
+    """
     excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
-    return {**{name: sum(one.outcome == name for one in own) for name in OUTCOMES}, "reversal_excluded": excluded}
+    return {
+        **{name: sum(one.outcome == name for one in own) for name in OUTCOMES},
+        "reversal_excluded": excluded,
+    }
 
 
 def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, float]:
     """The same of the conclusions by a measure in a condition."""
-    return _counts([one for one in conclusions(dataset) if (one.condition, one.measure) == (condition, measure)])
+    return _counts(
+        [
+            one
+            for one in conclusions(dataset)
+            if (one.condition, one.measure) == (condition, measure)
+        ]
+    )
 
 
 def pairs(dataset: Dataset, measure: Measure) -> dict[tuple[str, str], dict[str, Conclusion]]:
-    """Every conclusion by a measure, by the better controller and the worse one, in the other conditions."""
+    """Every conclusion by a measure, by the better controller and the worse one, in the other
+    conditions.
+    """
     found: dict[tuple[str, str], dict[str, Conclusion]] = {}
     for one in conclusions(dataset):
         if one.measure == measure:

@@ -1,4 +1,6 @@
-"""The tables of the report of evidence: selection, success, quality, cost, failures, tuning and scenes."""
+"""The tables of the report of evidence: selection, success, quality, cost, failures, tuning and
+scenes.
+"""
 
 from __future__ import annotations
 
@@ -48,12 +50,16 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
 
 
 def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
-    """The unrounded numbers of a condition's line of the answer: the best controller and what other choices lose."""
+    """The unrounded numbers of a condition's line of the answer: the best controller and what other
+    choices lose.
+    """
     first, *others = ranked.laws
     call = middle(dataset.of_law(first), "step_time_median_us")
     numbers = {"condition": ranked.condition, "law": first, "ties": ranked.front[1:], "call": call}
     numbers |= ranked.shares[first].numbers("success")
-    for name, law in zip(LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False):
+    for name, law in zip(
+        LOSSES, (others[:1] + others[len(others) // 2 :][:1] + others[-1:]), strict=False
+    ):
         numbers |= {name: law, **ranked.differences[first, law].numbers("loss", law=name)}
     return numbers
 
@@ -61,11 +67,15 @@ def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
 def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
     """All pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
     runs = dataset.among(condition)
-    return [pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()]
+    return [
+        pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()
+    ]
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
-    """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if unreadable."""
+    """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if
+    unreadable.
+    """
     import pandas as pd
 
     if dataset.tuning is None or not (path := dataset.tuning / "evaluations.parquet").is_file():
@@ -74,7 +84,9 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
         data = pd.read_parquet(path)
     except UNREADABLE as error:
         raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
-    if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(data.columns):
+    if missing := {"law", "seed", "number", "options", "runs", "successes", "chosen"}.difference(
+        data.columns
+    ):
         raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
     return data
 
@@ -95,21 +107,31 @@ def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
 
 
 def beyond_limits(scenes: pd.DataFrame) -> str:
-    """The share of scenes in which the limits cannot satisfy the row where tracking alone meets it, where known."""
+    """The share of scenes in which the limits cannot satisfy the row where tracking alone meets it,
+    where known.
+    """
     known = scenes["share_to_hold"].astype(float).dropna()
     return Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else ""
 
 
 def scene_facts(dataset: Dataset) -> dict[str, Any]:
-    """Scenes that were not found, rows that tracking alone violates, and scenes that nobody can finish in time."""
-    every, kinds = dataset.evidence.scenes, Counter[str]()
-    found, known = every[every["found"].astype(bool)], every[every["least_time_s"].notna()]
+    """Scenes that were not found, rows that tracking alone violates, and scenes that nobody can
+    finish in time.
+    """
+    every = dataset.evidence.scenes
+    kinds = Counter[str]()
+    found = every[every["found"].astype(bool)]
+    known = every[every["least_time_s"].notna()]
     for text in found["challenged"].astype(str):
         kinds.update(sorted({label.partition("[")[0] for label in text.split("; ") if label}))
     missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
-    texts = [f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()]
+    texts = [
+        f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()
+    ]
     return {
-        "missing": {plain(family): counted(int(count), "scene") for family, count in missing.items()},
+        "missing": {
+            plain(family): counted(int(count), "scene") for family, count in missing.items()
+        },
         "violated": enumeration(texts),
         "late": int((known["least_time_s"] > known["duration_s"]).sum()),
         "known": counted(len(known), "scene") if len(known) else "",

@@ -12,16 +12,35 @@ from ..plots import Look, Sheet, darker, decades, line, logarithmic, looks, shor
 from ..plots.sheet import WIDTH
 from ..results import Line, Results
 
-LEAST_UNUSED = 1e-4  # share of the allowed space left unused below which points are drawn at the edge
-SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)  # ticks of utilization
-HEIGHT, GREY = 3.6, "#666666"
-SMALL, LARGE = 5.0, 11.0  # sizes of markers [pt]
+# share of the allowed space left unused below which points are drawn at the edge
+LEAST_UNUSED = 1e-4
+# ticks of utilization
+SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
+HEIGHT = 3.6
+GREY = "#666666"
+# sizes of markers [pt]
+SMALL = 5.0
+LARGE = 11.0
 RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
 LETTER = 5.6  # width of a bold letter of a name [pt]
-#: Where a name may stand, in steps of its size from its marker: right, left, above, below, and farther away.
+#: Where a name may stand, in steps of its size from its marker: right, left, above, below, and
+#: farther away.
 OFFSETS = (
     *((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)),
-    *((1, 2), (-1, 2), (1, -2), (-1, -2), (1, 3), (-1, 3), (1, -3), (-1, -3), (0, 2), (0, -2), (0, 3), (0, -3)),
+    *(
+        (1, 2),
+        (-1, 2),
+        (1, -2),
+        (-1, -2),
+        (1, 3),
+        (-1, 3),
+        (1, -3),
+        (-1, -3),
+        (0, 2),
+        (0, -2),
+        (0, 3),
+        (0, -3),
+    ),
 )
 NEAR = 4  # of them are so near that a name needs no line to its marker
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
@@ -29,12 +48,18 @@ Box = tuple[float, float, float, float]
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
-    """By controller, lines of the runs that were held back and moved: the others have no place in the figure."""
+    """By controller, lines of the runs that were held back and moved: the others have no place in
+    the figure.
+    """
 
     def drawn(run: Line) -> bool:
         return math.isfinite(run["utilization"]) and run["acceleration_variation"] > 0.0
 
-    return {name: [run for run in results.all_runs(name) if drawn(run)] for name in controllers if name != BASELINE}
+    return {
+        name: [run for run in results.all_runs(name) if drawn(run)]
+        for name in controllers
+        if name != BASELINE
+    }
 
 
 class Centre(NamedTuple):
@@ -50,19 +75,31 @@ class Centre(NamedTuple):
         """Of lines of results.csv."""
         converged = [run for run in runs if run["status"] == "converged"]
         used = [run["utilization"] for run in converged if math.isfinite(run["utilization"])]
-        variation = [run["acceleration_variation"] for run in converged if math.isfinite(run["acceleration_variation"])]
+        variation = [
+            run["acceleration_variation"]
+            for run in converged
+            if math.isfinite(run["acceleration_variation"])
+        ]
         if not used or not variation:
             return cls(math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
-        return cls(median(used), median(variation), (min(used), max(used)), (min(variation), max(variation)))
+        return cls(
+            median(used),
+            median(variation),
+            (min(used), max(used)),
+            (min(variation), max(variation)),
+        )
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run; a large one, with the name and ranges, at the medians of each controller."""
+    """A small marker for each run; a large one, with the name and ranges, at the medians of each
+    controller.
+    """
     every = shown_runs(results, results.competitors)
     found = {name: own for name, own in every.items() if own and name in controllers}
     if not found:
         return None
-    look, sheet = looks(controllers), Sheet(left=0.72, right=0.2)
+    look = looks(controllers)
+    sheet = Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
     for name, own in found.items():
         for run in own:
@@ -72,24 +109,32 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     for name, centre in centres.items():
         _mark_centre(ax, centre, look[name])
     unused = [1.0 - _drawn_utilization(run["utilization"]) for own in every.values() for run in own]
-    most, least = 1.4 * max([*unused, 0.1]), max(min(unused) / 1.6, LEAST_UNUSED)
+    most = 1.4 * max([*unused, 0.1])
+    least = max(min(unused) / 1.6, LEAST_UNUSED)
     logarithmic(ax.xaxis, ())
     logarithmic(ax.yaxis)
     logarithmic(ax.yaxis, decades(*ax.get_ylim()))
     ax.set_xlim(most, least)
     ticks = [share for share in SHARES if least <= 1.0 - share + 1e-12 and 1.0 - share <= most]
-    ax.set_xticks([1.0 - s for s in ticks], ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks])
+    ax.set_xticks(
+        [1.0 - s for s in ticks],
+        ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks],
+    )
     ax.set_xlabel("utilization [%], more is better → (logarithmic in the unused share)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
     size = (72.0 * (WIDTH - sheet.left - sheet.right), 72.0 * HEIGHT)
     name_centres(ax, centres, look, size)
     unnamed = [name for name in found if name not in centres]
-    entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in unnamed]
+    entries = [
+        symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n))
+        for n in unnamed
+    ]
     entries += [
         symbol("o", GREY, GREY, LARGE, label="medians of the runs that converged"),
         line("from the least to the greatest of them", GREY, linewidth=RANGE["linewidth"]),
         symbol("o", GREY, GREY, SMALL, label="one run"),
-        symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated") | {"markeredgewidth": 1.5},
+        symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated")
+        | {"markeredgewidth": 1.5},
     ]
     sheet.at += 0.08
     sheet.legend(entries, 2)
@@ -107,15 +152,24 @@ def _mark_run(ax: Any, run: Line, look: Look) -> None:
 
 def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
     """Draw the medians as a large marker, and the ranges as a cross of thin lines."""
-    x, y = 1.0 - _drawn_utilization(centre.used), centre.variation
-    ax.plot([1.0 - _drawn_utilization(used) for used in centre.used_range], [y, y], color=look.colour, **RANGE)
+    x = 1.0 - _drawn_utilization(centre.used)
+    y = centre.variation
+    ax.plot(
+        [1.0 - _drawn_utilization(used) for used in centre.used_range],
+        [y, y],
+        color=look.colour,
+        **RANGE,
+    )
     ax.plot([x, x], centre.variation_range, color=look.colour, **RANGE)
     mark = symbol(look.marker, look.colour, "white", LARGE) | {"markeredgewidth": 1.0}
     ax.plot([x], [y], **mark, clip_on=False, zorder=4)
 
 
-def name_centres(ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look], size: tuple[float, float]) -> None:
-    """Write each controller's name beside its large marker, where it covers no other name and no large marker.
+def name_centres(
+    ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look], size: tuple[float, float]
+) -> None:
+    """Write each controller's name beside its large marker, where it covers no other name and no
+    large marker.
 
     ``size`` is that of the panel in points. A name that is not beside its marker has a line to it.
     """
@@ -128,9 +182,14 @@ def name_centres(ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look
     taken = [(x - half, y - half, x + half, y + half) for x, y in places.values()]
     for name, (x, y) in sorted(places.items(), key=lambda item: -item[1][1]):
         text = shortened(name)
-        width, height = LETTER * len(text), 11.0
+        width = LETTER * len(text)
+        height = 11.0
         boxes = [_box(x, y, across, up, width, height) for across, up in OFFSETS]
-        free = [box for box in boxes if _fits(box, size) and not any(_overlap(box, other) for other in taken)]
+        free = [
+            box
+            for box in boxes
+            if _fits(box, size) and not any(_overlap(box, other) for other in taken)
+        ]
         box = free[0] if free else boxes[0]
         taken.append(box)
         beside = box in boxes[:NEAR]
@@ -147,7 +206,12 @@ def name_centres(ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look
             fontweight="bold",
             color=darker(look[name].colour),
             arrowprops=None if beside else LEADER | {"color": look[name].colour},
-            bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            bbox={
+                "boxstyle": "square,pad=0.05",
+                "facecolor": "white",
+                "edgecolor": "none",
+                "alpha": 0.8,
+            },
             zorder=6,
         )
 
@@ -171,5 +235,7 @@ def _overlap(a: Box, b: Box) -> bool:
 
 
 def _drawn_utilization(utilization: float) -> float:
-    """Return the utilization at which a value is drawn: what is nearer to 1 than the axis reaches is at its edge."""
+    """Return the utilization at which a value is drawn: what is nearer to 1 than the axis reaches
+    is at its edge.
+    """
     return min(utilization, 1.0 - LEAST_UNUSED)

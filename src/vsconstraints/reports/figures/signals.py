@@ -1,4 +1,6 @@
-"""Figures of a scenario over time: φ and activity of constraints, errors, commanded acceleration, disturbance."""
+"""Figures of a scenario over time: φ and activity of constraints, errors, commanded acceleration,
+disturbance.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,27 @@ from ...simulation import Tolerances, Trajectory, intervals
 from ...simulation.dynamics.equivalent import Equivalent
 from ...vision.features import ImagePoints
 from ..plots.sheet import Sheet
-from ..plots.style import FAINT, INK, area, band, decades, extremes, line, logarithmic, note, signal, zero_line
+from ..plots.style import (
+    FAINT,
+    INK,
+    area,
+    band,
+    decades,
+    extremes,
+    line,
+    logarithmic,
+    note,
+    signal,
+    zero_line,
+)
 from .view import View
 
-BINS, MEAN_BINS = 300, 100
+BINS = 300
+MEAN_BINS = 100
 #: Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in].
-PANEL, LANE, LANE_GAP = 1.0, 0.075, 0.09
+PANEL = 1.0
+LANE = 0.075
+LANE_GAP = 0.09
 MAX_PHI = 1e3  # φ is drawn up to this many times its sampling band
 ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
 
@@ -35,7 +52,8 @@ def draw_phi(view: View) -> Sheet | None:
     for ax, label in zip(panels, view.phi_rows, strict=False):
         band(ax, -1.0, 1.0)
         zero_line(ax)
-        low, high = -3.0, 3.0
+        low = -3.0
+        high = 3.0
         for name, run, look in view.lines():
             if label in run.trajectory.labels:
                 i = run.trajectory.labels.index(label)
@@ -46,8 +64,18 @@ def draw_phi(view: View) -> Sheet | None:
                 ax.plot(t, greatest, **look, **view.marks(name, t, view.rows_end))
                 if name != BASELINE:
                     high = max(high, float(np.nanmax(relative, initial=high)))
-                    area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
-        low, high = 1.3 * max(low, -MAX_PHI), 1.5 * min(high, MAX_PHI)
+                    area(
+                        ax,
+                        t,
+                        least,
+                        greatest,
+                        color=look["color"],
+                        alpha=0.15,
+                        linewidth=0.0,
+                        zorder=3,
+                    )
+        low = 1.3 * max(low, -MAX_PHI)
+        high = 1.5 * min(high, MAX_PHI)
         ax.set_ylim(low, high)
         logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
         ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
@@ -74,21 +102,37 @@ def _lanes(ax: Any, view: View, height: float) -> None:
             run = view.runs[name]
             if label in run.trajectory.labels:
                 active = run.trajectory.active[:, run.trajectory.labels.index(label)]
-                spans = intervals(run.trajectory.t, active, max(10.0 * run.Ts, view.rows_end / 200.0))
+                spans = intervals(
+                    run.trajectory.t, active, max(10.0 * run.Ts, view.rows_end / 200.0)
+                )
                 bars = [(a, max(b - a, view.rows_end / 500.0)) for a, b in spans]
                 place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
                 ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
 
 
 def draw_errors(view: View) -> Sheet:
-    """One panel for each error, logarithmic, with the tolerance where it decides whether the goal is reached."""
-    setup, quantities = view.setup, list[tuple[str, float, bool, dict[str, Array]]]()
+    """One panel for each error, logarithmic, with the tolerance where it decides whether the goal
+    is reached.
+    """
+    setup = view.setup
+    quantities = list[tuple[str, float, bool, dict[str, Array]]]()
     image = setup is not None and isinstance(setup.task.feature, ImagePoints)
-    accepted, pose = Tolerances() if setup is None else setup.tolerances, setup is not None and not image
+    accepted = Tolerances() if setup is None else setup.tolerances
+    pose = setup is not None and not image
     errors: list[tuple[str, float, bool, Callable[[Trajectory], Array]]] = [
         ("image error [px]", accepted.feature_px, True, lambda run: run.feature_error_px),
-        ("position error [mm]", 1e3 * accepted.translation_m, pose, lambda run: 1e3 * run.camera_error[:, 0]),
-        ("orientation error [mrad]", 1e3 * accepted.rotation_rad, pose, lambda run: 1e3 * run.camera_error[:, 1]),
+        (
+            "position error [mm]",
+            1e3 * accepted.translation_m,
+            pose,
+            lambda run: 1e3 * run.camera_error[:, 0],
+        ),
+        (
+            "orientation error [mrad]",
+            1e3 * accepted.rotation_rad,
+            pose,
+            lambda run: 1e3 * run.camera_error[:, 1],
+        ),
     ]
     for label, tolerance, decides, values in errors if image else errors[1:]:
         own = {name: values(run.trajectory) for name, run in view.runs.items()}
@@ -96,12 +140,15 @@ def draw_errors(view: View) -> Sheet:
             quantities.append((label, tolerance, decides, own))
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
-    panels = sheet.panels(len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", ""))
+    panels = sheet.panels(
+        len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", "")
+    )
     for ax, (label, tolerance, decides, own) in zip(panels, quantities, strict=True):
         floor = ERROR_FLOOR * tolerance
         top = max(10.0 * floor, *(float(np.nanmax(one, initial=0.0)) for one in own.values()))
         for name, run, look in view.lines():
-            t, drawn = run.trajectory.t, np.maximum(own[name], 1e-3 * floor)
+            t = run.trajectory.t
+            drawn = np.maximum(own[name], 1e-3 * floor)
             signal(ax, t, drawn, **look, **view.marks(name, t, view.end))
         if decides:
             ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
@@ -114,11 +161,20 @@ def draw_errors(view: View) -> Sheet:
 
 
 def draw_acceleration(view: View) -> Sheet:
-    """Mean and range of q̈_c in short windows, all joints, with the same axis for every controller."""
-    commands = {name: (view.runs[name].trajectory.t, view.runs[name].trajectory.qdd_command) for name in view.shown}
+    """Mean and range of q̈_c in short windows, all joints, with the same axis for every
+    controller.
+    """
+    commands = {
+        name: (view.runs[name].trajectory.t, view.runs[name].trajectory.qdd_command)
+        for name in view.shown
+    }
     every = [np.abs(run.trajectory.qdd_command) for run in view.runs.values()]
     # without the largest 0.05 % of the samples of each
-    sizes = [float(np.quantile(size[np.isfinite(size)], 0.9995)) for size in every if np.isfinite(size).any()]
+    sizes = [
+        float(np.quantile(size[np.isfinite(size)], 0.9995))
+        for size in every
+        if np.isfinite(size).any()
+    ]
     limit = 1.3 * max(1.0, *sizes)
     sheet, panels, colours = _joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
     for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
@@ -130,13 +186,17 @@ def draw_acceleration(view: View) -> Sheet:
 
 
 def draw_disturbance(view: View) -> Sheet | None:
-    """Range of d_c of eq. (6) in short windows, with the same axis for every controller; nothing without a plant."""
+    """Range of d_c of eq. (6) in short windows, with the same axis for every controller; nothing
+    without a plant.
+    """
     if view.setup is None or view.setup.dynamics is None:
         return None
     equivalents = {name: Equivalent.of(view.runs[name].trajectory) for name in view.shown}
     values = {name: (one.t, one.disturbance) for name, one in equivalents.items()}
     size = max(float(np.nan_to_num(np.abs(d)).max(initial=0.0)) for _, d in values.values())
-    sheet, panels, _ = _joint_panels(view, values, "d_c [rad/s²]", (0.01, 1.3 * max(0.01, size)), 0.42)
+    sheet, panels, _ = _joint_panels(
+        view, values, "d_c [rad/s²]", (0.01, 1.3 * max(0.01, size)), 0.42
+    )
     for ax, (name, one) in zip(panels, equivalents.items(), strict=True):
         view.title(ax, name, above=12)
         text = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
@@ -145,25 +205,38 @@ def draw_disturbance(view: View) -> Sheet | None:
 
 
 def _joint_panels(
-    view: View, values: Mapping[str, tuple[Array, Array]], label: str, scale: tuple[float, float], above: float
+    view: View,
+    values: Mapping[str, tuple[Array, Array]],
+    label: str,
+    scale: tuple[float, float],
+    above: float,
 ) -> tuple[Sheet, list[Any], list[Any]]:
-    """One panel per controller with the range of its joints' values (N, n) at t (N,) in short windows; and colours.
+    """One panel per controller with the range of its joints' values (N, n) at t (N,) in short
+    windows; and colours.
 
     Axes are linear between ± the first of ``scale``, logarithmic beyond, and end at ± the second.
     """
     from matplotlib import colormaps
 
-    (linear, limit), n = scale, max(own.shape[1] for _, own in values.values())
+    linear, limit = scale
+    n = max(own.shape[1] for _, own in values.values())
     colours = [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
-    panels = sheet.panels(len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True)
+    panels = sheet.panels(
+        len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True
+    )
     for ax, (t, own) in zip(panels, values.values(), strict=True):
         middle, least, greatest, _ = extremes(t, own, BINS)
         # joints that vary most lie below the others
         order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
         for rank, k in enumerate(order):
-            look: dict[str, Any] = {"color": colours[k], "alpha": 0.4, "linewidth": 0.4, "zorder": 2 + 0.01 * rank}
+            look: dict[str, Any] = {
+                "color": colours[k],
+                "alpha": 0.4,
+                "linewidth": 0.4,
+                "zorder": 2 + 0.01 * rank,
+            }
             area(ax, middle, least[:, k], greatest[:, k], **look)
         view.time_axis(ax)
         # few and short labels: those of neighbouring panels must not meet

@@ -1,4 +1,6 @@
-"""The markers' tracks in the image, one panel per controller, with a close-up where controllers differ most."""
+"""The markers' tracks in the image, one panel per controller, with a close-up where controllers
+differ most.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,20 @@ from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK, line, patch, symbol
 from .view import View
 
-#: Half the side of the close-up, more where a violation is deeper; and a violation that needs none, relative to the
-#: image's larger side.
-SHARE, MAX_DEPTH = 0.025, 0.05
+#: Half the side of the close-up, more where a violation is deeper; and a violation that needs none,
+#: relative to the image's larger side.
+SHARE = 0.025
+MAX_DEPTH = 0.05
 GRID = 33  # points in each direction at which it is asked whether a boundary passes
-COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.27
-BESIDE, APART = 0.5, 0.06  # side of a close-up relative to the width of its panel, and the gap between them [in]
-EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
+COLUMNS = 3
+LEFT = 0.62
+GAP = 0.16
+TITLE = 0.27
+# side of a close-up relative to the width of its panel, and the gap between them [in]
+BESIDE = 0.5
+APART = 0.06
+EARLIER = symbol("*", "white", size=6.3)
+LAST = symbol("*", INK, "white", size=6.3)
 VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
 
 
@@ -34,22 +43,29 @@ class CloseUp(NamedTuple):
 
 
 def draw_tracks(view: View) -> Sheet | None:
-    """Tracks of all markers, with the image's frame and the boundaries of the constraints in the image."""
+    """Tracks of all markers, with the image's frame and the boundaries of the constraints in the
+    image.
+    """
     if not any(run.trajectory.features_px.size for run in view.runs.values()):
         return None
     names = view.competitors or view.shown
     if view.setup is not None:
         plane = Plane.of(view.setup)
     else:
-        seen = np.concatenate([run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()])
+        seen = np.concatenate(
+            [run.trajectory.features_px.reshape(-1, 2) for run in view.runs.values()]
+        )
         plane = Plane(tuple(2.0 * np.nanmax(np.abs(seen), axis=0)))
     detail = close_up(view, plane)
     # beside its close-up a panel takes half as much room again
-    columns, share, apart = (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
+    columns, share, apart = (
+        (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
+    )
     room = (WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns
     width = (room - apart) / share
     height = width * plane.half[1] / plane.half[0]
-    sheet, grid = Sheet(left=LEFT), {"width": width, "above": TITLE, "gap": room - width + GAP}
+    sheet = Sheet(left=LEFT)
+    grid = {"width": width, "above": TITLE, "gap": room - width + GAP}
     labels = ("u [px]", "v [px], downwards")
     panels = sheet.panels(len(names), columns, height=height, labels=labels, same_y=True, **grid)
     for ax, name in zip(panels, names, strict=True):
@@ -64,7 +80,9 @@ def draw_tracks(view: View) -> Sheet | None:
             draw_run(beside, view, name, 1.5)
     # a legend stands in a free place of the grid, or below it
     entries = _entries(view, plane, names, detail)
-    taken, needed, tall = (len(names) - 1) % columns + 1, 0.21 * len(entries), TITLE + height
+    taken = (len(names) - 1) % columns + 1
+    needed = 0.21 * len(entries)
+    tall = TITLE + height
     if taken < columns and tall > needed:
         # above that place are the numbers and the label of a panel
         left = LEFT + taken * (room + GAP) + 0.2
@@ -75,11 +93,20 @@ def draw_tracks(view: View) -> Sheet | None:
 
 
 def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
-    """Tracks of all markers with starts and goals, on those of tracking alone, and where a constraint is violated."""
-    run, look = view.runs[name], view.looks[name]
+    """Tracks of all markers with starts and goals, on those of tracking alone, and where a
+    constraint is violated.
+    """
+    run = view.runs[name]
+    look = view.looks[name]
     pixels = run.trajectory.features_px
     if view.baseline is not None and name != BASELINE:
-        tracks(ax, view.baseline.trajectory.features_px, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
+        tracks(
+            ax,
+            view.baseline.trajectory.features_px,
+            color=view.looks[BASELINE].colour,
+            linewidth=0.9,
+            zorder=2.2,
+        )
     tracks(ax, pixels, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
     for track in _violations(run):
         ax.plot(*track.T, **VIOLATED, zorder=5)
@@ -91,7 +118,9 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
 
 
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
-    """Index of each row that is about a marker's place in the image, and where that is (N, 2) [px]."""
+    """Index of each row that is about a marker's place in the image, and where that is (N, 2)
+    [px].
+    """
     pixels = run.trajectory.features_px
     for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
         digits = label.rpartition("marker ")[2].rstrip("]")
@@ -99,8 +128,11 @@ def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
             yield i, pixels[:, int(digits) - 1]
 
 
-def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None) -> list[dict[str, Any]]:
-    goals, side = view.setup.task.goals if view.setup is not None else (), 2.0 * (detail.half if detail else 0.0)
+def _entries(
+    view: View, plane: Plane, names: list[str], detail: CloseUp | None
+) -> list[dict[str, Any]]:
+    goals = view.setup.task.goals if view.setup is not None else ()
+    side = 2.0 * (detail.half if detail else 0.0)
     violated = any(True for name in names for _ in _violations(view.runs[name]))
     alone = view.baseline is not None and bool(view.competitors)
     return [
@@ -108,10 +140,14 @@ def _entries(view: View, plane: Plane, names: list[str], detail: CloseUp | None)
         *[EARLIER | {"label": "earlier goal"}] * (len(goals) > 1),
         *[LAST | {"label": "goal" if len(goals) == 1 else "last goal"}] * bool(goals),
         symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"),
-        *[line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9} for _ in range(alone)],
+        *[
+            line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9}
+            for _ in range(alone)
+        ],
         *[line("row in the image violated", **VIOLATED)] * violated,
         *plane.entries(forbidden="forbidden to markers"),
-        *[patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8)] * bool(detail),
+        *[patch(f"close-up, {side:.0f} × {side:.0f} px", "none", edgecolor=INK, linewidth=0.8)]
+        * bool(detail),
     ]
 
 
@@ -126,24 +162,37 @@ def _violations(run: RunRecord) -> Iterator[Array]:
 def close_up(view: View, plane: Plane) -> CloseUp | None:
     """The same close-up for all panels, or None where no row in the image matters.
 
-    Where a competitor is deepest outside, or nearest to a boundary on which it acts, relative to the row's L. It lies
-    in the part of the plane that is shown, and a boundary passes through it.
+    Where a competitor is deepest outside, or nearest to a boundary on which it acts, relative to
+    the row's L. It lies in the part of the plane that is shown, and a boundary passes through it.
     """
-    size, found = max(plane.size), dict[tuple[float, int], CloseUp]()
+    size = max(plane.size)
+    found = dict[tuple[float, int], CloseUp]()
     for run in (run for name, run in view.runs.items() if name != BASELINE):
         for i, pixels in _rows_in_image(run):
             seen = (np.abs(pixels) <= plane.half).all(axis=1)
             clearance = np.where(seen, run.trajectory.clearance[:, i], np.inf)
-            k, acts = int(np.argmin(clearance)), run.trajectory.active[:, i].any()
-            least, matters = float(clearance[k]), run.trajectory.labels[i] in view.phi_rows
-            if matters and least > -MAX_DEPTH * size and (acts or least < -NEGLIGIBLE * run.length[i]):
-                found[least / run.length[i], len(found)] = CloseUp(pixels[k], max(SHARE * size, -1.6 * least))
+            k = int(np.argmin(clearance))
+            acts = run.trajectory.active[:, i].any()
+            least = float(clearance[k])
+            matters = run.trajectory.labels[i] in view.phi_rows
+            if (
+                matters
+                and least > -MAX_DEPTH * size
+                and (acts or least < -NEGLIGIBLE * run.length[i])
+            ):
+                found[least / run.length[i], len(found)] = CloseUp(
+                    pixels[k], max(SHARE * size, -1.6 * least)
+                )
 
     def has_boundary(detail: CloseUp) -> bool:
         moving = [points for _, lines in plane.moving for points in lines]
-        if any((np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving):
+        if any(
+            (np.abs(points - detail.centre) < detail.half).all(axis=1).any() for points in moving
+        ):
             return True
-        depth = plane.depth(*(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre))
+        depth = plane.depth(
+            *(middle + np.linspace(-detail.half, detail.half, GRID) for middle in detail.centre)
+        )
         return bool(depth.min() <= 0.0 <= depth.max())
 
     return next((found[key] for key in sorted(found) if has_boundary(found[key])), None)

@@ -17,7 +17,8 @@ from ...simulation import Setup, Tolerances, Trajectory
 from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_axis, widths
 
 #: Axes end so much after the last run is at rest, and after the last row that is shown has acted.
-AFTER, AFTER_ROWS = 1.1, 1.25
+AFTER = 1.1
+AFTER_ROWS = 1.25
 MARKS = 4  # on each line
 
 
@@ -25,9 +26,9 @@ MARKS = 4  # on each line
 class View:
     """One trial of one scenario.
 
-    ``setup`` is None if it cannot be built any more; ``runs``, by controller, have at least two samples and include
-    those of other figures, for the same axes in all; ``controllers`` are those of the figure, in order; φ is drawn of
-    ``phi_rows``, and activity of ``lane_rows``.
+    ``setup`` is None if it cannot be built any more; ``runs``, by controller, have at least two
+    samples and include those of other figures, for the same axes in all; ``controllers`` are those
+    of the figure, in order; φ is drawn of ``phi_rows``, and activity of ``lane_rows``.
     """
 
     setup: Setup | None
@@ -58,9 +59,11 @@ class View:
 
     @cached_property
     def end(self) -> float:
-        """Where time axes end [s]: a little after the last run is at rest, or where the longest run ends.
+        """Where time axes end [s]: a little after the last run is at rest, or where the longest run
+        ends.
 
-        A run is at rest once its errors stay within a fifth of their tolerances from where they end.
+        A run is at rest once its errors stay within a fifth of their tolerances from where they
+        end.
         """
         longest = max(float(run.trajectory.t[-1]) for run in self.runs.values())
         tolerances = Tolerances() if self.setup is None else self.setup.tolerances
@@ -69,7 +72,9 @@ class View:
 
     @cached_property
     def rows_end(self) -> float:
-        """Where axes of rows end [s]: a little after the last shown row acts or is violated, at most ``end``."""
+        """Where axes of rows end [s]: a little after the last shown row acts or is violated, at
+        most ``end``.
+        """
         last = 0.0
         for name in self.shown:
             run = self.runs[name]
@@ -82,11 +87,19 @@ class View:
         return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
-        """Every run and how its line looks: tracking alone thin and below, later ones thinner than earlier ones."""
+        """Every run and how its line looks: tracking alone thin and below, later ones thinner than
+        earlier ones.
+        """
         width = {BASELINE: 1.0, **widths(self.competitors)}
         for name in sorted(self.shown, key=lambda name: name != BASELINE):
-            look, order = self.looks[name], 2 if name == BASELINE else 4
-            style = {"color": look.colour, "linestyle": look.line, "linewidth": width[name], "zorder": order}
+            look = self.looks[name]
+            order = 2 if name == BASELINE else 4
+            style = {
+                "color": look.colour,
+                "linestyle": look.line,
+                "linewidth": width[name],
+                "zorder": order,
+            }
             yield name, self.runs[name], style
 
     def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
@@ -99,9 +112,11 @@ class View:
         return entries
 
     def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:
-        """Markers on a controller's line at times t (N,) [s], a few up to the end, at other times than the others'.
+        """Markers on a controller's line at times t (N,) [s], a few up to the end, at other times
+        than the others'.
 
-        Colours alone do not tell lines apart for every reader. Tracking alone, which is thin, has none.
+        Colours alone do not tell lines apart for every reader. Tracking alone, which is thin, has
+        none.
         """
         if name == BASELINE or not len(t):
             return {}
@@ -112,19 +127,31 @@ class View:
 
     def time_axis(self, ax: Any, end: float = 0.0) -> None:
         """From zero to an end, that of the view if none is given, with the changes of the goal."""
-        begins = {float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0}
+        begins = {
+            float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0
+        }
         goals = () if self.setup is None else self.setup.task.goals[1:]
-        time_axis(ax, end or self.end, [goal.from_time for goal in goals] if self.setup is not None else sorted(begins))
+        time_axis(
+            ax,
+            end or self.end,
+            [goal.from_time for goal in goals] if self.setup is not None else sorted(begins),
+        )
 
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
         """A controller's name above its panel [pt], a long one on two lines."""
         colour = darker(self.looks[name].colour)
-        ax.set_title(folded(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font)
+        ax.set_title(
+            folded(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font
+        )
 
 
 def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
-    """Return when the errors of a run last differ from where they end by more than a fifth of their tolerances [s]."""
+    """Return when the errors of a run last differ from where they end by more than a fifth of their
+    tolerances [s].
+    """
     errors = np.column_stack([trajectory.camera_error, trajectory.feature_error_px])
-    limits = 0.2 * np.array([tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px])
+    limits = 0.2 * np.array(
+        [tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px]
+    )
     moving = (np.abs(errors - errors[-1]) > limits).any(axis=1)
     return float(np.max(trajectory.t[moving], initial=0.0))

@@ -1,4 +1,5 @@
-"""For notebooks and consoles: runs that show themselves, and laws compared as they are, in one line each.
+"""For notebooks and consoles: runs that show themselves, and laws compared as they are, in one line
+each.
 
 ``from vsconstraints import compare, run`` gives the two functions.
 """

@@ -48,33 +48,47 @@ def compare(
     out: str | Path | None = None,
     progress: bool = True,
 ) -> Comparison:
-    """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
+    """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints
+    compare`` does.
 
-    ``laws`` are instances, classes, registered names, or ``module:Class``; a mapping names them, as two of one class
-    need. ``scenarios`` are names of shipped ones, paths, scenarios, or setups made in Python. ``trials`` is how often
-    each is run from starts or with noise that differ, drawn from the ``seed``. ``workers`` is the number of processes
-    at most, as many as make sense if None; 0 runs all in this process: a debugger then reaches a law, and a law that
-    hangs or ends its process does so with the session. ``limit`` is how long a run may take in another process [s], by
-    its number of samples if None. ``out`` is a folder to keep results in: the same call goes on where it stopped, in
-    another session too, unless a setup, or a law that cannot be copied, is compared; what is not kept goes with the
-    comparison. ``progress`` is whether to show how many runs are done.
+    ``laws`` are instances, classes, registered names, or ``module:Class``; a mapping names them, as
+    two of one class need. ``scenarios`` are names of shipped ones, paths, scenarios, or setups made
+    in Python. ``trials`` is how often each is run from starts or with noise that differ, drawn from
+    the ``seed``. ``workers`` is the number of processes at most, as many as make sense if None; 0
+    runs all in this process: a debugger then reaches a law, and a law that hangs or ends its
+    process does so with the session. ``limit`` is how long a run may take in another process [s],
+    by its number of samples if None. ``out`` is a folder to keep results in: the same call goes on
+    where it stopped, in another session too, unless a setup, or a law that cannot be copied, is
+    compared; what is not kept goes with the comparison. ``progress`` is whether to show how many
+    runs are done.
 
-    Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
-    process of its own kind; what cannot be copied there runs in this process, and a warning says so. A law that fails
-    costs its own runs, whose status is then ``failed``. Raises ConfigurationError if a law or a scenario cannot be
-    used, two have the same name, or trials would all be the same run.
+    Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the
+    instance in a process of its own kind; what cannot be copied there runs in this process, and a
+    warning says so. A law that fails costs its own runs, whose status is then ``failed``. Raises
+    ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials
+    would all be the same run.
     """
     specs, notes = specs_of(laws)
-    suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
+    suite = Suite(
+        NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed
+    ).checked()
     own = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
     notes += tuple(f"{name} runs in this process: {one.why_here}" for name, one in own.items())
     for note in notes:
         warnings.warn(note, stacklevel=2)
     folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
     try:
-        with progress_shown(len(suite.with_baseline().runs())) if progress else nullcontext(lambda: None) as advance:
+        with (
+            progress_shown(len(suite.with_baseline().runs()))
+            if progress
+            else nullcontext(lambda: None) as advance
+        ):
             finished = compare_suite(
-                suite, folder, workers=workers, limit=limit, on_finished=lambda run, score, stored: advance()
+                suite,
+                folder,
+                workers=workers,
+                limit=limit,
+                on_finished=lambda run, score, stored: advance(),
             )
         if finished.interrupted:
             raise KeyboardInterrupt
@@ -95,7 +109,8 @@ def compare(
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Laws on scenarios, tracking alone among them: a ``stored`` folder as ``vsconstraints compare`` writes it.
+    """Laws on scenarios, tracking alone among them: a ``stored`` folder as ``vsconstraints
+    compare`` writes it.
 
     ``notes`` are what a reader should know.
     """
@@ -105,10 +120,11 @@ class Comparison:
 
     @classmethod
     def load(cls, folder: str | Path, trust: bool = False) -> Comparison:
-        """A comparison that is stored in a folder; raises ConfigurationError if there is none, or it was changed.
+        """A comparison that is stored in a folder; raises ConfigurationError if there is none, or
+        it was changed.
 
-        Own constraints that it names as ``module:Class`` run only with ``trust``; without, scenarios that need them
-        cannot be drawn.
+        Own constraints that it names as ``module:Class`` run only with ``trust``; without,
+        scenarios that need them cannot be drawn.
         """
         stored = StoredComparison.load(Path(folder), trust)
         return cls(stored, (*stored.remarks, *stored.notes))
@@ -150,37 +166,64 @@ class Comparison:
             raise unknown_name("law", law, self.laws)
         name = self._scenario(scenario)
         if not 0 <= trial < self._lines.trials:
-            raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
+            raise ConfigurationError(
+                f"there is no trial {trial}: there are {self._lines.trials}, counted from 0"
+            )
         records = []
         for one in (law, BASELINE):
             if (record := self.stored.run(name, one, trial)) is None:
-                reasons = [line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial]
-                raise ConfigurationError(f"{one} left nothing on {name}: {'; '.join(reasons) or 'it was not run'}")
+                reasons = [
+                    line["reason"] for line in self._lines.runs(name, one) if line["trial"] == trial
+                ]
+                raise ConfigurationError(
+                    f"{one} left nothing on {name}: {'; '.join(reasons) or 'it was not run'}"
+                )
             records.append(record)
         found = self.stored.scenarios[name]
         setup = found.setup(trial, self._lines.seed)
         return NotebookRun(setup, records[0], law, name, found.title, found.folder, records[1])
 
     def plot(self, scenario: str | None = None) -> Plots:
-        """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
+        """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the
+        first trial.
+        """
         name = self._scenario(scenario)
-        runs = {law: run for law in self.laws if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1}
+        runs = {
+            law: run
+            for law in self.laws
+            if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1
+        }
         rows = self._lines.rows_shown(name)
         return Plots(
-            View(self.stored.scenarios[name].setup(0, self._lines.seed), runs, self.laws, rows.phi, rows.lanes)
+            View(
+                self.stored.scenarios[name].setup(0, self._lines.seed),
+                runs,
+                self.laws,
+                rows.phi,
+                rows.lanes,
+            )
         )
 
     def replay(
-        self, laws: Sequence[str] = (), scenario: str | None = None, *, trial: int = 0, path: str | Path | None = None
+        self,
+        laws: Sequence[str] = (),
+        scenario: str | None = None,
+        *,
+        trial: int = 0,
+        path: str | Path | None = None,
     ) -> ReplayPage | Path:
-        """Laws on one scenario in motion, see :meth:`.NotebookRun.replay`; all but tracking alone if none is named."""
+        """Laws on one scenario in motion, see :meth:`.NotebookRun.replay`; all but tracking alone
+        if none is named.
+        """
         chosen = laws or [law for law in self.laws if law != BASELINE]
         first, *others = (self.run(law, scenario, trial) for law in chosen)
         return first.replay(*others, path=path)
 
     def _scenario(self, name: str | None) -> str:
         if name is None and len(self.scenarios) > 1:
-            raise ConfigurationError(f"several scenarios were compared: name one of {', '.join(self.scenarios)}")
+            raise ConfigurationError(
+                f"several scenarios were compared: name one of {', '.join(self.scenarios)}"
+            )
         if name is not None and name not in self.scenarios:
             raise unknown_name("scenario", name, self.scenarios)
         return name or self.scenarios[0]
@@ -189,21 +232,30 @@ class Comparison:
     def __repr__(self) -> str:
         results = self._lines
         runs = sum(len(results.all_runs(name)) for name in results.competitors)
-        what = f"{counted(len(results.competitors), 'law')} on {counted(len(self.scenarios), 'scenario')}"
+        what = (
+            f"{counted(len(results.competitors), 'law')} on "
+            f"{counted(len(self.scenarios), 'scenario')}"
+        )
         clean = f"{sum(results.clean.values())} of {counted(runs, 'run')} converged inside"
         return f"<Comparison of {what}, {counted(results.trials, 'trial')}: {clean}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how each law ended on each scenario, and its first scores."""
         metrics = [one for one in METRICS if one.column in FIRST]
-        results, lines = self._lines, []
+        results = self._lines
+        lines = []
         for scenario in self.scenarios:
             for law in results.competitors:
                 own = results.runs(scenario, law)
-                scores = [over_trials([shown(one, line) for line in own], FORMATS[one.style]) for one in metrics]
+                scores = [
+                    over_trials([shown(one, line) for line in own], FORMATS[one.style])
+                    for one in metrics
+                ]
                 lines.append((scenario, law, outcome(results, scenario, law), *scores))
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
-        return render_html("notebook.html", header=header, lines=lines, marks=MARKS, notes=self.notes)
+        return render_html(
+            "notebook.html", header=header, lines=lines, marks=MARKS, notes=self.notes
+        )
 
 
 # --- progress ---
@@ -211,8 +263,13 @@ class Comparison:
 
 @contextmanager
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
-    """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it gives counts them."""
-    console, begun, done, due = Console(stderr=True), time.monotonic(), 0, 0.0
+    """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it
+    gives counts them.
+    """
+    console = Console(stderr=True)
+    begun = time.monotonic()
+    done = 0
+    due = 0.0
 
     def show(text: str, end: str = "\r") -> None:
         if console.is_terminal:
@@ -229,7 +286,8 @@ def progress_shown(total: int) -> Iterator[Callable[[], None]]:
 
     def advance(by: int = 1, end: str = "\r") -> None:
         nonlocal done, due
-        done, now = done + by, time.monotonic()
+        done = done + by
+        now = time.monotonic()
         if not by or now >= due:
             due = now + UPDATE
             show(f"comparing: {done} of {total} runs, {now - begun:.0f} s", end)

@@ -15,10 +15,23 @@ from typing import Any
 from ...controllers import Controller
 from ...plugins.classes import IN_SESSION
 
-#: Texts in a packed class that differ in each session: cloudpickle's number of the class, the name of a cell's file.
-_OF_SESSION = re.compile(r"[0-9a-f]{12}4[0-9a-f]{3}[89ab][0-9a-f]{15}|.*ipykernel_\d+\W\d+\.py|<ipython-input-.*>")
+#: Texts in a packed class that differ in each session: cloudpickle's number of the class, the name
+#: of a cell's file.
+_OF_SESSION = re.compile(
+    r"[0-9a-f]{12}4[0-9a-f]{3}[89ab][0-9a-f]{15}|.*ipykernel_\d+\W\d+\.py|<ipython-input-.*>"
+)
 _UNORDERED = ("FROZENSET", "ADDITEMS")
-_ENDING_GROUPS = ("TUPLE", "LIST", "DICT", "APPENDS", "SETITEMS", "POP_MARK", "OBJ", "INST", *_UNORDERED)
+_ENDING_GROUPS = (
+    "TUPLE",
+    "LIST",
+    "DICT",
+    "APPENDS",
+    "SETITEMS",
+    "POP_MARK",
+    "OBJ",
+    "INST",
+    *_UNORDERED,
+)
 _ATOM = "atom "
 
 Shared = type | FunctionType | BuiltinFunctionType | ModuleType
@@ -27,8 +40,8 @@ Shared = type | FunctionType | BuiltinFunctionType | ModuleType
 def packed(law: Controller) -> tuple[bytes, str]:
     """Return bytes from which any process makes the law; empty bytes, and the reason, if none can.
 
-    They are not read back here: that would replace the global variables of a class that is defined in this session by
-    those of the moment, for as long as the session lasts.
+    They are not read back here: that would replace the global variables of a class that is defined
+    in this session by those of the moment, for as long as the session lasts.
     """
     by_value = find_spec("cloudpickle") is not None
     try:
@@ -38,12 +51,18 @@ def packed(law: Controller) -> tuple[bytes, str]:
     except (Exception, SystemExit) as error:  # an own law may hold anything
         return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
     if not by_value and IN_SESSION.encode() in data:
-        return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"
+        return (
+            b"",
+            "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to "
+            "others",
+        )
     return data, ""
 
 
 def copied(law: Controller) -> Controller:
-    """Return a copy for this process, which shares classes, functions and modules with the original."""
+    """Return a copy for this process, which shares classes, functions and modules with the
+    original.
+    """
     shared: list[Shared] = []
 
     def number(value: object) -> int | None:
@@ -66,7 +85,8 @@ def copied(law: Controller) -> Controller:
 def stable_digest(data: bytes) -> str:
     """Return a hash of what was packed that is the same in every session.
 
-    It leaves out what differs from session to session: numbers of classes, names of cells, and the order of sets.
+    It leaves out what differs from session to session: numbers of classes, names of cells, and the
+    order of sets.
     """
     groups: list[list[str]] = [[]]
     known: list[str] = []

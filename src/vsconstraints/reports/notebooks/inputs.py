@@ -1,4 +1,6 @@
-"""Laws and scenarios as a session has them, described so that any process can make them where that is possible."""
+"""Laws and scenarios as a session has them, described so that any process can make them where that
+is possible.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,14 @@ from .copies import copied, packed, stable_digest
 
 #: An instance, a class that needs no options, the name of a registered one, or ``module:Class``.
 AnyLaw = Controller | type[Controller] | str
-Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]  #: One, several, or several by names of one's own.
+#: One, several, or several by names of one's own.
+Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 
 
 @dataclass(frozen=True)
 class InstanceSpec(ControllerSpec):
-    """A law that is given as an ``instance``: ``packed`` is what other processes make it of, empty if none can.
+    """A law that is given as an ``instance``: ``packed`` is what other processes make it of, empty
+    if none can.
 
     ``files`` is the one that its class is defined in, if there is one.
     """
@@ -71,14 +75,17 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     for name, count in Counter(spec.name for spec, _ in specs).items():
         if count > 1:
             how = f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
-            raise ConfigurationError(f"two laws have the name {name!r}; give each its own, as in {how}")
+            raise ConfigurationError(
+                f"two laws have the name {name!r}; give each its own, as in {how}"
+            )
     return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
 
 
 def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     """One law, and why only this process can run it if that is so.
 
-    Laws of this package are described by their names and options, as in a file; all others by what they hold.
+    Laws of this package are described by their names and options, as in a file; all others by what
+    they hold.
     """
     if isinstance(law, str):
         return ControllerSpec.called(law, name, Path()), ""
@@ -100,7 +107,9 @@ def instance_of(law: Controller | type[Controller]) -> Controller:
         try:
             return law()
         except (Exception, SystemExit) as error:  # an own law may fail in any way
-            raise ConfigurationError(f"{law.__name__}() cannot be made: {described(error)}") from error
+            raise ConfigurationError(
+                f"{law.__name__}() cannot be made: {described(error)}"
+            ) from error
     if not isinstance(law, Controller):
         raise _no_law(law)
     return law
@@ -139,8 +148,11 @@ def _named(law: Controller) -> Controller:
 
 def _options(law: Controller) -> dict[str, Any] | None:
     """The options with which a file would name this law; None if it cannot."""
-    inner, named, wrappers = innermost(law), _named(law), _wrappers(law)
-    kind, replaced = type(named), {"solve", "command", "define"} & set().union(*map(vars, (*wrappers, named, inner)))
+    inner = innermost(law)
+    named = _named(law)
+    wrappers = _wrappers(law)
+    kind = type(named)
+    replaced = {"solve", "command", "define"} & set().union(*map(vars, (*wrappers, named, inner)))
     replaced |= {"wrapper" for wrapper in wrappers if type(wrapper) not in WRAPPERS}
     if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or replaced:
         return None
@@ -151,13 +163,17 @@ def _options(law: Controller) -> dict[str, Any] | None:
             continue
         value = getattr(holder, parameter.name)
         if isinstance(value, Demand | Resolver):
-            own = {field.name: (getattr(value, field.name), field.default) for field in fields(value)}
+            own = {
+                field.name: (getattr(value, field.name), field.default) for field in fields(value)
+            }
             options |= {key: chosen for key, (chosen, default) in own.items() if chosen != default}
             value = value.name
         if value != parameter.default:
             options[parameter.name] = value
     for wrapper in wrappers:
-        options |= {key: getattr(wrapper, key) for key in WRAPPERS[type(wrapper)] if getattr(wrapper, key)}
+        options |= {
+            key: getattr(wrapper, key) for key in WRAPPERS[type(wrapper)] if getattr(wrapper, key)
+        }
     try:
         json.dumps(options)
         return options if repr(make_controller(kind.name, options)) == repr(law) else None
@@ -173,7 +189,9 @@ AnyScenario = Scenario | Setup | str | Path
 
 @dataclass(frozen=True)
 class SetupScenario(Scenario):
-    """A setup made in Python, where a scenario is asked for; it has no trials, and no other process can make it."""
+    """A setup made in Python, where a scenario is asked for; it has no trials, and no other process
+    can make it.
+    """
 
     made: Setup | None = None
     why_here = "it is a Setup, which is made in this session"
@@ -185,13 +203,17 @@ class SetupScenario(Scenario):
         name = re.sub(r"[^\w]+", "-", setup.scene.robot.name).strip("-") or "setup"
         # a number of its own keeps the stored runs of two setups apart
         times = {"sampling_time": setup.Ts, "duration": setup.duration}
-        return cls(name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup)
+        return cls(
+            name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup
+        )
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """The setup; raises ConfigurationError for other trials than the first."""
         assert self.made is not None
         if trial:
-            raise ConfigurationError(f"{self.name} is a Setup, which has one trial: a Scenario can have several")
+            raise ConfigurationError(
+                f"{self.name} is a Setup, which has one trial: a Scenario can have several"
+            )
         return self.made
 
 
@@ -206,5 +228,7 @@ def scenarios_of(scenarios: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenar
         elif isinstance(one, Scenario | str | Path):
             found.append(one if isinstance(one, Scenario) else Scenario.load(one))
         else:
-            raise ConfigurationError(f"a scenario is a name, a path, a Scenario or a Setup, not {shown(one)}")
+            raise ConfigurationError(
+                f"a scenario is a name, a path, a Scenario or a Setup, not {shown(one)}"
+            )
     return tuple(found)

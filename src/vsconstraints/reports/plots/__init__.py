@@ -1,4 +1,5 @@
-"""The figure kit: sheets with panels, legends, colours and scales, and how a figure is declared and written.
+"""The figure kit: sheets with panels, legends, colours and scales, and how a figure is declared and
+written.
 
 Matplotlib is loaded when a sheet is made, not before: tables of figures cost nothing to look at.
 """

@@ -1,4 +1,6 @@
-"""The image plane: its frame, the boundaries and forbidden sides of constraints in it, and marks of markers."""
+"""The image plane: its frame, the boundaries and forbidden sides of constraints in it, and marks of
+markers.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +20,28 @@ from ...vision.camera import Camera
 from ...vision.motion import Motion
 from .style import FAINT, INK, line, patch, symbol
 
-AROUND = 1.12  # how much of the image plane figures show, relative to the image; what lies beyond is cut off
+# how much of the image plane figures show, relative to the image; what lies beyond is cut off
+AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 LABELLED = 0.93  # how far from the centre a time may stand, relative to the half of what is shown
-#: How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image.
-MOMENTS, INSTANTS = 5, 200
-GRID_STEP = 2.0  # of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact
+#: How often a boundary that moves is drawn, and at how many instants it is asked whether it is in
+#: the image.
+MOMENTS = 5
+INSTANTS = 200
+# of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is
+# exact
+GRID_STEP = 2.0
 
 
 @dataclass
 class Plane:
     """The image plane of a camera, and what constrains markers in it.
 
-    ``size`` is the image's width and height [px]; ``constraints`` stand still, ``drifting`` move, each with its motion
-    and polylines (p, 2) at the start [px], drawn at ``times`` [s]; ``outline`` (p, 2) is the sensor's edge where the
-    lens bends it [px].
+    ``size`` is the image's width and height [px]; ``constraints`` stand still, ``drifting`` move,
+    each with its motion and polylines (p, 2) at the start [px], drawn at ``times`` [s]; ``outline``
+    (p, 2) is the sensor's edge where the lens bends it [px].
     """
 
     size: tuple[float, float]
@@ -45,23 +52,33 @@ class Plane:
 
     @classmethod
     def of(cls, setup: Setup) -> Plane:
-        """That of a setup; what moves is shown from when it is first in the image to when it is last."""
+        """That of a setup; what moves is shown from when it is first in the image to when it is
+        last.
+        """
         width, height = map(float, setup.scene.camera.size)
         image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
         every = np.linspace(0.0, setup.duration, INSTANTS)
-        drifting = tuple((c, c.motion, c.boundary((width, height), every)) for c in image if c.motion is not None)
+        drifting = tuple(
+            (c, c.motion, c.boundary((width, height), every)) for c in image if c.motion is not None
+        )
         still = tuple(c for c in image if c.motion is None)
         plane = cls((width, height), still, drifting, (), _outline(setup.scene.camera))
         half = 0.5 * np.array(plane.size)
-        seen = [any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t)) for t in every]
+        seen = [
+            any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t)) for t in every
+        ]
         if any(seen):
             first, last = np.flatnonzero(seen)[[0, -1]]
-            plane.times = tuple(every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))])
+            plane.times = tuple(
+                every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))]
+            )
         return plane
 
     def moved(self, t: float) -> list[Array]:
         """Polylines (p, 2) of the boundaries that move, at a time [px]."""
-        return [line + motion.displacement(t) for _, motion, lines in self.drifting for line in lines]
+        return [
+            line + motion.displacement(t) for _, motion, lines in self.drifting for line in lines
+        ]
 
     @property
     def moving(self) -> tuple[tuple[float, list[Array]], ...]:
@@ -75,14 +92,18 @@ class Plane:
 
     @property
     def edge(self) -> Array:
-        """(p, 2) the sensor's edge, a closed line: the rectangle of its size where no lens bends it [px]."""
+        """(p, 2) the sensor's edge, a closed line: the rectangle of its size where no lens bends it
+        [px].
+        """
         corners = 0.5 * np.asarray(self.size) * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
         return corners if self.outline is None else self.outline
 
     @property
     def half(self) -> Array:
         """(2,) half the size of the part that is shown [px]."""
-        return np.asarray(AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0)))
+        return np.asarray(
+            AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0))
+        )
 
     @cached_property
     def forbidden(self) -> list[Array]:
@@ -96,13 +117,24 @@ class Plane:
         count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
         u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
         filled = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset").filled(0.0, 1.0)
-        return [ring for points, ends in zip(*filled, strict=True) for ring in np.split(points, ends[1:-1].astype(int))]
+        return [
+            ring
+            for points, ends in zip(*filled, strict=True)
+            for ring in np.split(points, ends[1:-1].astype(int))
+        ]
 
     def depth(self, u: Array, v: Array) -> Array:
-        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
+        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,)
+        and v (b,) [px].
+        """
         grid = np.stack(np.meshgrid(u, v), axis=-1)
-        # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
-        return np.asarray(np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1))
+        # only the sign is wanted: far from a boundary values may be huge, which spoils
+        # interpolation
+        return np.asarray(
+            np.max(
+                [np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1
+            )
+        )
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
         """The whole plane; ``v`` points down, as in an image, or upwards."""
@@ -113,8 +145,15 @@ class Plane:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
                 if (np.abs(middle) <= LABELLED * self.half).all():  # else its time would be cut off
-                    place: dict[str, Any] = {"ha": "center", "va": "center", "clip_on": True, "annotation_clip": True}
-                    ax.annotate(f"{t:.1f} s", middle, **place, fontsize=7.5, color=FAINT, zorder=2.2)
+                    place: dict[str, Any] = {
+                        "ha": "center",
+                        "va": "center",
+                        "clip_on": True,
+                        "annotation_clip": True,
+                    }
+                    ax.annotate(
+                        f"{t:.1f} s", middle, **place, fontsize=7.5, color=FAINT, zorder=2.2
+                    )
         ax.plot(*self.edge.T, **FRAME, zorder=2.5)
         if upwards:
             ax.invert_yaxis()
@@ -124,8 +163,12 @@ class Plane:
             ax.set_xlabel("u [px]", labelpad=1)
             ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
 
-    def draw_part(self, ax: Any, centre: Array, half: Array, forbidden: list[Array] | None = None) -> None:
-        """What lies within ``half`` (2,) of a centre (2,): the forbidden side and the boundaries; ``v`` points down."""
+    def draw_part(
+        self, ax: Any, centre: Array, half: Array, forbidden: list[Array] | None = None
+    ) -> None:
+        """What lies within ``half`` (2,) of a centre (2,): the forbidden side and the boundaries;
+        ``v`` points down.
+        """
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
 
@@ -142,7 +185,9 @@ class Plane:
         ax.grid(False)
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
-        """Legend entries of the image and of what is drawn in it; of the boundary if it has a name."""
+        """Legend entries of the image and of what is drawn in it; of the boundary if it has a
+        name.
+        """
         when = "these times" if len(self.times) > 1 else "that time"
         return [
             patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"]),
@@ -154,12 +199,19 @@ class Plane:
 
 def _moving(moment: int, of: int) -> dict[str, Any]:
     """How a moving boundary is drawn at one of its moments: later ones are darker."""
-    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0}
+    return {
+        **BOUNDARY,
+        "linestyle": "--",
+        "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0,
+    }
 
 
-def square(ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any) -> None:
+def square(
+    ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any
+) -> None:
     """The outline of a part of the image [px]."""
-    (u, v), signs = centre, ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    u, v = centre
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
     ax.plot([u + i * half_u for i, _ in signs], [v + j * half_v for _, j in signs], **look)
 
 
@@ -170,26 +222,37 @@ def tracks(ax: Any, pixels: Array, **look: Any) -> None:
 
 
 #: Of markers with their numbers, and the colour of what is violated or beyond.
-START, OUTSIDE = symbol("o", "white", size=10.5), "#B00020"
+START = symbol("o", "white", size=10.5)
+OUTSIDE = "#B00020"
 
 
 def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
-    """Discs at markers (M, 2) with their numbers; those beyond ``within`` (2,) stand at its edge, in red."""
+    """Discs at markers (M, 2) with their numbers; those beyond ``within`` (2,) stand at its edge,
+    in red.
+    """
     for i, marker in enumerate(pixels):
         if np.isfinite(marker).all():
             u, v = marker if within is None else np.clip(marker, -within, within)
-            colour, order, clip = INK if (u, v) == tuple(marker) else OUTSIDE, 6.4 + 0.01 * i, within is None
+            colour = INK if (u, v) == tuple(marker) else OUTSIDE
+            order = 6.4 + 0.01 * i
+            clip = within is None
             ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
             place: dict[str, Any] = {"ha": "center", "va": "center_baseline", "clip_on": clip}
             ax.text(u, v, str(i + 1), fontsize=8, color=colour, zorder=order + 0.005, **place)
 
 
 def _outline(camera: Camera) -> Array | None:
-    """(p, 2) the sensor's edge in ideal pixels; None without distortion, or where the lens cannot be inverted there."""
+    """(p, 2) the sensor's edge in ideal pixels; None without distortion, or where the lens cannot
+    be inverted there.
+    """
     if camera.distortion is None:
         return None
-    side, ends = np.linspace(-0.5, 0.5, 41), np.full(41, 0.5)
-    edge = np.stack((np.concatenate((side, ends, -side, -ends)), np.concatenate((-ends, side, ends, -side))), axis=1)
+    side = np.linspace(-0.5, 0.5, 41)
+    ends = np.full(41, 0.5)
+    edge = np.stack(
+        (np.concatenate((side, ends, -side, -ends)), np.concatenate((-ends, side, ends, -side))),
+        axis=1,
+    )
     try:
         return camera.undistort(edge * np.asarray(camera.size))
     except InvalidInput:

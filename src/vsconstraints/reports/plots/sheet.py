@@ -1,4 +1,6 @@
-"""A figure: what it is drawn from, the sheet whose parts are placed in inches from top to bottom, and its files."""
+"""A figure: what it is drawn from, the sheet whose parts are placed in inches from top to bottom,
+and its files.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,26 @@ from .style import FORMULAS, STYLE_SHEET
 
 Formats = tuple[str, ...]  #: Of a figure's files, by their suffixes; pages show the first.
 PNG: Formats = ("png",)
-#: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes.
+#: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure,
+#: the same bytes.
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
-DPI, SCREEN_DPI = 150, 100
-#: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in].
-EDGE, FOOT = 0.03, 0.45
+DPI = 150
+SCREEN_DPI = 100
+#: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and
+#: label [in].
+EDGE = 0.03
+FOOT = 0.45
 #: By the names of figures, their texts.
-TEXTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))
+TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("figures.toml").read_text(encoding="utf-8")
+)
 
 
 def formats_of(names: Sequence[str]) -> Formats:
-    """The formats of these names; one that pages show comes first, PNG if none of them is (no page shows a PDF).
+    """The formats of these names; one that pages show comes first, PNG if none of them is (no page
+    shows a PDF).
 
     Raises ConfigurationError for a name that is none of :data:`FORMATS`.
     """
@@ -43,10 +52,11 @@ def formats_of(names: Sequence[str]) -> Formats:
 
 
 class Sheet:
-    """A figure of the common width that grows downwards; places are inches from its top left corner.
+    """A figure of the common width that grows downwards; places are inches from its top left
+    corner.
 
-    ``left`` and ``right`` are the margins of what stands in rows, ``at`` is how far down it is filled, and ``beside``
-    where a legend finds room right of the last row of views.
+    ``left`` and ``right`` are the margins of what stands in rows, ``at`` is how far down it is
+    filled, and ``beside`` where a legend finds room right of the last row of views.
     """
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
@@ -54,7 +64,9 @@ class Sheet:
         from matplotlib.figure import Figure
         from matplotlib.transforms import Affine2D, ScaledTranslation
 
-        self.left, self.right, self.at = left, right, 0.08
+        self.left = left
+        self.right = right
+        self.at = 0.08
         self.beside = (left, self.at)
         self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
@@ -84,9 +96,10 @@ class Sheet:
     ) -> list[Any]:
         """A grid of panels that share their horizontal axis, row by row.
 
-        ``height`` is that of each panel or of each row, ``width`` as there is room if 0, ``gap`` between columns and
-        ``above`` each row for titles [in]; ``labels`` are those of the horizontal axis, below, and of the vertical one,
-        at the left; with ``same_y`` only panels at the left have vertical numbers.
+        ``height`` is that of each panel or of each row, ``width`` as there is room if 0, ``gap``
+        between columns and ``above`` each row for titles [in]; ``labels`` are those of the
+        horizontal axis, below, and of the vertical one, at the left; with ``same_y`` only panels at
+        the left have vertical numbers.
         """
         columns = max(min(columns, count), 1)
         width = width or (WIDTH - self.left - self.right - gap * (columns - 1)) / columns
@@ -94,7 +107,8 @@ class Sheet:
         for i in range(count):
             row, column = divmod(i, columns)
             if column == 0:
-                top, tall = self.at + above, height if isinstance(height, float) else height[row]
+                top = self.at + above
+                tall = height if isinstance(height, float) else height[row]
             ax = self.axes(self.left + column * (width + gap), top, width, tall)
             lowest = i + columns >= count
             ax.tick_params(labelbottom=lowest, labelleft=column == 0 or not same_y)
@@ -105,8 +119,12 @@ class Sheet:
         return made
 
     def views(self, *sizes: tuple[float, float], gap: float = 0.62) -> list[Any]:
-        """Axes of given sizes (width, height) side by side [in]; right of them a legend finds room."""
-        left, top, made = self.left, self.at, []
+        """Axes of given sizes (width, height) side by side [in]; right of them a legend finds
+        room.
+        """
+        left = self.left
+        top = self.at
+        made = []
         for width, height in sizes:
             made.append(self.axes(left, top, width, height))
             left += width + gap
@@ -128,18 +146,33 @@ class Sheet:
 
     def name(self, ax: Any, text: str, height: float = 0.5, **options: Any) -> None:
         """Text in the left margin, beside a panel at a height in it (0 to 1)."""
-        away: dict[str, Any] = {"xytext": (72.0 * (0.08 - self.left), 0.0), "textcoords": "offset points"}
+        away: dict[str, Any] = {
+            "xytext": (72.0 * (0.08 - self.left), 0.0),
+            "textcoords": "offset points",
+        }
         ax.annotate(text, (0.0, height), xycoords="axes fraction", va="center", **away, **options)
 
     def legend(
-        self, entries: Sequence[Mapping[str, Any]], columns: int = 3, at: tuple[float, float] | None = None, **look: Any
+        self,
+        entries: Sequence[Mapping[str, Any]],
+        columns: int = 3,
+        at: tuple[float, float] | None = None,
+        **look: Any,
     ) -> None:
-        """A legend of :func:`.line`, :func:`.patch` and :func:`.symbol` below what is there, or at left, top [in]."""
+        """A legend of :func:`.line`, :func:`.patch` and :func:`.symbol` below what is there, or at
+        left, top [in].
+        """
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        handles = [Patch(**entry) if "facecolor" in entry else Line2D([], [], **entry) for entry in entries]
-        place = {"loc": "upper left", "bbox_to_anchor": at or (self.left, self.at), "bbox_transform": self.inches}
+        handles = [
+            Patch(**entry) if "facecolor" in entry else Line2D([], [], **entry) for entry in entries
+        ]
+        place = {
+            "loc": "upper left",
+            "bbox_to_anchor": at or (self.left, self.at),
+            "bbox_transform": self.inches,
+        }
         look = {"columnspacing": 1.5, "labelspacing": 0.5, **look}
         self.figure.legend(handles=handles, ncols=columns, **place, **look)
         if at is None:
@@ -160,18 +193,28 @@ class Sheet:
         # labels of vertical axes whose numbers are longer than expected would be cut
         labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
         beyond = [EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI for ax in labelled]
-        cut = max((b / (1.0 - ax.get_position().x0) for b, ax in zip(beyond, labelled, strict=True)), default=0.0)
+        cut = max(
+            (b / (1.0 - ax.get_position().x0) for b, ax in zip(beyond, labelled, strict=True)),
+            default=0.0,
+        )
         if cut > 0.0:
             self._place(cut)
             self.canvas.draw()
         return self.figure
 
     def _place(self, margin: float = 0.0) -> None:
-        """Put axes where they belong, all so much narrower that there is a margin at the left [in]."""
+        """Put axes where they belong, all so much narrower that there is a margin at the left
+        [in].
+        """
         narrower = 1.0 - margin / WIDTH
         for ax, (left, top, width, height) in self._places.items():
             bottom = self.at - top - height
-            place = (margin + narrower * left) / WIDTH, bottom / self.at, narrower * width / WIDTH, height / self.at
+            place = (
+                (margin + narrower * left) / WIDTH,
+                bottom / self.at,
+                narrower * width / WIDTH,
+                height / self.at,
+            )
             ax.set_position(place)
 
     def save(self, *paths: Path) -> None:
@@ -195,10 +238,11 @@ class Sheet:
 class Figure:
     """One line of a table of figures.
 
-    ``name`` is that of its file, ``title`` what it shows in a few words, ``caption`` what is to be seen; ``draw`` makes
-    the sheet from what the figure needs, None if there is nothing to show; ``needs`` is what it is drawn from where
-    that differs from figure to figure; ``reading`` says how to read it, once where it is shown several times; with
-    ``formulas`` its texts hold formulas between dollars, and none that a user gives.
+    ``name`` is that of its file, ``title`` what it shows in a few words, ``caption`` what is to be
+    seen; ``draw`` makes the sheet from what the figure needs, None if there is nothing to show;
+    ``needs`` is what it is drawn from where that differs from figure to figure; ``reading`` says
+    how to read it, once where it is shown several times; with ``formulas`` its texts hold formulas
+    between dollars, and none that a user gives.
     """
 
     name: str
@@ -219,17 +263,22 @@ class Figure:
         return f"{self.name}{suffix}.{formats[0]}"
 
     def write(self, path: Path, *needed: object, formats: Formats = ()) -> bool:
-        """Draw it from what it needs into ``path``, and beside it in further formats; each file whole or not at all.
+        """Draw it from what it needs into ``path``, and beside it in further formats; each file
+        whole or not at all.
 
         Returns whether there was anything to show; raises whatever goes wrong.
         """
         with self._sheet(*needed) as sheet:
             if sheet is not None:
-                sheet.save(*dict.fromkeys((path, *(path.with_suffix(f".{kind}") for kind in formats))))
+                sheet.save(
+                    *dict.fromkeys((path, *(path.with_suffix(f".{kind}") for kind in formats)))
+                )
             return sheet is not None
 
     def drawn(self, *needed: object) -> Any:
-        """Draw it, and return the figure of matplotlib, which notebooks show; None if there is nothing to show."""
+        """Draw it, and return the figure of matplotlib, which notebooks show; None if there is
+        nothing to show.
+        """
         with self._sheet(*needed) as sheet:
             if sheet is None:
                 return None
@@ -247,7 +296,9 @@ class Figure:
 
 
 def _notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
-    """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it is sharp."""
+    """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it
+    is sharp.
+    """
     file = BytesIO()
     figure.savefig(file, format="png")
     width, height = (round(SCREEN_DPI * float(side)) for side in figure.get_size_inches())

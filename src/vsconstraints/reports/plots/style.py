@@ -1,4 +1,6 @@
-"""How figures look: one colour, marker and line style for each law wherever it appears, and what panels share."""
+"""How figures look: one colour, marker and line style for each law wherever it appears, and what
+panels share.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ import numpy as np
 
 from ...rows import Array
 
-INK, FAINT = "#222222", "#444444"
+INK = "#222222"
+FAINT = "#444444"
 #: How bounds and references are drawn.
 REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 STYLE_SHEET = Path(__file__).with_name("figures.mplstyle")
@@ -46,7 +49,8 @@ LOOKS = {
 
 
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
-    """A look for each controller: that of its name in ``looks.toml``, or a preferred one unless another has it.
+    """A look for each controller: that of its name in ``looks.toml``, or a preferred one unless
+    another has it.
 
     A tuned law has the colour of the law it was tuned from, dashed.
     """
@@ -54,7 +58,8 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     for name in sorted(dict.fromkeys(controllers), key=lambda name: name.endswith(TUNED)):
         if name in result:
             continue
-        original, taken = name.removesuffix(TUNED), [*result.values()]
+        original = name.removesuffix(TUNED)
+        taken = [*result.values()]
         look = result.get(original) or LOOKS.get(original) or _free_look(original, taken)
         if original != name:
             look = Look(look.colour, _free_marker(MARKERS.index(look.marker) + 1, taken), LINES[1])
@@ -64,7 +69,9 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
 
 def _free_look(name: str, taken: Sequence[Look]) -> Look:
     """The preferred look of a name, as far as no other law has it."""
-    number, colours, pairs = crc32(name.encode()), {look.colour for look in taken}, {(x.line, x.colour) for x in taken}
+    number = crc32(name.encode())
+    colours = {look.colour for look in taken}
+    pairs = {(x.line, x.colour) for x in taken}
     k = number % len(FREE_COLOURS)
     ordered = dict.fromkeys([*FREE_COLOURS[k:], *FREE_COLOURS[:k], *list(COLOURS.values())[1:]])
     preferred = list(product(LINES, ordered))
@@ -75,7 +82,8 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
 
 def _free_marker(start: int, taken: Sequence[Look]) -> str:
     """The first marker from ``start`` on that no other law has; that one if all are taken."""
-    k, used = start % len(MARKERS), {look.marker for look in taken}
+    k = start % len(MARKERS)
+    used = {look.marker for look in taken}
     ordered = MARKERS[k:] + MARKERS[:k]
     return next((marker for marker in ordered if marker not in used), ordered[0])
 
@@ -102,10 +110,16 @@ def shortened(name: str, most: int = 40) -> str:
 
 
 def folded(name: str, most: int) -> str:
-    """A name on two lines, broken behind a hyphen, if it is longer; one that has no place to break loses its middle."""
+    """A name on two lines, broken behind a hyphen, if it is longer; one that has no place to break
+    loses its middle.
+    """
     if len(name) <= most:
         return name
-    breaks = [k + 1 for k, letter in enumerate(name) if letter == "-" and max(k + 1, len(name) - k - 1) <= most]
+    breaks = [
+        k + 1
+        for k, letter in enumerate(name)
+        if letter == "-" and max(k + 1, len(name) - k - 1) <= most
+    ]
     if not breaks:
         return shortened(name, most)
     middle = min(breaks, key=lambda k: abs(2 * k - len(name)))
@@ -125,10 +139,16 @@ def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
     return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
 
 
-def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
+def symbol(
+    marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any
+) -> dict[str, Any]:
     """How a symbol looks, as a mark or as a legend entry with its ``label``."""
     size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
-    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
+    colours = {
+        "markerfacecolor": face,
+        "markeredgecolor": edge,
+        "markeredgewidth": 2.0 if marker == "x" else 0.9,
+    }
     return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
 
 
@@ -137,26 +157,38 @@ def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
     ax.plot(t, values, **{"linewidth": 1.5, **look})
 
 
-def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any) -> None:
+def time_axis(
+    ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any
+) -> None:
     """From zero to the end [s], with a dashed line at each event, and a label of what is drawn."""
     ax.set_xlim(0.0, end)
     for time in events:
-        ax.axvline(time, **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look})
+        ax.axvline(
+            time,
+            **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look},
+        )
     if label:
         ax.set_ylabel(label, labelpad=3)
 
 
 def mark_of(look: Look) -> dict[str, Any]:
-    """How the marker on a law's line looks: colours alone do not tell lines apart for every reader."""
+    """How the marker on a law's line looks: colours alone do not tell lines apart for every
+    reader.
+    """
     edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
     return {"marker": look.marker, "markersize": 5.5, "markerfacecolor": look.colour, **edge}
 
 
 def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[str, Any]:
-    """A few markers on a law's line of so many points, at other places than those of the other laws."""
+    """A few markers on a law's line of so many points, at other places than those of the other
+    laws.
+    """
     share = (list(laws).index(law) + 0.5) / len(laws)
     places = [int(count * (k + share) / most) for k in range(most)]
-    return {**mark_of(looks(laws)[law]), "markevery": sorted({min(place, count - 1) for place in places})}
+    return {
+        **mark_of(looks(laws)[law]),
+        "markevery": sorted({min(place, count - 1) for place in places}),
+    }
 
 
 def zero_line(ax: Any) -> None:
@@ -184,7 +216,9 @@ def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = T
 
 
 def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
-    """A legend of what a panel shows, within it, on a white ground so that lines do not cross it."""
+    """A legend of what a panel shows, within it, on a white ground so that lines do not cross
+    it.
+    """
     spaces = {"borderpad": 0.35, "borderaxespad": 0.4, "labelspacing": 0.3, "columnspacing": 1.2}
     ground = {"frameon": True, "framealpha": 0.92, "edgecolor": "none", "facecolor": "white"}
     ax.legend(loc=place, ncols=columns, fontsize=8.0, **spaces, **ground)
@@ -197,23 +231,31 @@ def above_legend(ax: Any, columns: int) -> None:
 
 
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
-    """Powers of ten within limits; where zero is within them, zero and powers of either sign from ``least`` on.
+    """Powers of ten within limits; where zero is within them, zero and powers of either sign from
+    ``least`` on.
 
-    Some are left out, evenly, where there would be more than ``most``, and those next to zero, whose numbers overlap.
+    Some are left out, evenly, where there would be more than ``most``, and those next to zero,
+    whose numbers overlap.
     """
     least, both = (low, 1) if low > 0.0 else (least, 2)
-    first, last = math.ceil(math.log10(least)), math.floor(math.log10(max(-low, high)))
+    first = math.ceil(math.log10(least))
+    last = math.floor(math.log10(max(-low, high)))
     step = max(math.ceil(both * (last - first + 1) / most), 1)
     sizes = [10.0**k for k in range(first if low > 0.0 else first + step - 1, last + 1, step)]
     return [x for x in (*(-size for size in reversed(sizes)), 0.0, *sizes) if low <= x <= high]
 
 
 def logarithmic(
-    axis: Any, ticks: Sequence[float] | None = None, linear_below: float | None = None, linear_size: float = 0.6
+    axis: Any,
+    ticks: Sequence[float] | None = None,
+    linear_below: float | None = None,
+    linear_size: float = 0.6,
 ) -> None:
-    """Make an axis logarithmic with plain numbers, once all is drawn; at ``ticks``, or where matplotlib has them.
+    """Make an axis logarithmic with plain numbers, once all is drawn; at ``ticks``, or where
+    matplotlib has them.
 
-    ``linear_below`` this value it is linear, for data that may be zero, in a part of ``linear_size`` decades.
+    ``linear_below`` this value it is linear, for data that may be zero, in a part of
+    ``linear_size`` decades.
     """
     setter = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale
     if linear_below is not None:
@@ -239,16 +281,23 @@ def plain(value: float) -> str:
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
-    """Line widths for lines that may coincide: those drawn first are wider, so that each remains visible."""
+    """Line widths for lines that may coincide: those drawn first are wider, so that each remains
+    visible.
+    """
     step = (thickest - thinnest) / max(len(names) - 1, 1)
     return {name: thickest - step * i for i, name in enumerate(names)}
 
 
 def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]:
-    """(B,) middle time and (B, …) least, greatest and mean value of y (N, …) in up to ``bins`` windows; NaN: none."""
+    """(B,) middle time and (B, …) least, greatest and mean value of y (N, …) in up to ``bins``
+    windows; NaN: none.
+    """
     starts = np.unique(np.linspace(0, len(t), min(bins, len(t)), endpoint=False).astype(np.int64))
     middle = 0.5 * (t[starts] + t[np.append(starts[1:], len(t)) - 1])
     known = np.isfinite(y)
-    total, count = (np.add.reduceat(x, starts, axis=0) for x in (np.where(known, y, 0.0), known.astype(np.int64)))
+    total, count = (
+        np.add.reduceat(x, starts, axis=0)
+        for x in (np.where(known, y, 0.0), known.astype(np.int64))
+    )
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
     return middle, np.fmin.reduceat(y, starts, axis=0), np.fmax.reduceat(y, starts, axis=0), mean

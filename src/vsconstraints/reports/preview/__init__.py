@@ -1,4 +1,6 @@
-"""Start and goals of a scenario before anything is simulated: image, arm, and constraints near their boundary."""
+"""Start and goals of a scenario before anything is simulated: image, arm, and constraints near
+their boundary.
+"""
 
 from ...scenarios.moments import Moment, goal_configuration
 from .figure import FIGURE, lines

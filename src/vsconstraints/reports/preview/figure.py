@@ -1,4 +1,6 @@
-"""How a preview is shown: lines of a terminal, and a figure with image, space and the nearest rows."""
+"""How a preview is shown: lines of a terminal, and a figure with image, space and the nearest
+rows.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,34 @@ from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
 
 MAX_LISTED = 15  # rows that a terminal lists, unless more are near
-COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.3
-#: Rows that are shown: up to the first, but of those far from their boundary no more than the second.
-MAX_ROWS, MIN_ROWS = 12, 4
+COLUMNS = 3
+LEFT = 0.62
+GAP = 0.16
+TITLE = 0.3
+#: Rows that are shown: up to the first, but of those far from their boundary no more than the
+#: second.
+MAX_ROWS = 12
+MIN_ROWS = 4
 UNKNOWN_HEIGHT = 0.35  # height of a row of views in which no moment's configuration is known [in]
-CHARACTERS, LINES = 115, 12  # of the warnings in the figure
-#: Height of a row, and room for the rows' labels, for what a column says of them, and where they are nearest [in].
-ROW, LABELS, CELL, NEAREST = 0.19, 1.95, 1.36, 1.8
+# of the warnings in the figure
+CHARACTERS = 115
+LINES = 12
+#: Height of a row, and room for the rows' labels, for what a column says of them, and where they
+#: are nearest [in].
+ROW = 0.19
+LABELS = 1.95
+CELL = 1.36
+NEAREST = 1.8
 MAX_USAGE = 1.15  # greatest usage that is shown; what is beyond stands at the edge
-STARTED, GOAL, EARLIER = symbol("o", "white", size=8.5), symbol("*", INK, size=5.2), symbol("*", "white", size=5.2)
+STARTED = symbol("o", "white", size=8.5)
+GOAL = symbol("*", INK, size=5.2)
+EARLIER = symbol("*", "white", size=5.2)
 
 
 def lines(preview: Preview) -> Iterator[str]:
     """What a terminal shows, line by line, without the warnings."""
-    setup, moments = preview.setup, preview.moments
+    setup = preview.setup
+    moments = preview.moments
     robot = setup.scene.robot
     yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
     for moment in moments:
@@ -52,8 +68,11 @@ def lines(preview: Preview) -> Iterator[str]:
 
 
 def draw_preview(preview: Preview) -> Sheet:
-    """Image and arm at the start and at each goal, then the rows nearest to their boundary, and what is wrong."""
-    sheet, columns = Sheet(left=LEFT), min(len(preview.moments), COLUMNS)
+    """Image and arm at the start and at each goal, then the rows nearest to their boundary, and
+    what is wrong.
+    """
+    sheet = Sheet(left=LEFT)
+    columns = min(len(preview.moments), COLUMNS)
     width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
     headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
     sheet.text(LEFT, sheet.at + 0.16, headline, fontsize=10, fontweight="bold")
@@ -61,7 +80,11 @@ def draw_preview(preview: Preview) -> Sheet:
     _images(sheet, preview, columns, width)
     _space(sheet, preview, columns, width)
     _rows(sheet, preview)
-    lines = [line for warning in preview.warnings for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")]
+    lines = [
+        line
+        for warning in preview.warnings
+        for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")
+    ]
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
     for line in lines:
@@ -73,14 +96,24 @@ def draw_preview(preview: Preview) -> Sheet:
 
 def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     plane = Plane.of(preview.setup)
-    grid: dict[str, Any] = {"width": width, "gap": GAP, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
+    grid: dict[str, Any] = {
+        "width": width,
+        "gap": GAP,
+        "above": TITLE,
+        "labels": ("u [px]", "v [px], downwards"),
+    }
     height = width * plane.half[1] / plane.half[0]
     panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
     for ax, moment in zip(panels, preview.moments, strict=True):
         plane.times = (moment.t,)
         plane.draw(ax, labels=False)
         if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
-            ax.plot(*np.concatenate((moment.pixels, moment.pixels[:1])).T, color="#909090", linewidth=0.9, zorder=3.5)
+            ax.plot(
+                *np.concatenate((moment.pixels, moment.pixels[:1])).T,
+                color="#909090",
+                linewidth=0.9,
+                zorder=3.5,
+            )
         numbered(ax, moment.pixels, within=plane.half)
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
         if count := len(moment.problems):
@@ -96,7 +129,8 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     if not known:
         return
-    top, height = sheet.at + 0.12, min(width, 2.5)
+    top = sheet.at + 0.12
+    height = min(width, 2.5)
     viewpoint = viewpoint_of(preview.setup, known, width / height)
     for first in range(0, len(preview.moments), columns):
         row = preview.moments[first : first + columns]
@@ -104,7 +138,12 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
         for column, moment in enumerate(row):
             left = LEFT + column * (width + GAP)
             if moment.q is None:
-                sheet.text(left + 0.1, top + 0.5 * tall, f"{moment.name}: no configuration found", color=OUTSIDE)
+                sheet.text(
+                    left + 0.1,
+                    top + 0.5 * tall,
+                    f"{moment.name}: no configuration found",
+                    color=OUTSIDE,
+                )
             else:
                 ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
                 draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
@@ -124,17 +163,23 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
     each = len(names) <= COLUMNS
     cells = CELL * len(names) if each else NEAREST
-    top, where = sheet.at + 0.38, WIDTH - cells - 0.1
+    top = sheet.at + 0.38
+    where = WIDTH - cells - 0.1
     _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
     if each:
         for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
             sheet.legend([mark | {"label": name}], 1, (where + k * CELL - 0.08, top - 0.22))
     else:
-        entries = [STARTED | {"label": names[0]}, EARLIER | {"label": "earlier goals"}, GOAL | {"label": names[-1]}]
+        entries = [
+            STARTED | {"label": names[0]},
+            EARLIER | {"label": "earlier goals"},
+            GOAL | {"label": names[-1]},
+        ]
         sheet.legend(entries, 3, (LABELS, top - 0.22))
     for y, row in enumerate(shown):
         for column, k in enumerate(range(len(names)) if each else [int(np.nanargmax(row.usage))]):
-            text, colour = row.text(k) if each else f"{names[k]}: {row.text(k)}", OUTSIDE if row.usage[k] > 1.0 else INK
+            text = row.text(k) if each else f"{names[k]}: {row.text(k)}"
+            colour = OUTSIDE if row.usage[k] > 1.0 else INK
             place = where + column * CELL, top + ROW * (y + 0.5)
             sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
     sheet.at = top + ROW * len(shown) + 0.45
@@ -151,7 +196,9 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
     turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "zorder": 1.0}
-    ax.text(0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned)
+    ax.text(
+        0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned
+    )
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
     ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
@@ -160,7 +207,9 @@ def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
     for y, row in enumerate(shown):
         usage = np.clip(row.usage, 0.0, MAX_USAGE)
         ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-        ax.plot([np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
+        ax.plot(
+            [np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0
+        )
         for u, mark in zip(usage, marks, strict=True):
             if np.isfinite(u):
                 ax.plot(u, y, **mark, zorder=4.0, clip_on=False)

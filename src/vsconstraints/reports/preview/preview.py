@@ -1,4 +1,6 @@
-"""A preview: start and goals, and the distance of each row to its boundary there; nothing is simulated."""
+"""A preview: start and goals, and the distance of each row to its boundary there; nothing is
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ OF_GOALS = "performance-funnel"  # constraints that are about the goals
 class Row:
     """How near a row, or a joint's own limit, is to its boundary in each of k moments, in its unit.
 
-    ``phi`` (k,) is NaN of a limit that is no row; ``usage`` (k,) is 1 − clearance/L: 1 is on the boundary.
+    ``phi`` (k,) is NaN of a limit that is no row; ``usage`` (k,) is 1 − clearance/L: 1 is on the
+    boundary.
     """
 
     label: str
@@ -51,18 +54,43 @@ class Row:
 
 
 def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
-    """All rows, and the limits of joints that no row is about; those nearest to their boundary first."""
-    constraints, robot = setup.constraints, setup.scene.robot
-    phi, clearance = (np.array([getattr(m, what) for m in moments]).T for what in ("phi", "clearance"))
-    named = zip(constraints.labels, constraints.units, phi, clearance, constraints.characteristic_length, strict=True)
-    rows = [Row(label, unit, own, away, 1.0 - away / length) for label, unit, own, away, length in named]
-    unknown, half = np.full(robot.n, np.nan), 0.5 * (robot.q_max - robot.q_min)
+    """All rows, and the limits of joints that no row is about; those nearest to their boundary
+    first.
+    """
+    constraints = setup.constraints
+    robot = setup.scene.robot
+    phi, clearance = (
+        np.array([getattr(m, what) for m in moments]).T for what in ("phi", "clearance")
+    )
+    named = zip(
+        constraints.labels,
+        constraints.units,
+        phi,
+        clearance,
+        constraints.characteristic_length,
+        strict=True,
+    )
+    rows = [
+        Row(label, unit, own, away, 1.0 - away / length) for label, unit, own, away, length in named
+    ]
+    unknown = np.full(robot.n, np.nan)
+    half = 0.5 * (robot.q_max - robot.q_min)
     q = np.array([unknown if moment.q is None else moment.q for moment in moments])
     for side, limits in (("lower", q - robot.q_min), ("upper", robot.q_max - q)):
-        for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):  # a joint that cannot move is a doubt
+        # a joint that cannot move is a doubt
+        for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):
             if f"range[joint {j + 1}].{side}" not in constraints.labels:
-                label, unit = f"limit[joint {j + 1}].{side}", "m" if robot.prismatic[j] else "rad"
-                rows.append(Row(label, unit, np.full(len(q), np.nan), limits[:, j], 1.0 - limits[:, j] / half[j]))
+                label = f"limit[joint {j + 1}].{side}"
+                unit = "m" if robot.prismatic[j] else "rad"
+                rows.append(
+                    Row(
+                        label,
+                        unit,
+                        np.full(len(q), np.nan),
+                        limits[:, j],
+                        1.0 - limits[:, j] / half[j],
+                    )
+                )
     return tuple(sorted(rows, key=lambda row: -row.greatest))
 
 
@@ -70,10 +98,10 @@ def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
 class Preview:
     """What is to be seen of a scenario's setup before it is simulated.
 
-    ``moments`` are the start, then the goals: each as it is at its end, when the next one begins or the run is over;
-    ``rows`` all rows and the joints' own limits that no row is about, those nearest to their boundary first;
-    ``refusal`` says why a run would not start; ``doubts`` name numbers that suggest another unit, and markers that no
-    law can bring to their goals.
+    ``moments`` are the start, then the goals: each as it is at its end, when the next one begins or
+    the run is over; ``rows`` all rows and the joints' own limits that no row is about, those
+    nearest to their boundary first; ``refusal`` says why a run would not start; ``doubts`` name
+    numbers that suggest another unit, and markers that no law can bring to their goals.
     """
 
     name: str
@@ -87,7 +115,8 @@ class Preview:
     def of(cls, name: str, setup: Setup) -> Self:
         """The preview of a setup; nothing is simulated."""
         moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *moments_at_goals(setup))
-        doubts, refusal = list(setup.doubts), ""
+        doubts = list(setup.doubts)
+        refusal = ""
         try:
             setup.check_start()
             doubts += setup.separated
@@ -97,14 +126,19 @@ class Preview:
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
-        """The preview of a trial; what of its goals cannot be built is a warning. Raises VsconstraintsError."""
+        """The preview of a trial; what of its goals cannot be built is a warning. Raises
+        VsconstraintsError.
+        """
         try:
             return cls.of(scenario.name, scenario.setup(trial, seed))
         except VsconstraintsError as error:
             if (setup := _without_goals(scenario, trial, seed)) is None:
                 raise
-            moments, refusal = _moments_without(setup, scenario), _without(str(error), setup.doubts)
-            return cls(scenario.name, setup, moments, rows_of(setup, moments), refusal, tuple(setup.doubts))
+            moments = _moments_without(setup, scenario)
+            refusal = _without(str(error), setup.doubts)
+            return cls(
+                scenario.name, setup, moments, rows_of(setup, moments), refusal, tuple(setup.doubts)
+            )
 
     @property
     def near(self) -> tuple[Row, ...]:
@@ -114,8 +148,14 @@ class Preview:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Everything that is wrong, with the moment it is wrong in."""
-        problems = [f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems]
-        return (*self.doubts, *problems, *([f"no run would start: {self.refusal}"] if self.refusal else []))
+        problems = [
+            f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems
+        ]
+        return (
+            *self.doubts,
+            *problems,
+            *([f"no run would start: {self.refusal}"] if self.refusal else []),
+        )
 
 
 def _without(refusal: str, doubts: Sequence[str]) -> str:
@@ -126,7 +166,9 @@ def _without(refusal: str, doubts: Sequence[str]) -> str:
 
 
 def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
-    """The setup with another goal, without what is about goals; None if it cannot be built either."""
+    """The setup with another goal, without what is about goals; None if it cannot be built
+    either.
+    """
     tables = scenario.tables
     task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
     if not isinstance(task, dict) or not isinstance(target, dict):
@@ -139,18 +181,25 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
         {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": centre}]},
     ):
         with suppress(VsconstraintsError):
-            return replace(scenario, tables={**tables, "task": other, "constraints": kept}).setup(trial, seed)
+            return replace(scenario, tables={**tables, "task": other, "constraints": kept}).setup(
+                trial, seed
+            )
     return None
 
 
 def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
-    """The start, and those goals that are given by joint coordinates, as far as they can be seen."""
-    moments, goals = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)], scenario.tables["task"].get("goals", [])
+    """The start, and those goals that are given by joint coordinates, as far as they can be
+    seen.
+    """
+    moments = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)]
+    goals = scenario.tables["task"].get("goals", [])
     nothing = np.full((len(setup.scene.markers), 2), np.nan)
     for name, goal in named_goals(goals if isinstance(goals, list) else []):
         try:
             q = setup.scene.robot.configuration(goal["camera_at_q"])
             moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
         except (VsconstraintsError, KeyError, TypeError):
-            moments.append(nowhere(setup, name, 0.0, nothing, "where the robot is there is not known"))
+            moments.append(
+                nowhere(setup, name, 0.0, nothing, "where the robot is there is not known")
+            )
     return tuple(moments)

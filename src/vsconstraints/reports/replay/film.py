@@ -16,24 +16,40 @@ from ..plots.image import Plane, tracks
 from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import INK, darker, shortened, symbol
 from ..setup_scene import draw_setup
-from .runs import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, ReplayRun, Thing, check_same_scene, colours_of, things_of
+from .runs import (
+    ACTIVE,
+    HIGHLIGHTS,
+    VIOLATED,
+    Frames,
+    ReplayRun,
+    Thing,
+    check_same_scene,
+    colours_of,
+    things_of,
+)
 from .space import common_viewpoint
 
 FILMS = (".gif", ".mp4")
-#: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last frame stands [s].
-RATE, MAX_TIME, REST = 12.0, 8.0, 1.0
-DPI, COLOURS = 100, 96  # of a film, dots per inch; and of a GIF
+#: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last
+#: frame stands [s].
+RATE = 12.0
+MAX_TIME = 8.0
+REST = 1.0
+# of a film, dots per inch; and of a GIF
+DPI = 100
+COLOURS = 96
 BITS = 5  # of each channel, by which colours are alike when a GIF's are chosen
 LETTERS = 12.0  # of the text below an image, on an inch of it
 GOAL = symbol("*", INK, "white", 8.0)
 
 
 def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
-    """Write a film of up to four runs of one scene; returns what a reader should know, sentence by sentence.
+    """Write a film of up to four runs of one scene; returns what a reader should know, sentence by
+    sentence.
 
-    ``path`` ends in ``.gif`` or ``.mp4``; the scenario's title stands above if none is given. Raises ConfigurationError
-    if the runs cannot be shown together, the ending is another one, or an MP4 is asked for without the extra
-    ``replay``; and OSError.
+    ``path`` ends in ``.gif`` or ``.mp4``; the scenario's title stands above if none is given.
+    Raises ConfigurationError if the runs cannot be shown together, the ending is another one, or an
+    MP4 is asked for without the extra ``replay``; and OSError.
     """
     film_kind(path := Path(path))
     check_same_scene(runs)
@@ -43,20 +59,35 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
 
 
 def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[Array]:
-    """Each frame (height, width, 3) as bytes: for each run a column with the image above and the arm below."""
-    plane, viewpoint, several = Plane.of(runs[0].setup), common_viewpoint(runs), len(runs) > 1
+    """Each frame (height, width, 3) as bytes: for each run a column with the image above and the
+    arm below.
+    """
+    plane = Plane.of(runs[0].setup)
+    viewpoint = common_viewpoint(runs)
+    several = len(runs) > 1
     width = (WIDTH - 0.1) / max(len(runs), 2) - 0.1
-    tall, arm = width * plane.half[1] / plane.half[0], 0.78 * width
-    sheet, speed = Sheet(left=0.1), frames.period * RATE
+    tall = width * plane.half[1] / plane.half[0]
+    arm = 0.78 * width
+    sheet = Sheet(left=0.1)
+    speed = frames.period * RATE
     faster = f"   ({speed:.1f} times as fast)" if speed > 1.05 else ""
     sheet.text(0.1, 0.2, title + faster, fontsize=10.5, fontweight="bold", va="center")
-    clock = sheet.figure.text(WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches)
+    clock = sheet.figure.text(
+        WIDTH - 0.1, 0.2, "", fontsize=10.5, ha="right", va="center", transform=sheet.inches
+    )
     drawn = []
     for k, (run, colour) in enumerate(zip(runs, colours_of(runs), strict=True)):
         left = 0.1 + k * (width + 0.1)
-        place = (left, 1.0 + tall, width, arm) if several else (left + width + 0.1, 0.7, width, tall + 0.3)
-        image, space = sheet.axes(left, 0.7, width, tall), sheet.axes(*place, projection="3d", computed_zorder=False)
-        drawn.append((run, colour, image, space, frames.samples(run), frames.states(run), things_of(run)))
+        place = (
+            (left, 1.0 + tall, width, arm)
+            if several
+            else (left + width + 0.1, 0.7, width, tall + 0.3)
+        )
+        image = sheet.axes(left, 0.7, width, tall)
+        space = sheet.axes(*place, projection="3d", computed_zorder=False)
+        drawn.append(
+            (run, colour, image, space, frames.samples(run), frames.states(run), things_of(run))
+        )
     # sides of films are even numbers of pixels
     sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
     sheet.figure.set_dpi(DPI)
@@ -65,10 +96,17 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
         clock.set_text(f"{t:.2f} s")
         plane.times = (t,)
         for run, colour, image, space, samples, states, things in drawn:
-            trajectory, sample = run.trajectory, int(samples[k])
+            trajectory = run.trajectory
+            sample = int(samples[k])
             image.clear()
             plane.draw(image, labels=False)
-            _draw_run(image, run, colour, sample, list(zip(trajectory.labels, states[k].tolist(), things, strict=True)))
+            _draw_run(
+                image,
+                run,
+                colour,
+                sample,
+                list(zip(trajectory.labels, states[k].tolist(), things, strict=True)),
+            )
             over = t > trajectory.t[-1] + 1e-9 or k == len(samples) - 1
             image.set_title(trajectory.status if over else "", loc="right", fontsize=9, pad=4)
             for old in list(space.collections):
@@ -78,17 +116,28 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
         yield np.asarray(sheet.canvas.buffer_rgba())[..., :3].copy()
 
 
-def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]) -> None:
-    """A run in the image plane up to a sample; ``rows`` are labels and states of its rows, and what they are about."""
-    pixels, t = run.trajectory.features_px, float(run.trajectory.t[sample])
+def _draw_run(
+    ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]
+) -> None:
+    """A run in the image plane up to a sample; ``rows`` are labels and states of its rows, and what
+    they are about.
+    """
+    pixels = run.trajectory.features_px
+    t = float(run.trajectory.t[sample])
     ax.set_xticks([])
     ax.set_yticks([])
     letters = int(LETTERS * ax.get_position().width * WIDTH)
     name = shortened(run.law, letters)
     ax.set_title(name, loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
     ax.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
-    ax.plot(*[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T, **GOAL, zorder=5)
-    tracks(ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5)
+    ax.plot(
+        *[goal for goal in run.setup.task.goals if goal.from_time <= t + 1e-9][-1].pixels.T,
+        **GOAL,
+        zorder=5,
+    )
+    tracks(
+        ax, pixels[: sample + 1 : max(sample // 300, 1)], color=colour, linewidth=2.0, zorder=4.5
+    )
     for i, marker in enumerate(pixels[sample], start=1):
         state = max((state for _, state, thing in rows if thing == ("marker", i)), default=0)
         spot = symbol("o", colour, HIGHLIGHTS.get(state, "white"), 8.5, zorder=6)
@@ -97,38 +146,65 @@ def _draw_run(ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[
     labels = [label for label, state, _ in rows if state == worst] if worst else []
     word = {ACTIVE: "active: ", VIOLATED: "violated: "}.get(worst, "")
     text = shortened(f"{word}{', '.join(labels)}", letters)
-    place = {"transform": ax.transAxes, "fontsize": 9, "va": "top", "fontweight": "bold", "zorder": 7}
+    place = {
+        "transform": ax.transAxes,
+        "fontsize": 9,
+        "va": "top",
+        "fontweight": "bold",
+        "zorder": 7,
+    }
     ax.text(0.0, -0.02, text, color=darker(HIGHLIGHTS.get(worst, INK), 0.8), **place)
 
 
 def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
-    """How the path of a film ends, in .gif or .mp4, or in one of ``other``; raises ConfigurationError otherwise."""
+    """How the path of a film ends, in .gif or .mp4, or in one of ``other``; raises
+    ConfigurationError otherwise.
+    """
     kind = path.suffix.lower()
     if kind not in (*FILMS, *other):
         raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}{or_else}, not {path.name!r}")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
-        raise ConfigurationError("a film as MP4 needs imageio_ffmpeg: pip install 'vsconstraints[replay]'")
+        raise ConfigurationError(
+            "a film as MP4 needs imageio_ffmpeg: pip install 'vsconstraints[replay]'"
+        )
     return kind
 
 
-def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float = 0.0, colours: int = COLOURS) -> None:
-    """Write pictures (height, width, 3) as a film, so many a second; the last one stands longer by ``rest`` [s]."""
+def write_pictures(
+    frames: Sequence[Any], path: Path, rate: float, rest: float = 0.0, colours: int = COLOURS
+) -> None:
+    """Write pictures (height, width, 3) as a film, so many a second; the last one stands longer by
+    ``rest`` [s].
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
         if film_kind(path) == ".gif":
             from PIL import Image
 
             images = [Image.fromarray(pixels) for pixels in frames]
-            # one palette for all, without dithering: what stands still is the same from frame to frame: no room
+            # one palette for all, without dithering: what stands still is the same from frame to
+            # frame: no room
             palette = common_palette(frames, colours)
-            first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+            first, *others = (
+                image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
+            )
             step = round(100.0 / rate) * 10
-            look: dict[str, Any] = {"duration": [step] * len(others) + [step + int(1000.0 * rest)], "loop": 0}
-            first.save(part, format="GIF", save_all=True, append_images=others, optimize=True, **look)
+            look: dict[str, Any] = {
+                "duration": [step] * len(others) + [step + int(1000.0 * rest)],
+                "loop": 0,
+            }
+            first.save(
+                part, format="GIF", save_all=True, append_images=others, optimize=True, **look
+            )
             return
         import imageio_ffmpeg
 
-        options: dict[str, Any] = {"fps": rate, "macro_block_size": 2, "quality": 7, "output_params": ["-f", "mp4"]}
+        options: dict[str, Any] = {
+            "fps": rate,
+            "macro_block_size": 2,
+            "quality": 7,
+            "output_params": ["-f", "mp4"],
+        }
         writer = imageio_ffmpeg.write_frames(str(part), frames[0].shape[1::-1], **options)
         writer.send(None)
         try:
@@ -141,9 +217,10 @@ def write_pictures(frames: Sequence[Any], path: Path, rate: float, rest: float =
 def common_palette(frames: Sequence[Array], colours: int) -> Any:
     """Return an image whose palette has so many colours for all frames (height, width, 3).
 
-    The first quarter are the colours that cover most in any one frame. Each further one is the colour that the others
-    show worst: its squared distance to the nearest of them, times the square root of what it covers, is the largest.
-    So a colour that is seen for a moment, on a thin line, is there if no other is like it.
+    The first quarter are the colours that cover most in any one frame. Each further one is the
+    colour that the others show worst: its squared distance to the nearest of them, times the square
+    root of what it covers, is the largest. So a colour that is seen for a moment, on a thin line,
+    is there if no other is like it.
     """
     from PIL import Image
 

@@ -25,11 +25,14 @@ from .space import common_viewpoint, space_of
 
 PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot draw it [in]
 MAX_ROWS = 14  # rows that are listed for a run: those that are highlighted longest
-PLAYED = ("period", "frames", "half", "moving", "goals", "runs")  # of the data, what the page's script needs
+# of the data, what the page's script needs
+PLAYED = ("period", "frames", "half", "moving", "goals", "runs")
 
 
 def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
-    """Write the page of :func:`replay_html` to a file; returns what a reader should know, sentence by sentence."""
+    """Write the page of :func:`replay_html` to a file; returns what a reader should know, sentence
+    by sentence.
+    """
     html, remarks = _page(runs, title)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -39,10 +42,12 @@ def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -
 
 
 def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
-    """One HTML file in which up to four runs of one scene are seen in motion, in any browser and without network.
+    """One HTML file in which up to four runs of one scene are seen in motion, in any browser and
+    without network.
 
-    ``#t=3.2`` behind the file's address opens it at that time. The scenario's title stands above if none is given.
-    Raises ConfigurationError if the extra ``replay`` is not installed, or the runs cannot be shown together.
+    ``#t=3.2`` behind the file's address opens it at that time. The scenario's title stands above if
+    none is given. Raises ConfigurationError if the extra ``replay`` is not installed, or the runs
+    cannot be shown together.
     """
     return _page(runs, title)[0]
 
@@ -51,11 +56,18 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     demand("replay")
     check_same_scene(runs)
     frames = Frames.of(runs)
-    (space, bars), data = space_of(runs, frames), image_data(runs, frames)
-    ends = [f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}." for run in runs if run.trajectory.reason]
+    space, bars = space_of(runs, frames)
+    data = image_data(runs, frames)
+    ends = [
+        f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}."
+        for run in runs
+        if run.trajectory.reason
+    ]
     remarks = [text for text in (*ends, bars, frames.remark(runs)) if text]
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
-    pages = jinja2.Environment(loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    pages = jinja2.Environment(
+        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
     pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks, "json": _json}
     text = pages.get_template("page.html").render(
         title=title or runs[0].title or "Replay",
@@ -75,21 +87,30 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    run, figure, file = runs[0].trajectory, Figure(figsize=PICTURE, dpi=100, facecolor="white"), BytesIO()
-    k, ax = len(run.t) // 2, figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    run = runs[0].trajectory
+    figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
+    file = BytesIO()
+    k = len(run.t) // 2
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     draw_setup(ax, runs[0].setup, run.q[k], float(run.t[k]), common_viewpoint(runs))
     FigureCanvasAgg(figure).print_png(file)
     return file.getvalue()
 
 
 def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
-    """Everything that is drawn beside the arm, in pixels from the image's centre and one entry per frame."""
+    """Everything that is drawn beside the arm, in pixels from the image's centre and one entry per
+    frame.
+    """
     setup = runs[0].setup
-    plane, moving = Plane.of(setup), []
+    plane = Plane.of(setup)
+    moving = []
     for constraint, motion, _ in plane.drifting:
         if lines := constraint.boundary(plane.size, frames.t):
-            low, high = np.concatenate(lines).min(axis=0) - 1.0, np.concatenate(lines).max(axis=0) + 1.0
-            area = Plane(plane.size, (constraint,)).forbidden_within(0.5 * (low + high), 0.5 * (high - low))
+            low = np.concatenate(lines).min(axis=0) - 1.0
+            high = np.concatenate(lines).max(axis=0) + 1.0
+            area = Plane(plane.size, (constraint,)).forbidden_within(
+                0.5 * (low + high), 0.5 * (high - low)
+            )
             still = {"lines": _rounded(lines), "forbidden": _rounded(area)}
             moving.append(still | {"moved": _rounded([motion.displacement(frames.t)])[0]})
     return {
@@ -100,15 +121,28 @@ def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
         "forbidden": _rounded(plane.forbidden),
         "lines": _rounded(plane.lines),
         "moving": moving,
-        "goals": [{"from": goal.from_time, "pixels": _rounded([goal.pixels])[0]} for goal in setup.task.goals],
-        "runs": [_run(run, frames, colour) for run, colour in zip(runs, colours_of(runs), strict=True)],
+        "goals": [
+            {"from": goal.from_time, "pixels": _rounded([goal.pixels])[0]}
+            for goal in setup.task.goals
+        ],
+        "runs": [
+            _run(run, frames, colour) for run, colour in zip(runs, colours_of(runs), strict=True)
+        ],
     }
 
 
 def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
-    trajectory, samples, states, things = run.trajectory, frames.samples(run), frames.states(run), things_of(run)
-    about = [[thing == ("marker", i + 1) for thing in things] for i in range(trajectory.features_px.shape[1])]
-    shown = [int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()]
+    trajectory = run.trajectory
+    samples = frames.samples(run)
+    states = frames.states(run)
+    things = things_of(run)
+    about = [
+        [thing == ("marker", i + 1) for thing in things]
+        for i in range(trajectory.features_px.shape[1])
+    ]
+    shown = [
+        int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()
+    ]
     pixels = trajectory.features_px[samples].reshape(len(samples), -1)
 
     def digits(own: States) -> str:
@@ -120,9 +154,18 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        **dict(zip(("pixels", "error"), _rounded([pixels, trajectory.feature_error_px[samples]]), strict=True)),
+        **dict(
+            zip(
+                ("pixels", "error"),
+                _rounded([pixels, trajectory.feature_error_px[samples]]),
+                strict=True,
+            )
+        ),
         "markers": [digits(states[:, own].max(axis=1, initial=0)) for own in about],
-        "rows": [{"label": trajectory.labels[i], "states": digits(states[:, i])} for i in sorted(shown[:MAX_ROWS])],
+        "rows": [
+            {"label": trajectory.labels[i], "states": digits(states[:, i])}
+            for i in sorted(shown[:MAX_ROWS])
+        ],
         "more": max(len(shown) - MAX_ROWS, 0),
         "quiet": len(trajectory.labels) - len(shown),
     }
@@ -140,7 +183,9 @@ def _rounded(arrays: Iterable[Array]) -> list[Any]:
 
 def _json(data: Any) -> Markup:
     """Data as JSON that may stand within a script of HTML."""
-    return Markup(json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"))
+    return Markup(
+        json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    )
 
 
 def _path(lines: Iterable[Any], close: bool = False) -> str:
@@ -158,4 +203,8 @@ def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
 def _bars(states: str) -> list[tuple[str, int, int]]:
     """State, first frame and number of frames of each span in which a row is not inactive."""
     runs = [(state, len(list(run))) for state, run in groupby(states)]
-    return [(state, sum(n for _, n in runs[:k]), count) for k, (state, count) in enumerate(runs) if state != "0"]
+    return [
+        (state, sum(n for _, n in runs[:k]), count)
+        for k, (state, count) in enumerate(runs)
+        if state != "0"
+    ]

@@ -1,4 +1,6 @@
-"""The runs of a replay: several of one scene, what of them is shown and highlighted when, and how they are named."""
+"""The runs of a replay: several of one scene, what of them is shown and highlighted when, and how
+they are named.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,21 @@ from ...scenarios import Scenario
 from ...simulation import Setup, Trajectory
 from ..plots import looks
 
-RATE, MAX_FRAMES = 25.0, 300  # frames per second of time, unless that makes more frames than so many
-INACTIVE, ACTIVE, VIOLATED = 0, 1, 2  # states of a constraint's row
+# frames per second of time, unless that makes more frames than so many
+RATE = 25.0
+MAX_FRAMES = 300
+# states of a constraint's row
+INACTIVE = 0
+ACTIVE = 1
+VIOLATED = 2
 HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 States = npt.NDArray[np.uint8]
 Thing = tuple[str, int] | None
 MAX_RUNS = 4  # more than so many beside each other cannot be distinguished
 #: What names a run.
 HOW = (
-    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a campaign again, "
+    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a "
+    "campaign again, "
     "FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER, or the file of a stored run, "
     "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
 )
@@ -38,7 +46,9 @@ HOW = (
 
 @dataclass(frozen=True)
 class ReplayRun:
-    """A run to be seen, by the name of its law, which differs from the others', and the title of its scenario."""
+    """A run to be seen, by the name of its law, which differs from the others', and the title of
+    its scenario.
+    """
 
     law: str
     setup: Setup
@@ -47,24 +57,38 @@ class ReplayRun:
 
 
 def check_same_scene(runs: Sequence[ReplayRun]) -> None:
-    """Raise ConfigurationError unless there is something to see in each of these runs, and all are of one scene."""
+    """Raise ConfigurationError unless there is something to see in each of these runs, and all are
+    of one scene.
+    """
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
 
     def shown(run: ReplayRun) -> tuple[object, ...]:
         scene = run.setup.scene
-        return scene.robot.n, scene.robot.name, scene.camera.size, scene.markers.tolist(), run.setup.constraints.labels
+        return (
+            scene.robot.n,
+            scene.robot.name,
+            scene.camera.size,
+            scene.markers.tolist(),
+            run.setup.constraints.labels,
+        )
 
     names = [run.law for run in runs]
     for run in runs:
         if len(run.trajectory.t) < 2:
             why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
-            raise ConfigurationError(f"the run of {run.law} left no trajectory that could be replayed{why}")
+            raise ConfigurationError(
+                f"the run of {run.law} left no trajectory that could be replayed{why}"
+            )
         if shown(run) != shown(runs[0]):
             alike = "a replay shows one robot, camera, target and the same rows"
-            raise ConfigurationError(f"the runs of {runs[0].law} and {run.law} are of different scenes: {alike}")
+            raise ConfigurationError(
+                f"the runs of {runs[0].law} and {run.law} are of different scenes: {alike}"
+            )
         if names.count(run.law) > 1:
-            raise ConfigurationError(f"two of the runs are called {run.law!r}: give each its own name")
+            raise ConfigurationError(
+                f"two of the runs are called {run.law!r}: give each its own name"
+            )
 
 
 def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
@@ -90,16 +114,21 @@ class Frames:
         return cls(period * np.arange(int(np.ceil(end / period - 1e-9)) + 1), period)
 
     def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
-        """(F,) the sample of a run that each instant shows: the last one until then; its last one when it is over."""
+        """(F,) the sample of a run that each instant shows: the last one until then; its last one
+        when it is over.
+        """
         shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
         return np.maximum(shown, 0).astype(np.int64)
 
     def states(self, run: ReplayRun) -> States:
-        """(F, m) the state of each row between one instant and the next: a single sample is enough to show it.
+        """(F, m) the state of each row between one instant and the next: a single sample is enough
+        to show it.
 
-        A run that is over shows none: nothing after the frame that is the first to show its last sample.
+        A run that is over shows none: nothing after the frame that is the first to show its last
+        sample.
         """
-        every, first = states(run), self.samples(run)
+        every = states(run)
+        first = self.samples(run)
         shown = np.maximum.reduceat(every, first, axis=0)
         shown[1:][first[:-1] == len(every) - 1] = INACTIVE
         return shown
@@ -107,22 +136,36 @@ class Frames:
     def remark(self, runs: Sequence[ReplayRun]) -> str:
         """What of the runs is shown, in a sentence."""
         samples = max(len(run.trajectory.t) for run in runs)
-        rule = "a constraint is highlighted if it is active or violated in any sample up to the next one shown"
-        return f"{len(self.t)} of {samples} samples are shown; {rule}." if samples > len(self.t) else ""
+        rule = (
+            "a constraint is highlighted if it is active or violated in any sample up to the "
+            "next one shown"
+        )
+        return (
+            f"{len(self.t)} of {samples} samples are shown; {rule}."
+            if samples > len(self.t)
+            else ""
+        )
 
 
 def states(run: ReplayRun) -> States:
     """(N, m) the state of each row at each sample."""
     length = RunRecord.of(run.setup, run.trajectory, "").length
-    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -NEGLIGIBLE * length
-    return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(np.uint8)
+    outside = (
+        np.minimum(run.trajectory.clearance, run.trajectory.between_clearance)
+        < -NEGLIGIBLE * length
+    )
+    return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(
+        np.uint8
+    )
 
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
-    """States (F,) of everything in space that is highlighted at all, by what it is, its number and run.
+    """States (F,) of everything in space that is highlighted at all, by what it is, its number and
+    run.
 
-    A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint in the list; the run
-    is 0 for what runs share: markers and obstacles are highlighted by the rows of any run.
+    A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint
+    in the list; the run is 0 for what runs share: markers and obstacles are highlighted by the rows
+    of any run.
     """
     found: dict[tuple[str, int, int], States] = {}
     for k, run in enumerate(runs):
@@ -135,15 +178,23 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, 
 
 
 def things_of(run: ReplayRun) -> list[Thing]:
-    """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
-    constraints, scene = run.setup.constraints, run.setup.scene
-    counts, things = {"marker": len(scene.markers), "joint": scene.robot.n}, list[Thing]()
-    for k, (constraint, (_, count, _)) in enumerate(zip(constraints.constraints, constraints.blocks(), strict=True)):
+    """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is
+    none of them.
+    """
+    constraints = run.setup.constraints
+    scene = run.setup.scene
+    counts = {"marker": len(scene.markers), "joint": scene.robot.n}
+    things = list[Thing]()
+    for k, (constraint, (_, count, _)) in enumerate(
+        zip(constraints.constraints, constraints.blocks(), strict=True)
+    ):
         solid = bool(constraint.meshes(0.0, 1.0))
         for label in constraints.labels[len(things) : len(things) + count]:
             named = None if solid else re.search(r"(marker|joint) (\d+)\]", label)
             known = named is not None and int(named[2]) <= counts[named[1]]
-            things.append(("obstacle", k) if solid else (named[1], int(named[2])) if named and known else None)
+            things.append(
+                ("obstacle", k) if solid else (named[1], int(named[2])) if named and known else None
+            )
     return things
 
 
@@ -151,13 +202,17 @@ def things_of(run: ReplayRun) -> list[Thing]:
 
 
 def select_run(
-    run: str, seed: int = 0, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None
+    run: str,
+    seed: int = 0,
+    trust: bool = False,
+    on_remark: Callable[[str], None] = lambda remark: None,
 ) -> ReplayRun:
     """The run that a text names, see :data:`HOW`: one that is stored, or one that is simulated now.
 
-    ``seed`` is that of trials that are simulated; own constraints that a folder of results names run only with
-    ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called with what a reader should know of
-    what is stored. Raises VsconstraintsError if the text names no run, or it cannot be read, built or simulated.
+    ``seed`` is that of trials that are simulated; own constraints that a folder of results names
+    run only with ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called
+    with what a reader should know of what is stored. Raises VsconstraintsError if the text names no
+    run, or it cannot be read, built or simulated.
     """
     if not run.endswith(".npz"):
         return _simulated(run, seed)
@@ -179,16 +234,25 @@ def select_run(
 
 
 def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
-    """A run of a comparison that has been read; raises ConfigurationError where its trajectory cannot be."""
-    loaded, record = comparison.scenarios[scenario], comparison.run(scenario, law, trial)
+    """A run of a comparison that has been read; raises ConfigurationError where its trajectory
+    cannot be.
+    """
+    loaded = comparison.scenarios[scenario]
+    record = comparison.run(scenario, law, trial)
     if record is None:
         file = run_file(comparison.folder, scenario, law, trial).name
-        raise ConfigurationError(f"the trajectory {file} cannot be read: it is missing, damaged, or of another version")
+        raise ConfigurationError(
+            f"the trajectory {file} cannot be read: it is missing, damaged, or of another version"
+        )
     with chdir("."):  # own parts may change the working directory
         setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
     if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
-        raise ConfigurationError(f"the stored run of {law} on {scenario} has other rows than its scenario")
-    return ReplayRun(f"{law}, trial {trial}" if trial else law, setup, record.trajectory, loaded.title)
+        raise ConfigurationError(
+            f"the stored run of {law} on {scenario} has other rows than its scenario"
+        )
+    return ReplayRun(
+        f"{law}, trial {trial}" if trial else law, setup, record.trajectory, loaded.title
+    )
 
 
 def _simulated(run: str, seed: int) -> ReplayRun:
@@ -199,14 +263,22 @@ def _simulated(run: str, seed: int) -> ReplayRun:
         raise ConfigurationError(f"{run!r} names no run: give {HOW}")
     shipped, behind, _ = law.partition(":")
     if behind and shipped in CONTROLLERS:
-        raise ConfigurationError(f"{run!r} names no run: a trial is a number from 0 on, not {last!r}")
+        raise ConfigurationError(
+            f"{run!r} names no run: a trial is a number from 0 on, not {last!r}"
+        )
     loaded = Scenario.load(scenario)
-    done = perform(RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed))
-    return ReplayRun(f"{law}, trial {trial}" if trial else law, done.setup, done.trajectory, loaded.title)
+    done = perform(
+        RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed)
+    )
+    return ReplayRun(
+        f"{law}, trial {trial}" if trial else law, done.setup, done.trajectory, loaded.title
+    )
 
 
 def campaign_run(run: str) -> list[str]:
-    """Folder, family, scene, condition and controller of a run of a campaign; empty if a text names none."""
+    """Folder, family, scene, condition and controller of a run of a campaign; empty if a text names
+    none.
+    """
     parts = run.rsplit(":", 4)
     return parts if len(parts) == 5 and parts[2].isdecimal() else []
 
@@ -215,4 +287,8 @@ def name_of(run: str) -> str:
     """The name of the scenario, or family and scene, that a text names."""
     if parts := campaign_run(run):
         return "-".join(parts[1:3])
-    return Path(run).stem.partition("--")[0] if run.endswith(".npz") else Path(run.partition(":")[0]).stem
+    return (
+        Path(run).stem.partition("--")[0]
+        if run.endswith(".npz")
+        else Path(run.partition(":")[0]).stem
+    )

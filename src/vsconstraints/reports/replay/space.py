@@ -25,31 +25,48 @@ from ..setup_scene import (
 )
 from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
 
-#: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place.
-OBSTACLE, OTHERS = "#8FA3BF", 0.45
-#: By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m]: two surfaces in
-#: one place would flicker into each other; so where arms agree, the first one is seen.
+#: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in
+#: the same place.
+OBSTACLE = "#8FA3BF"
+OTHERS = 0.45
+#: By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH`
+#: [m]: two surfaces in one place would flicker into each other; so where arms agree, the first one
+#: is seen.
 INSET = 1.5e-3
-#: Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more.
-MAX_TRIANGLES, MERGED = 36_000, 1e-3
+#: Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one,
+#: or than more.
+MAX_TRIANGLES = 36_000
+MERGED = 1e-3
 INSTANTS = 9  # of each run, in which everything is in view
-#: Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
-#: around what is in view, relative to half the side of its cube.
-ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
+#: Width over height of pictures; vertical field of view [rad] and least width over height of the
+#: page's part; and room around what is in view, relative to half the side of its cube.
+ASPECT = 1.25
+FIELD_OF_VIEW = 0.7
+NARROWEST = 0.72
+ROOM = 0.15
 
 
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
-    """Viser's page of runs, all of them in one space, and a remark on what is different from what one would expect."""
+    """Viser's page of runs, all of them in one space, and a remark on what is different from what
+    one would expect.
+    """
     import viser
 
     with redirect_stdout(StringIO()):  # it prints its address
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             viewpoint = common_viewpoint(runs)
-            eye, camera = standpoint(runs, viewpoint), server.initial_camera
+            eye = standpoint(runs, viewpoint)
+            camera = server.initial_camera
             away = float(np.linalg.norm(eye - viewpoint.centre))
-            camera.position, camera.look_at, camera.up = tuple(eye), tuple(viewpoint.centre), (0.0, 0.0, 1.0)
-            camera.fov, camera.near, camera.far = FIELD_OF_VIEW, 0.01 * away, 100.0 * away
+            camera.position, camera.look_at, camera.up = (
+                tuple(eye),
+                tuple(viewpoint.centre),
+                (0.0, 0.0, 1.0),
+            )
+            camera.fov = FIELD_OF_VIEW
+            camera.near = 0.01 * away
+            camera.far = 100.0 * away
             server.scene.set_up_direction("+z")
             scene, remark = scene_of(runs, viewpoint.half / REACH)
             return _recorded(server, scene, runs, frames, viewpoint.half), remark
@@ -58,13 +75,20 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
 
 
 def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
-    """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a remark."""
-    scene, setup = Scene3D(), runs[0].setup
+    """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a
+    remark.
+    """
+    scene = Scene3D()
+    setup = runs[0].setup
     arm, remark = visuals(setup.scene.robot, scale)
     meshes = coarse([part.mesh for part in arm])
     for k, colour in enumerate(colours_of(runs)):
         own = [
-            part._replace(mesh=inset(mesh, k * INSET * scale), colour=paler(colour), opacity=OTHERS if k else 1.0)
+            part._replace(
+                mesh=inset(mesh, k * INSET * scale),
+                colour=paler(colour),
+                opacity=OTHERS if k else 1.0,
+            )
             for part, mesh in zip(arm, meshes, strict=True)
         ]
         shared = k > 0 and setup.scene.camera.fixed is not None
@@ -76,14 +100,27 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
 
 
 def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[str, Placement]:
-    """Those of :func:`.setup_frames`: of run k with ``k`` before their names, what runs share without."""
+    """Those of :func:`.setup_frames`: of run k with ``k`` before their names, what runs share
+    without.
+    """
     every = [setup_frames(run.setup, own, t) for run, own in zip(runs, q, strict=True)]
-    own = {f"{k} {name}": placement for k, frames in enumerate(every) for name, placement in frames.items()}
-    return own | {name: placement for name, placement in every[0].items() if name.startswith(("target", "obstacle"))}
+    own = {
+        f"{k} {name}": placement
+        for k, frames in enumerate(every)
+        for name, placement in frames.items()
+    }
+    return own | {
+        name: placement
+        for name, placement in every[0].items()
+        if name.startswith(("target", "obstacle"))
+    }
 
 
-def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float) -> str:
-    nodes, samples = Nodes(server.scene), [frames.samples(run) for run in runs]
+def _recorded(
+    server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float
+) -> str:
+    nodes = Nodes(server.scene)
+    samples = [frames.samples(run) for run in runs]
     for part in scene.parts:
         nodes.add(part)
     covers = []
@@ -94,10 +131,14 @@ def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Fr
             covers.append((states == state, handle))
     for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
         name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
-        places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
+        places = [
+            setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)
+        ]
         if len(places) > 1:
             pieces = np.stack((places[:-1], places[1:]), axis=1)
-            server.scene.add_line_segments(f"/{k} path", pieces, rgb(colour), thickness=2.0, thickness_units="screen")
+            server.scene.add_line_segments(
+                f"/{k} path", pieces, rgb(colour), thickness=2.0, thickness_units="screen"
+            )
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
         q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
@@ -137,16 +178,24 @@ class Nodes:
         """Put frames where they are; viser sends nothing of those that have not moved."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            frame.position, frame.wxyz = pose.t, np.round(np.roll(pin.Quaternion(pose.R).coeffs(), 1), 6)
+            frame.position, frame.wxyz = (
+                pose.t,
+                np.round(np.roll(pin.Quaternion(pose.R).coeffs(), 1), 6),
+            )
             if name in self.rails:
                 self.rails[name].scale = (1.0, 1.0, stretch)
 
 
-def _cover(what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float) -> tuple[Mesh, str]:
+def _cover(
+    what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float
+) -> tuple[Mesh, str]:
     """What covers a thing that is highlighted, and the frame it is fixed to."""
-    setup, scale = runs[run].setup, half / REACH
+    setup = runs[run].setup
+    scale = half / REACH
     if what == "marker":
-        return ball(setup.scene.markers[number - 1], 0.021 * scale, 12), f"{run} target" if run else "target"
+        return ball(
+            setup.scene.markers[number - 1], 0.021 * scale, 12
+        ), f"{run} target" if run else "target"
     if what == "obstacle":
         return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
     poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
@@ -163,16 +212,24 @@ def inset(mesh: Mesh, depth: float) -> Mesh:
     # corners of several faces in one place become one
     merged = trimesh.Trimesh(mesh.points, mesh.triangles)
     outwards = float(np.sign(merged.volume)) or 1.0
-    return Mesh(np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals, np.asarray(merged.faces))
+    return Mesh(
+        np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals,
+        np.asarray(merged.faces),
+    )
 
 
 def coarse(meshes: list[Mesh]) -> list[Mesh]:
-    """The same with fewer triangles where there are too many: points that are close to each other become one."""
-    cell, fewer = MERGED, meshes
+    """The same with fewer triangles where there are too many: points that are close to each other
+    become one.
+    """
+    cell = MERGED
+    fewer = meshes
     while sum(len(mesh.triangles) for mesh in fewer) > MAX_TRIANGLES:
         fewer = []
         for mesh in meshes:
-            _, first, own = np.unique(np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True)
+            _, first, own = np.unique(
+                np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True
+            )
             triangles = np.asarray(own).reshape(-1)[mesh.triangles]
             a, b, c = triangles.T
             fewer.append(Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)]))
@@ -182,7 +239,10 @@ def coarse(meshes: list[Mesh]) -> list[Mesh]:
 
 def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     """Joint coordinates (n,) and times [s] from the starts of runs to their ends."""
-    every = [(run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int)) for run in runs]
+    every = [
+        (run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int))
+        for run in runs
+    ]
     return [(trajectory.q[k], float(trajectory.t[k])) for trajectory, at in every for k in at]
 
 
@@ -194,12 +254,14 @@ def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
 def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     """(3,) where a camera with :data:`FIELD_OF_VIEW` has the motions of all runs in view.
 
-    From a distance d it sees what is x to the right, y above and z nearer than the centre if |x| ≤ w (d − z), |y| ≤
-    h (d − z): this is the least such d.
+    From a distance d it sees what is x to the right, y above and z nearer than the centre if |x| ≤
+    w (d − z), |y| ≤ h (d − z): this is the least such d.
     """
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
     across, up, towards = ((points - viewpoint.centre) @ axes).T
     needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
-    eye: Array = viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]
+    eye: Array = (
+        viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]
+    )
     return eye

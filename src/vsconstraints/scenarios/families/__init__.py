@@ -1,4 +1,6 @@
-"""Families of scenes: robot, camera and task drawn from stated distributions by a seed, physically possible."""
+"""Families of scenes: robot, camera and task drawn from stated distributions by a seed, physically
+possible.
+"""
 
 from .attempts import Reason
 from .drawn import Drawn

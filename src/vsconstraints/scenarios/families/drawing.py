@@ -1,6 +1,8 @@
-"""From the tables of a family's file to those of one scene: distributions stand where a scenario has values.
+"""From the tables of a family's file to those of one scene: distributions stand where a scenario
+has values.
 
-A table of one key states one: ``{ uniform = [least, greatest] }``. Every draw has its own stream of random numbers.
+A table of one key states one: ``{ uniform = [least, greatest] }``. Every draw has its own stream of
+random numbers.
 """
 
 from __future__ import annotations
@@ -25,9 +27,11 @@ Random = np.random.Generator
 
 
 class Rule(NamedTuple):
-    """A distribution of two numbers, or of two arrays of one shape after broadcasting, drawn number by number.
+    """A distribution of two numbers, or of two arrays of one shape after broadcasting, drawn number
+    by number.
 
-    ``words`` says what the two are and ``needs`` what they must satisfy, ``holds`` tests it, ``sample`` draws an array.
+    ``words`` says what the two are and ``needs`` what they must satisfy, ``holds`` tests it,
+    ``sample`` draws an array.
     """
 
     words: str
@@ -47,20 +51,28 @@ def _integer(random: Random, least: Array, greatest: Array) -> Any:
 
 def _integers(least: Array, greatest: Array) -> Any:
     numbers = np.stack((least, greatest))
-    return (numbers == np.round(numbers)).all(axis=0) & (np.abs(numbers) < 2**53).all(axis=0) & (least <= greatest)
+    return (
+        (numbers == np.round(numbers)).all(axis=0)
+        & (np.abs(numbers) < 2**53).all(axis=0)
+        & (least <= greatest)
+    )
 
 
-RANGE, SPREAD = "least, greatest", "mean, standard deviation"
+RANGE = "least, greatest"
+SPREAD = "mean, standard deviation"
 
 #: Distributions of two numbers, by the key of their tables.
 RULES: Mapping[str, Rule] = {
     "uniform": Rule(RANGE, "least ≤ greatest", lambda a, b: a <= b, Random.uniform),
-    "log-uniform": Rule(RANGE, "0 < least ≤ greatest", lambda a, b: (a > 0.0) & (a <= b), _log_uniform),
+    "log-uniform": Rule(
+        RANGE, "0 < least ≤ greatest", lambda a, b: (a > 0.0) & (a <= b), _log_uniform
+    ),
     # not "normal", since half-spaces have normals
     "gaussian": Rule(SPREAD, "a standard deviation ≥ 0", lambda a, b: b >= 0.0, Random.normal),
     "integer": Rule(RANGE, "integers, least ≤ greatest", _integers, _integer),
 }
-#: The keys of the tables that state a distribution; a choice is of a list of any values, each as likely.
+#: The keys of the tables that state a distribution; a choice is of a list of any values, each as
+#: likely.
 DISTRIBUTIONS = (*RULES, "choice")
 
 
@@ -79,12 +91,17 @@ class Distribution:
 
 
 def _distribution(name: str, value: object, where: str) -> Distribution:
-    """The distribution that a table ``{ name = value }`` states; ConfigurationError if nothing can be drawn from it."""
+    """The distribution that a table ``{ name = value }`` states; ConfigurationError if nothing can
+    be drawn from it.
+    """
     if name == "choice":
         if not isinstance(value, list) or not value:
-            raise ConfigurationError(f"{where}: choice must be a list of one or more values, not {shown(value)}")
+            raise ConfigurationError(
+                f"{where}: choice must be a list of one or more values, not {shown(value)}"
+            )
         return Distribution(name, value)
-    rule, where = RULES[name], f"{where}: {name}"
+    rule = RULES[name]
+    where = f"{where}: {name}"
     try:
         if not isinstance(value, list) or len(value) != 2:
             raise ValueError
@@ -97,19 +114,25 @@ def _distribution(name: str, value: object, where: str) -> Distribution:
         raise ConfigurationError(f"{where} is of no number at all: {shown(value)}")
     if not np.all(rule.holds(*both)):
         numbers = [part.tolist() for part in both]
-        raise ConfigurationError(f"{where} = [{rule.words}] needs {rule.needs}, not {shown(numbers)}")
+        raise ConfigurationError(
+            f"{where} = [{rule.words}] needs {rule.needs}, not {shown(numbers)}"
+        )
     return Distribution(name, both)
 
 
 class Streams(NamedTuple):
-    """Random numbers of one attempt at a scene: one stream for every key, whatever else is drawn."""
+    """Random numbers of one attempt at a scene: one stream for every key, whatever else is
+    drawn.
+    """
 
     seed: int
     half: str
     number: int
     attempt: int
     family: str = ""
-    """What else the streams depend on: without it, families have the same numbers under the same keys."""
+    """What else the streams depend on: without it, families have the same numbers under the same
+    keys.
+    """
 
     def of(self, key: str) -> Random:
         """The stream of a dotted key; the same in every process and on every machine."""
@@ -123,7 +146,9 @@ class Streams(NamedTuple):
 
 @dataclass(frozen=True)
 class Placed:
-    """A placement as a file states it: its key in :data:`PLACEMENTS`, and the table that may hold distributions."""
+    """A placement as a file states it: its key in :data:`PLACEMENTS`, and the table that may hold
+    distributions.
+    """
 
     name: str
     table: Any
@@ -153,7 +178,8 @@ def parsed(value: Any, where: str) -> Any:
 def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
     """What is :func:`parsed` with everything drawn; placements stay, with their tables drawn.
 
-    ``key`` is the dotted key of ``tree`` in the file; ``values`` takes what is drawn, by dotted keys.
+    ``key`` is the dotted key of ``tree`` in the file; ``values`` takes what is drawn, by dotted
+    keys.
     """
     if isinstance(tree, Distribution):
         values[key] = tree.draw(streams.of(key))
@@ -169,29 +195,50 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
 
 
 def merged(under: Any, over: Mapping[str, Any], where: str) -> Table:
-    """Tables over others: tables in them are merged, entries of lists are named by their number, the rest replaced."""
+    """Tables over others: tables in them are merged, entries of lists are named by their number,
+    the rest replaced.
+    """
     result: Any = list(under) if isinstance(under, list) else dict(under)
     for name, value in over.items():
         at: Any = name
         if isinstance(result, list):
             if not (name.isdecimal() and int(name) < len(result)):
-                raise unknown_name(f"entry of a list in {where}", name, map(str, range(len(result))))
+                raise unknown_name(
+                    f"entry of a list in {where}", name, map(str, range(len(result)))
+                )
             at = int(name)
         old = result[at] if isinstance(result, list) else result.get(at)
-        deeper = isinstance(value, dict) and isinstance(old, dict | list) and not _draws(value) and not _draws(old)
+        deeper = (
+            isinstance(value, dict)
+            and isinstance(old, dict | list)
+            and not _draws(value)
+            and not _draws(old)
+        )
         result[at] = merged(old, value, f"{where}.{name}") if deeper else value
     return result  # type: ignore[no-any-return]
 
 
 def _draws(value: object) -> bool:
     """Whether a table of a file states a distribution or a placement."""
-    return isinstance(value, dict) and len(value) == 1 and next(iter(value)) in (*DISTRIBUTIONS, *PLACEMENTS)
+    return (
+        isinstance(value, dict)
+        and len(value) == 1
+        and next(iter(value)) in (*DISTRIBUTIONS, *PLACEMENTS)
+    )
 
 
 def demand_no_placement(tree: Any, where: str) -> None:
-    """Raise ConfigurationError if there is a placement in what is parsed: a scene is placed once for all conditions."""
+    """Raise ConfigurationError if there is a placement in what is parsed: a scene is placed once
+    for all conditions.
+    """
     if isinstance(tree, Placed):
         raise ConfigurationError(f"{where}: {tree.name} stands in the family, not in a condition")
-    inside = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    inside = (
+        tree.items()
+        if isinstance(tree, dict)
+        else enumerate(tree)
+        if isinstance(tree, list)
+        else ()
+    )
     for name, inner in inside:
         demand_no_placement(inner, f"{where}.{name}")

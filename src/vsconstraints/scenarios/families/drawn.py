@@ -1,4 +1,6 @@
-"""Scenes of a family: what was drawn, what is known of each before any law has run, and what many are like."""
+"""Scenes of a family: what was drawn, what is known of each before any law has run, and what many
+are like.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,16 @@ from ..scenario import Scenario
 class Drawn:
     """A scene, the same for all laws and all conditions; or the counts of why there is none.
 
-    ``tables`` are the scenario's by condition, empty if no attempt was accepted. ``values`` is what was drawn, by
-    dotted keys, and joint coordinates that were placed. ``rejected`` counts attempts before this one by reason;
-    ``refusal`` says what the last of them was rejected for. ``challenged`` labels the rows that tracking alone violates
-    in the nominal condition. ``noise`` is the seed of everything random in its disturbances.
+    ``tables`` are the scenario's by condition, empty if no attempt was accepted. ``values`` is what
+    was drawn, by dotted keys, and joint coordinates that were placed. ``rejected`` counts attempts
+    before this one by reason; ``refusal`` says what the last of them was rejected for.
+    ``challenged`` labels the rows that tracking alone violates in the nominal condition. ``noise``
+    is the seed of everything random in its disturbances.
 
-    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the greatest over rows of
-    tracking alone: above 1, no law could have satisfied a row from where it first meets its boundary. In ``least_time``
-    [s] the arm can be at rest at its goal, whatever the law; ``duration`` [s] is of the longest run.
+    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the
+    greatest over rows of tracking alone: above 1, no law could have satisfied a row from where it
+    first meets its boundary. In ``least_time`` [s] the arm can be at rest at its goal, whatever the
+    law; ``duration`` [s] is of the longest run.
     """
 
     family: str
@@ -69,15 +73,21 @@ class Drawn:
         return self.least_time > self.duration
 
     def scenario(self, condition: str = "nominal") -> Scenario:
-        """The scenario in a condition; ConfigurationError if no attempt was accepted, or there is no such condition."""
+        """The scenario in a condition; ConfigurationError if no attempt was accepted, or there is
+        no such condition.
+        """
         if not self.found:
-            raise ConfigurationError(f"{self.name}: no scene in {self.attempts} attempts: {reasons(self.rejected)}")
+            raise ConfigurationError(
+                f"{self.name}: no scene in {self.attempts} attempts: {reasons(self.rejected)}"
+            )
         if condition not in self.tables:
             raise unknown_name(f"condition of {self.family}", condition, self.tables)
         return Scenario(self.name, self.tables[condition], self.folder, self.trusted)
 
     def setup(self, condition: str = "nominal") -> Setup:
-        """What is simulated in a condition, with this scene's own noise; raises as :meth:`scenario` does."""
+        """What is simulated in a condition, with this scene's own noise; raises as :meth:`scenario`
+        does.
+        """
         return self.scenario(condition).setup(seed=self.noise)
 
 
@@ -89,11 +99,13 @@ def reasons(rejected: Mapping[str, int]) -> str:
 
 @dataclass
 class Summary:
-    """Counts over the first scenes of a family, those that were not ``found`` too, drawn in so many ``seconds``.
+    """Counts over the first scenes of a family, those that were not ``found`` too, drawn in so many
+    ``seconds``.
 
-    ``rejected`` are attempts by reason, ``acceptance`` the share of them that was not. ``challenged`` says in how many
-    scenes tracking alone violates a row of each kind; ``beyond_limits`` is the share of them with
-    :attr:`Drawn.share_to_hold` above 1, NaN without limits; of those ``timed`` the least time to arrive in is known.
+    ``rejected`` are attempts by reason, ``acceptance`` the share of them that was not.
+    ``challenged`` says in how many scenes tracking alone violates a row of each kind;
+    ``beyond_limits`` is the share of them with :attr:`Drawn.share_to_hold` above 1, NaN without
+    limits; of those ``timed`` the least time to arrive in is known.
     """
 
     scenes: tuple[Drawn, ...]

@@ -1,4 +1,6 @@
-"""A family of scenes: a scenario's file in which distributions stand where numbers do, and conditions."""
+"""A family of scenes: a scenario's file in which distributions stand where numbers do, and
+conditions.
+"""
 
 from __future__ import annotations
 
@@ -32,15 +34,18 @@ from .drawn import Drawn, Summary, reasons
 
 SHIPPED = Path(__file__).parent  #: folder of the families that come with the package
 #: The condition that every family has, and the one whose limits tell what any law could do.
-NOMINAL, LIMITED = "nominal", "limited"
+NOMINAL = "nominal"
+LIMITED = "limited"
 
-HALVES = ("training", "held-out")  #: scenes that settings may be sought on, and those that are for judging only
+#: scenes that settings may be sought on, and those that are for judging only
+HALVES = ("training", "held-out")
 #: Keys of a family's file that are no scenario's, or are said by it for all its scenes.
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts", "testset", "frozen")
 
 TOGETHER = "conditions"  #: key of a condition that names others, whose draws it has all together
 ATTEMPTS = 200  #: attempts at one scene, if a family says nothing else
-#: Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be.
+#: Attempts whose build is refused in the same words, after which a scene is given up: whatever is
+#: drawn, it will be.
 REFUSALS = 10
 
 
@@ -56,18 +61,21 @@ class Family(Described):
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
-        """A shipped family by its name, ``"six-axis"``, or one from a TOML file by its path, relative to ``base``.
+        """A shipped family by its name, ``"six-axis"``, or one from a TOML file by its path,
+        relative to ``base``.
 
-        With ``extends = "…"``, the name or the path of a scenario, a file says only what is different from that, and
-        what is drawn. Raises ConfigurationError if there is none of that name, the file cannot be read, or something
-        cannot be drawn.
+        With ``extends = "…"``, the name or the path of a scenario, a file says only what is
+        different from that, and what is drawn. Raises ConfigurationError if there is none of that
+        name, the file cannot be read, or something cannot be drawn.
         """
         path = file_named("family", str(name_or_path), SHIPPED, families(), base)
         tables = read_toml(path)
         if "extends" in tables:
             extended = tables.pop("extends")
             if not isinstance(extended, str):
-                raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario")
+                raise ConfigurationError(
+                    f"{path}: extends must be the name or the path of a scenario"
+                )
             tables = merged(Scenario.load(extended, path.parent).tables, tables, str(path))
         family = cls(path.stem, tables, path.parent)
         # everything is read once, so that it fails here
@@ -89,7 +97,9 @@ class Family(Described):
         """Most attempts at one scene."""
         most = self.tables.get("attempts", ATTEMPTS)
         if isinstance(most, bool) or not isinstance(most, int) or most < 1:
-            raise ConfigurationError(f"{self.name}: attempts must be a positive integer, not {shown(most)}")
+            raise ConfigurationError(
+                f"{self.name}: attempts must be a positive integer, not {shown(most)}"
+            )
         return most
 
     @cached_property
@@ -99,9 +109,14 @@ class Family(Described):
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
-        where, overrides = f"{self.name}.conditions", {}
+        where = f"{self.name}.conditions"
+        overrides = {}
         for name, said in demand_table(self.tables.get("conditions", {}), where).items():
-            own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}
+            own = {
+                key: value
+                for key, value in demand_table(said, f"{where}.{name}").items()
+                if key != TOGETHER
+            }
             overrides[name] = parsed(own, f"{where}.{name}")
             demand_no_placement(overrides[name], f"{where}.{name}")
         return overrides
@@ -110,11 +125,15 @@ class Family(Described):
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """Of every condition those whose tables it has, one over the other: its own last."""
         conditions = self.tables.get("conditions", {})
-        single, parts = [name for name, said in conditions.items() if TOGETHER not in said], {}
+        single = [name for name, said in conditions.items() if TOGETHER not in said]
+        parts = {}
         for name, said in conditions.items():
-            where, others = f"{self.name}.conditions.{name}.{TOGETHER}", said.get(TOGETHER, [])
+            where = f"{self.name}.conditions.{name}.{TOGETHER}"
+            others = said.get(TOGETHER, [])
             if not isinstance(others, list):
-                raise ConfigurationError(f"{where} must be a list of conditions, not {shown(others)}")
+                raise ConfigurationError(
+                    f"{where} must be a list of conditions, not {shown(others)}"
+                )
             for other in others:
                 if other not in single:
                     raise unknown_name(f"condition in {where}", str(other), single)
@@ -122,26 +141,35 @@ class Family(Described):
         return parts
 
     def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
-        """One scene, by its own attempts, independent of every other one: the first result of :meth:`set_up`."""
+        """One scene, by its own attempts, independent of every other one: the first result of
+        :meth:`set_up`.
+        """
         return self.set_up(number, half, seed)[0]
 
-    def set_up(self, number: int, half: str = "held-out", seed: int = 0) -> tuple[Drawn, Mapping[str, Setup]]:
-        """One scene by its number, from 0, and its setups by condition, the same that :meth:`Drawn.setup` gives.
+    def set_up(
+        self, number: int, half: str = "held-out", seed: int = 0
+    ) -> tuple[Drawn, Mapping[str, Setup]]:
+        """One scene by its number, from 0, and its setups by condition, the same that
+        :meth:`Drawn.setup` gives.
 
-        Scenes of the halves ``"training"`` and ``"held-out"`` have nothing in common. The scene is not ``found`` if as
-        many attempts as the family allows were rejected, or no build can succeed. Raises ConfigurationError if there is
-        no such half, or number or seed are negative.
+        Scenes of the halves ``"training"`` and ``"held-out"`` have nothing in common. The scene is
+        not ``found`` if as many attempts as the family allows were rejected, or no build can
+        succeed. Raises ConfigurationError if there is no such half, or number or seed are negative.
         """
         if half not in HALVES:
             raise unknown_name("half", half, HALVES)
         if number < 0 or seed < 0:
-            raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
+            raise ConfigurationError(
+                f"a scene's number and seed must be zero or more, not {number} and {seed}"
+            )
         if not self.trusted:
             demand_data(f"family {self.name}", self.tables, self.folder)
         return self._filled(Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted))
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
-        """A scene of which only its number, half and seed are known yet, with everything else, and its setups."""
+        """A scene of which only its number, half and seed are known yet, with everything else, and
+        its setups.
+        """
         # in a test set no two families draw the same numbers
         key = f"{self.tables['testset']}/{self.name} " if "testset" in self.tables else ""
         rejected: Counter[str] = Counter()
@@ -150,7 +178,9 @@ class Family(Described):
         with beside(self.folder if self.trusted else None):
             for attempt in range(self.attempts):
                 try:
-                    known, setups = self._attempt(Streams(scene.seed, scene.half, scene.number, attempt, key))
+                    known, setups = self._attempt(
+                        Streams(scene.seed, scene.half, scene.number, attempt, key)
+                    )
                 except Rejected as error:
                     rejected[error.reason.value] += 1
                     refusal = str(error)
@@ -164,16 +194,23 @@ class Family(Described):
     def _attempt(self, streams: Streams) -> tuple[dict[str, Any], dict[str, Setup]]:
         """What is to be known of a scene, and its setups; raises Rejected."""
         values: dict[str, Any] = {}
-        where, noise = f"{self.name}-{streams.number}", streams.entropy("noise", bits=32)
+        where = f"{self.name}-{streams.number}"
+        noise = streams.entropy("noise", bits=32)
         bare = drawn(self._parsed, streams, "", values)
-        overrides = {name: drawn(said, streams, f"conditions.{name}", values) for name, said in self._overrides.items()}
+        overrides = {
+            name: drawn(said, streams, f"conditions.{name}", values)
+            for name, said in self._overrides.items()
+        }
         try:
             common, ends = placed(bare, where, self.folder)
             tables = {}
             for name in self.conditions:
                 over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
                 tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
-            scenarios = {name: Scenario(where, each, self.folder, self.trusted) for name, each in tables.items()}
+            scenarios = {
+                name: Scenario(where, each, self.folder, self.trusted)
+                for name, each in tables.items()
+            }
             setups = {NOMINAL: scenarios.pop(NOMINAL).setup(seed=noise)}
             check_ends(setups[NOMINAL], ends)
             check_first_image(setups[NOMINAL])
@@ -200,7 +237,9 @@ class Family(Described):
         return known, setups
 
     def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
-        """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""
+        """Raise ConfigurationError with counts if none of the first scenes is found: before
+        thousands are drawn.
+        """
         rejected: Counter[str] = Counter()
         for number in range(scenes):
             tried = self.scene(number, half, seed)
@@ -208,17 +247,25 @@ class Family(Described):
                 return
             rejected.update(tried.rejected)
         raise ConfigurationError(
-            f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} scenes were rejected: "
+            f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} "
+            f"scenes were rejected: "
             f"{reasons(rejected)}; the last one: {tried.refusal}"
         )
 
 
 def summarised(
-    family: Family, scenes: int, half: str = "held-out", seed: int = 0, on_drawn: Callable[[], None] = lambda: None
+    family: Family,
+    scenes: int,
+    half: str = "held-out",
+    seed: int = 0,
+    on_drawn: Callable[[], None] = lambda: None,
 ) -> Summary:
-    """Draw the first scenes of a family; raises ConfigurationError with counts if none of the very first is found."""
+    """Draw the first scenes of a family; raises ConfigurationError with counts if none of the very
+    first is found.
+    """
     family.demand_scenes(half, seed)
-    began, drawn_scenes = perf_counter(), []
+    began = perf_counter()
+    drawn_scenes = []
     for number in range(scenes):
         drawn_scenes.append(family.scene(number, half, seed))
         on_drawn()

@@ -29,14 +29,17 @@ from .drawn import Drawn
 from .family import HALVES, NOMINAL, SHIPPED, Family
 
 V1 = SHIPPED / "testset-v1"  #: folder of the test set that comes with the package
-INDEX, FILE = "testset.json", "{}.{}.jsonl.gz"  #: what a test set's files hold; the file of a family's half
+INDEX = "testset.json"  #: what a test set's files hold; the file of a family's half
+FILE = "{}.{}.jsonl.gz"
 MAX_BYTES = 500_000_000  #: that a file may expand to
 Told = Callable[[str, int, int], None]  #: told of which family how many of how many scenes are done
 Kind = TypeVar("Kind")
 
 
 class _Line(msgspec.Struct, forbid_unknown_fields=True):
-    """A scene as it is stored: of the conditions what is another than in the nominal one, null for NaN."""
+    """A scene as it is stored: of the conditions what is another than in the nominal one, null for
+    NaN.
+    """
 
     number: int
     tables: dict[str, Table]
@@ -51,7 +54,9 @@ class _Line(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Family(msgspec.Struct, forbid_unknown_fields=True):
-    """What an index says of a family: by half, how many scenes were left out, and the hashes of those that are kept."""
+    """What an index says of a family: by half, how many scenes were left out, and the hashes of
+    those that are kept.
+    """
 
     left_out: dict[str, int]
     tables: Table
@@ -68,13 +73,15 @@ class _Index(msgspec.Struct, forbid_unknown_fields=True):
 class FrozenFamily(Family):
     """A family of a test set: as any other, but its scenes are read, not drawn.
 
-    Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, their ``file`` and ``seed``,
-    and the ``sha256`` of all of theirs.
+    Its tables are those that the scenes were drawn from; ``frozen`` in them has, by half, their
+    ``file`` and ``seed``, and the ``sha256`` of all of theirs.
     """
 
     @property
     def source(self) -> Family:
-        """The family that draws what the files hold, and with other seeds further scenes in the same way."""
+        """The family that draws what the files hold, and with other seeds further scenes in the
+        same way.
+        """
         tables = {key: value for key, value in self.tables.items() if key != "frozen"}
         return Family(self.name, tables, self.folder, self.trusted)
 
@@ -84,36 +91,52 @@ class FrozenFamily(Family):
 
     def _filled(self, scene: Drawn) -> tuple[Drawn, dict[str, Setup]]:
         try:
-            seed, file = self.tables["frozen"][scene.half]["seed"], self.file(scene.half)
+            seed = self.tables["frozen"][scene.half]["seed"]
+            file = self.file(scene.half)
             lines = _checked_lines(file, self.tables["frozen"][scene.half]["sha256"])
         except (KeyError, TypeError) as error:
-            raise ConfigurationError(f"{self.name}: frozen does not say where its {scene.half} scenes are") from error
+            raise ConfigurationError(
+                f"{self.name}: frozen does not say where its {scene.half} scenes are"
+            ) from error
         if scene.seed != seed or scene.number >= len(lines):
             asked = f"{scene.number} of seed {scene.seed}"
-            raise ConfigurationError(f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {asked}")
+            raise ConfigurationError(
+                f"{file.name} has {len(lines)} scenes of seed {seed}, and no scene {asked}"
+            )
         scene = self.read(lines[scene.number], scene)
         return scene, {name: scene.setup(name) for name in self.conditions}
 
     def read(self, line: str, scene: Drawn) -> Drawn:
-        """The scene with what a line says of it; raises ConfigurationError that names file, scene and what is wrong."""
+        """The scene with what a line says of it; raises ConfigurationError that names file, scene
+        and what is wrong.
+        """
         where = f"{self.file(scene.half).name}: scene {scene.number}"
         said: dict[str, Any] = msgspec.structs.asdict(_decoded(line, _Line, where))
         tables = said["tables"]
         if {*tables} != {*self.conditions} or said["number"] != scene.number:
             raise ConfigurationError(
-                f"{where} says that it is number {said['number']} with conditions {', '.join(tables)}; they are "
+                f"{where} says that it is number {said['number']} with conditions "
+                f"{', '.join(tables)}; they are "
                 f"{', '.join(self.conditions)}"
             )
         said["tables"] = {name: {**tables[NOMINAL], **tables[name]} for name in self.conditions}
-        return replace(scene, **{**said, **{name: math.nan for name, value in said.items() if value is None}})
+        return replace(
+            scene, **{**said, **{name: math.nan for name, value in said.items() if value is None}}
+        )
 
 
 def line_of(scene: Drawn) -> str:
-    """A scene as a line of JSON, from which it is read again bit by bit: numbers are their shortest decimals."""
+    """A scene as a line of JSON, from which it is read again bit by bit: numbers are their shortest
+    decimals.
+    """
     nominal = {key: _json(value) for key, value in scene.scenario().tables.items()}
     said = {name: getattr(scene, name) for name in _Line.__struct_fields__}
     said["tables"] = {
-        name: {key: value for key, value in tables.items() if name == NOMINAL or nominal.get(key) != _json(value)}
+        name: {
+            key: value
+            for key, value in tables.items()
+            if name == NOMINAL or nominal.get(key) != _json(value)
+        }
         for name, tables in scene.tables.items()
     }
     return _json({name: None if value != value else value for name, value in said.items()})
@@ -125,7 +148,13 @@ def family_of(name: str, tables: Table, folder: Path, trusted: bool = True) -> F
 
 
 def _json(data: Any) -> str:
-    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=lambda a: a.tolist())
+    return json.dumps(
+        data,
+        ensure_ascii=False,
+        allow_nan=False,
+        separators=(",", ":"),
+        default=lambda a: a.tolist(),
+    )
 
 
 def _decoded(text: str | bytes, kind: type[Kind], where: str) -> Kind:
@@ -152,13 +181,16 @@ def _lines(path: Path) -> list[str]:
 def _checked_lines(path: Path, digest: str) -> list[str]:
     lines = _lines(path)
     if _digest("".join(map(_digest, lines))) != digest:
-        raise ConfigurationError(f"{path} was changed: `vsconstraints testset verify` names the scenes")
+        raise ConfigurationError(
+            f"{path} was changed: `vsconstraints testset verify` names the scenes"
+        )
     return lines
 
 
 @dataclass(frozen=True)
 class TestSet:
-    """The scenes of some families, frozen: a file for each family and half, and an index with the hash of each scene.
+    """The scenes of some families, frozen: a file for each family and half, and an index with the
+    hash of each scene.
 
     ``seed`` is what they were drawn with; ``hashes`` are by file, ``sha256`` is that of the index.
     """
@@ -174,8 +206,12 @@ class TestSet:
 
     @classmethod
     def load(cls, folder: Path = V1) -> TestSet:
-        """Read a test set's index; raises ConfigurationError if it cannot be used. Files are read with their scenes."""
-        path, families, hashes = folder / INDEX, [], {}
+        """Read a test set's index; raises ConfigurationError if it cannot be used. Files are read
+        with their scenes.
+        """
+        path = folder / INDEX
+        families = []
+        hashes = {}
         try:
             text = read_regular(path)
         except OSError as error:
@@ -184,62 +220,111 @@ class TestSet:
         for name, family in index.families.items():
             frozen = {}
             for half in HALVES:
-                file, kept = FILE.format(name, half), family.sha256.get(half, [])
+                file = FILE.format(name, half)
+                kept = family.sha256.get(half, [])
                 hashes[file] = kept
                 frozen[half] = {"file": file, "seed": index.seed, "sha256": _digest("".join(kept))}
             tables = {**family.tables, "testset": index.version, "frozen": frozen}
             families.append(FrozenFamily(name, tables, folder))
-        return cls(folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest())
+        return cls(
+            folder, index.version, index.seed, tuple(families), hashes, sha256(text).hexdigest()
+        )
 
     @classmethod
     def make(
-        cls, folder: Path, families: Sequence[Family], version: str, scenes: Mapping[str, int], seed: int, told: Told
+        cls,
+        folder: Path,
+        families: Sequence[Family],
+        version: str,
+        scenes: Mapping[str, int],
+        seed: int,
+        told: Told,
     ) -> TestSet:
-        """Draw so many scenes of each half, without those of which the unconstrained baseline does not converge.
+        """Draw so many scenes of each half, without those of which the unconstrained baseline does
+        not converge.
 
-        Raises ConfigurationError if the folder holds something, or a family needs files or code of its own.
+        Raises ConfigurationError if the folder holds something, or a family needs files or code of
+        its own.
         """
         if folder.exists() and any(folder.iterdir()):
-            raise ConfigurationError(f"{folder} is not empty, and a test set is never changed: give another --out")
+            raise ConfigurationError(
+                f"{folder} is not empty, and a test set is never changed: give another --out"
+            )
         folder.mkdir(parents=True, exist_ok=True)
         index = _Index(version, seed, f"vsconstraints {__version__} on {platform.machine()}", {})
         for family in families:
-            if family.name in index.families or Scenario(family.name, family.tables, family.folder).files:
-                raise ConfigurationError(f"family {family.name} is there twice, or needs files: a test set has none")
+            if (
+                family.name in index.families
+                or Scenario(family.name, family.tables, family.folder).files
+            ):
+                raise ConfigurationError(
+                    f"family {family.name} is there twice, or needs files: a test set has none"
+                )
             source = replace(family, tables={**family.tables, "testset": version})
             index.families[family.name] = said = _Family({}, source.tables, {})
             for half, count in scenes.items():
-                drawn = [source.scene(number, half, seed) for number in _reported(range(count), told, family.name)]
+                drawn = [
+                    source.scene(number, half, seed)
+                    for number in _reported(range(count), told, family.name)
+                ]
                 lines = [line_of(scene) for scene in drawn]
                 data = "".join(f"{line}\n" for line in lines).encode()
-                (folder / FILE.format(family.name, half)).write_bytes(gzip.compress(data, 9, mtime=0))
+                (folder / FILE.format(family.name, half)).write_bytes(
+                    gzip.compress(data, 9, mtime=0)
+                )
                 said.sha256[half] = [_digest(line) for line in lines]
-                said.left_out[half] = sum(scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn)
-        (folder / INDEX).write_bytes(msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n")
+                said.left_out[half] = sum(
+                    scene.rejected.get(Reason.BASELINE_LOST, 0) for scene in drawn
+                )
+        (folder / INDEX).write_bytes(
+            msgspec.json.format(msgspec.json.encode(index), indent=1) + b"\n"
+        )
         return cls.load(folder)
 
-    def chosen(self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None) -> dict[str, Any]:
-        """Families, half, seed and number of scenes of a campaign: all, or so many; others of a secret seed.
+    def chosen(
+        self, names: Sequence[str], half: str, most: int | None, secret_seed: int | None
+    ) -> dict[str, Any]:
+        """Families, half, seed and number of scenes of a campaign: all, or so many; others of a
+        secret seed.
 
-        Raises ConfigurationError for unknown names, more scenes than there are, and the seed of the test set itself.
+        Raises ConfigurationError for unknown names, more scenes than there are, and the seed of the
+        test set itself.
         """
         known = {family.name: family for family in self.families}
-        for what, name, others in (("half", half, HALVES), *(("family", name, known) for name in names)):
+        for what, name, others in (
+            ("half", half, HALVES),
+            *(("family", name, known) for name in names),
+        ):
             if name not in others:
                 raise unknown_name(f"{what} of test set {self.version}", name, others)
         families = [known[name] for name in dict.fromkeys(names or known)]
-        there = min(len(self.hashes[FILE.format(family.name, half)]) for family in families) if families else 0
+        there = (
+            min(len(self.hashes[FILE.format(family.name, half)]) for family in families)
+            if families
+            else 0
+        )
         if secret_seed == self.seed or (most or 1) > there:
-            why = f"seed {self.seed} is their own" if secret_seed == self.seed else f"{most} are asked for"
-            raise ConfigurationError(f"test set {self.version} has {there} {half} scenes of each family; {why}")
-        scenes, seed = {"half": half, "scenes": most or there}, self.seed if secret_seed is None else secret_seed
+            why = (
+                f"seed {self.seed} is their own"
+                if secret_seed == self.seed
+                else f"{most} are asked for"
+            )
+            raise ConfigurationError(
+                f"test set {self.version} has {there} {half} scenes of each family; {why}"
+            )
+        scenes = {"half": half, "scenes": most or there}
+        seed = self.seed if secret_seed is None else secret_seed
         drawn = tuple(each if secret_seed is None else each.source for each in families)
         return {**scenes, "families": drawn, "seed": seed}
 
-    def problems(self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None) -> Iterator[str]:
-        """What is not as it was made: files and scenes that are missing, added or changed, or cannot be read.
+    def problems(
+        self, redraw: float = 0.0, seed: int = 0, told: Told = lambda *_: None
+    ) -> Iterator[str]:
+        """What is not as it was made: files and scenes that are missing, added or changed, or
+        cannot be read.
 
-        A share ``redraw`` of the scenes, chosen by ``seed``, is drawn again and compared bit by bit.
+        A share ``redraw`` of the scenes, chosen by ``seed``, is drawn again and compared bit by
+        bit.
         """
         for path in sorted(self.folder.glob("*.jsonl*")):
             if path.name not in self.hashes:
@@ -253,7 +338,8 @@ class TestSet:
                 yield str(error)
                 continue
             for number, (line, known) in enumerate(zip_longest(lines, self.hashes[file.name])):
-                scene, at = Drawn(family.name, number, half, self.seed, self.folder), f"{file.name}: scene {number}"
+                scene = Drawn(family.name, number, half, self.seed, self.folder)
+                at = f"{file.name}: scene {number}"
                 if line is None or known is None:
                     yield f"{at} is {'missing' if line is None else 'not in the index'}"
                 elif _digest(line) != known:
@@ -268,7 +354,10 @@ class TestSet:
         for family, scene, line in _reported(again, told, "drawing again"):
             other = family.source.scene(scene.number, scene.half, self.seed)
             if not other.found or line_of(other) != line:
-                yield f"{family.file(scene.half).name}: scene {scene.number} is another one when it is drawn here"
+                yield (
+                    f"{family.file(scene.half).name}: scene {scene.number} is another one when "
+                    f"it is drawn here"
+                )
 
 
 def _reported(items: Sequence[Any], told: Told, name: str) -> Iterator[Any]:

@@ -1,7 +1,18 @@
-"""Arms with mass: rigid-body dynamics under the joint controllers that arms have, and what comes of them in eq. (6)."""
+"""Arms with mass: rigid-body dynamics under the joint controllers that arms have, and what comes of
+them in eq. (6).
+"""
 
 from .equivalent import Equivalent
 from .plant import DynamicPlant
 from .settings import PLANTS, ArmDynamics, Friction, MujocoDynamics, Payload, Rods
 
-__all__ = ["PLANTS", "ArmDynamics", "DynamicPlant", "Equivalent", "Friction", "MujocoDynamics", "Payload", "Rods"]
+__all__ = [
+    "PLANTS",
+    "ArmDynamics",
+    "DynamicPlant",
+    "Equivalent",
+    "Friction",
+    "MujocoDynamics",
+    "Payload",
+    "Rods",
+]

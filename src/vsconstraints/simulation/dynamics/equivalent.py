@@ -17,23 +17,30 @@ class Equivalent:
     """q̈ = C q̈_c + d_c (eq. 6) of a run of N samples with n joints."""
 
     t: Array  #: (N − 1,) beginnings of the periods [s].
-    time_constant: Array  #: (n,) of the first-order lag C that leaves the least of d_c [s]; 0 where none does better.
+    #: (n,) of the first-order lag C that leaves the least of d_c [s]; 0 where none does better.
+    time_constant: Array
     disturbance: Array  #: (N − 1, n) d_c, in the mean of each period [rad/s² or m/s²].
 
     @classmethod
     def of(cls, run: Trajectory) -> Equivalent:
-        """What a run shows by the differences of its speeds; nothing if it has fewer than two samples."""
+        """What a run shows by the differences of its speeds; nothing if it has fewer than two
+        samples.
+        """
         n = run.qd.shape[1]
         if len(run.t) < 2:
             return cls(np.empty(0), np.zeros(n), np.empty((0, n)))
         Ts = run.t[1] - run.t[0]
-        applied, command = np.diff(run.qd, axis=0) / Ts, run.qdd_command[:-1]
-        best, left, lags = np.full(n, np.inf), applied - command, np.zeros(n)
+        applied = np.diff(run.qd, axis=0) / Ts
+        command = run.qdd_command[:-1]
+        best = np.full(n, np.inf)
+        left = applied - command
+        lags = np.zeros(n)
         for lag in LAGS:
             rest = applied - lagged(command, lag, float(Ts))
             squares = (rest**2).sum(axis=0)
             better = squares < best
-            best, left = np.where(better, squares, best), np.where(better, rest, left)
+            best = np.where(better, squares, best)
+            left = np.where(better, rest, left)
             lags = np.where(better, lag, lags)
         return cls(run.t[:-1], lags, left)
 
@@ -45,7 +52,9 @@ class Equivalent:
 
 
 def lagged(command: Array, lag: float, Ts: float) -> Array:
-    """(N, n) mean over each period of what follows a held command (N, n) with that time constant, at first from 0."""
+    """(N, n) mean over each period of what follows a held command (N, n) with that time constant,
+    at first from 0.
+    """
     if lag == 0.0:
         return command
     from scipy.signal import lfilter  # takes longer to load than the rest of the package together

@@ -22,27 +22,39 @@ from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
-SINGULAR = 1e-9  #: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
-NOTHING = 1e-12  #: Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²].
+#: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
+SINGULAR = 1e-9
+#: Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²].
+NOTHING = 1e-12
 
 
 def with_masses(
-    robot: Robot, dynamics: ArmDynamics, rotor: Array, factor: float = 1.0, payload_factor: float = 1.0
+    robot: Robot,
+    dynamics: ArmDynamics,
+    rotor: Array,
+    factor: float = 1.0,
+    payload_factor: float = 1.0,
 ) -> pin.Model:
-    """The robot's model with the masses of its links and its payload, times these factors, and of its motors (n,).
+    """The robot's model with the masses of its links and its payload, times these factors, and of
+    its motors (n,).
 
-    Raises ConfigurationError if the robot has no inertias and rods are not given, or has them and rods are.
+    Raises ConfigurationError if the robot has no inertias and rods are not given, or has them and
+    rods are.
     """
-    model, rods = pin.Model(robot.model), dynamics.rods
+    model = pin.Model(robot.model)
+    rods = dynamics.rods
     tip = model.frames[robot.frame_id("tip")]
     own = any(body.mass > 0.0 for body in list(model.inertias)[1:])
     if rods is None and not own:
         raise ConfigurationError(
-            f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: give its URDF "
+            f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: "
+            f"give its URDF "
             "<inertial> elements, or plant.rods, which takes links for rods"
         )
     if rods is not None and own:
-        raise ConfigurationError(f"plant: rods stand for missing inertias, and {robot.name} has its own")
+        raise ConfigurationError(
+            f"plant: rods stand for missing inertias, and {robot.name} has its own"
+        )
     for i in range(1, model.njoints):
         body = model.inertias[i]
         if rods is not None:
@@ -62,32 +74,44 @@ def _times(factor: float, body: pin.Inertia) -> pin.Inertia:
 
 
 def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
-    """Raise ConfigurationError that names a joint, and the links without mass, unless M(q) can be divided by."""
+    """Raise ConfigurationError that names a joint, and the links without mass, unless M(q) can be
+    divided by.
+    """
     M = _inertia(model, q)
     scale = np.sqrt(np.maximum(np.diag(M), np.finfo(np.float64).tiny))
     values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
     if values[0] > SINGULAR and (np.diag(M) > 0.0).all():
         return
     worst = int(np.argmax(np.abs(vectors[:, 0])))
-    bare = [name for name, body in zip(robot.joint_names, list(model.inertias)[1:], strict=True) if not body.mass > 0.0]
+    bare = [
+        name
+        for name, body in zip(robot.joint_names, list(model.inertias)[1:], strict=True)
+        if not body.mass > 0.0
+    ]
     without = f"; no mass moves with {', '.join(bare)}" if bare else ""
     raise ConfigurationError(
-        f"plant: joint {worst + 1} ({robot.joint_names[worst]}) of {robot.name} moves nothing with inertia at the "
-        f"start, so that no acceleration follows from a torque{without}: complete the URDF's <inertial> elements, or "
+        f"plant: joint {worst + 1} ({robot.joint_names[worst]}) of {robot.name} moves nothing "
+        f"with inertia at the "
+        f"start, so that no acceleration follows from a torque{without}: complete the URDF's "
+        f"<inertial> elements, or "
         "give rotor_inertia"
     )
 
 
 def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> None:
-    """Raise ConfigurationError that names the joints unless their torques (n,) hold the arm at q (n,)."""
+    """Raise ConfigurationError that names the joints unless their torques (n,) hold the arm at q
+    (n,).
+    """
     weight = np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
     short = [
-        f"joint {j + 1} ({robot.joint_names[j]}) needs {abs(weight[j]):.4g}, and has {effort[j]:.4g}"
+        f"joint {j + 1} ({robot.joint_names[j]}) needs {abs(weight[j]):.4g}, and has "
+        f"{effort[j]:.4g}"
         for j in np.flatnonzero(np.abs(weight) > effort)
     ]
     if short:
         raise ConfigurationError(
-            f"plant: the torques [Nm or N] cannot hold {robot.name} at its start: {'; '.join(short)}: effort, payload "
+            f"plant: the torques [Nm or N] cannot hold {robot.name} at its start: "
+            f"{'; '.join(short)}: effort, payload "
             "or the start must change"
         )
 
@@ -95,7 +119,8 @@ def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> N
 def felt_inertia(model: pin.Model, q: Array) -> Array:
     """(n,) inertia that each joint feels where the others are free, at q (n,): 1 / (M⁻¹)ⱼⱼ.
 
-    Torques of these by accelerations never make more than n times the accelerations, whichever way the arm moves.
+    Torques of these by accelerations never make more than n times the accelerations, whichever way
+    the arm moves.
     """
     return 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
 
@@ -108,7 +133,8 @@ def _inertia(model: pin.Model, q: Array) -> Array:
 
 def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     """A model's bodies as compiled code takes them."""
-    placements, bodies = list(robot.model.jointPlacements)[1:], list(model.inertias)[1:]
+    placements = list(robot.model.jointPlacements)[1:]
+    bodies = list(model.inertias)[1:]
     return BodyArrays(
         np.array([place.rotation for place in placements]),
         np.array([place.translation for place in placements]),
@@ -123,24 +149,28 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
 
 
 class MujocoArm:
-    """Moves an arm in MuJoCo by the torques and the friction of the plant: bodies without geometry, so no contact.
+    """Moves an arm in MuJoCo by the torques and the friction of the plant: bodies without geometry,
+    so no contact.
 
-    The payload is part of the last of the ``bodies``; ``h`` is a substep [s]. Raises ConfigurationError if MuJoCo is
-    not installed, or cannot take the robot.
+    The payload is part of the last of the ``bodies``; ``h`` is a substep [s]. Raises
+    ConfigurationError if MuJoCo is not installed, or cannot take the robot.
     """
 
     def __init__(self, robot: Robot, bodies: BodyArrays, h: float) -> None:
         demand("physics")
         import mujoco
 
-        self._mujoco, spec = mujoco, mujoco.MjSpec()
+        self._mujoco = mujoco
+        spec = mujoco.MjSpec()
         # it would write warnings of unbounded motions to a file; the loop reports them
         mujoco.set_mju_user_warning(lambda _: None)
-        spec.option.timestep, spec.option.gravity = h, bodies.gravity
+        spec.option.timestep = h
+        spec.option.gravity = bodies.gravity
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
         off = mujoco.mjtDisableBit
         spec.option.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_AUTORESET
-        body, quaternion = spec.worldbody, np.empty(4)
+        body = spec.worldbody
+        quaternion = np.empty(4)
         for i, name in enumerate(robot.joint_names):
             body = body.add_body(name=f"body {i + 1}")
             mujoco.mju_mat2Quat(quaternion, bodies.R[i].ravel())
@@ -149,12 +179,16 @@ class MujocoArm:
             inertia = bodies.inertia[i] + NOTHING * np.eye(3)
             body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
             body.explicitinertial = True
-            kind = mujoco.mjtJoint.mjJNT_SLIDE if bodies.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
+            kind = (
+                mujoco.mjtJoint.mjJNT_SLIDE if bodies.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
+            )
             body.add_joint(name=name, type=kind, axis=bodies.axis[i])
         try:
             self.model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            raise ConfigurationError(f"plant: MuJoCo cannot take {robot.name}: {described(error)}") from error
+            raise ConfigurationError(
+                f"plant: MuJoCo cannot take {robot.name}: {described(error)}"
+            ) from error
         self.model.dof_armature[:] = bodies.rotor
         self.data = mujoco.MjData(self.model)
 
@@ -163,32 +197,48 @@ class MujocoArm:
         data = self.data
         data.qpos[:], data.qvel[:], data.qfrc_applied[:] = x[0], x[1], torque
         self._mujoco.mj_step(self.model, data)
-        x[0], x[1] = data.qpos, data.qvel
+        x[0] = data.qpos
+        x[1] = data.qvel
 
 
 class DynamicPlant(Plant):
     """An arm with mass: the control's q̈_c is the reference of its joint controller.
 
-    Raises ConfigurationError or InvalidInput if the arm has no inertias, its torques cannot hold it at the start, or a
-    setting does not fit the robot.
+    Raises ConfigurationError or InvalidInput if the arm has no inertias, its torques cannot hold it
+    at the start, or a setting does not fit the robot.
     """
 
     follows = True
 
     def __init__(
-        self, robot: Robot, dynamics: ArmDynamics, q0: Array, qd0: Array, Ts: float, limits: JointLimits | None = None
+        self,
+        robot: Robot,
+        dynamics: ArmDynamics,
+        q0: Array,
+        qd0: Array,
+        Ts: float,
+        limits: JointLimits | None = None,
     ) -> None:
         super().__init__(q0, qd0, Ts, "acceleration", Disturbances(), limits)
-        n, self.robot, self.dynamics, self.transition = robot.n, robot, dynamics, np.eye(4)
+        n = robot.n
+        self.robot = robot
+        self.dynamics = dynamics
+        self.transition = np.eye(4)
         rotor = per_joint("plant: rotor_inertia", dynamics.rotor_inertia, n)
         #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
         self.model = with_masses(robot, dynamics, rotor)
-        self.believed = with_masses(robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor)
+        self.believed = with_masses(
+            robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor
+        )
         demand_inertia(robot, self.model, q0)
         own = robot.limits.effort if dynamics.effort is None else dynamics.effort
         effort = per_joint("plant: effort", own, n)
         demand_holding(robot, self.model, q0, effort)
-        speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("plant: speed", dynamics.speed, n)
+        speed = (
+            robot.qd_max.copy()
+            if dynamics.speed is None
+            else per_joint("plant: speed", dynamics.speed, n)
+        )
         friction = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
         drive = Drive(
@@ -208,7 +258,8 @@ class DynamicPlant(Plant):
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
         self.workspace = Workspace(self.arm)
-        self._mujoco, self._compiled = None, load("drives")
+        self._mujoco = None
+        self._compiled = load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
@@ -217,7 +268,9 @@ class DynamicPlant(Plant):
 
     def follow(self) -> None:
         """Go to the end of the period that has begun."""
-        compiled, arm, workspace = self._compiled, self.arm, self.workspace
+        compiled = self._compiled
+        arm = self.arm
+        workspace = self.workspace
         if self._mujoco is None:
             compiled.drive_period(workspace, self.x)
             return
@@ -234,12 +287,15 @@ class DynamicPlant(Plant):
         if not (np.abs(qd) < self._compiled.BOUND).all():
             worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))
             raise SceneError(
-                f"the arm's motion has no bounds: joint {worst + 1} moves at {qd[worst]:.3g} rad/s or m/s; fewer "
+                f"the arm's motion has no bounds: joint {worst + 1} moves at {qd[worst]:.3g} "
+                f"rad/s or m/s; fewer "
                 "delays, less bandwidth, or more substeps may help"
             )
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
-        """Q and q̇ (N, n) a share of a period after its beginning: of the cubic with q and q̇ at both ends."""
+        """Q and q̇ (N, n) a share of a period after its beginning: of the cubic with q and q̇ at
+        both ends.
+        """
         begin, end = (tuple(states[at, :2].swapaxes(0, 1)) for at in (periods, periods + 1))
         return cubic(begin, end, self.Ts, share)
 
@@ -247,7 +303,8 @@ class DynamicPlant(Plant):
         """What a reader of the results should know of the torques."""
         counts = self.arm.memory.at_limit
         return [
-            f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm or N for "
+            f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm "
+            f"or N for "
             f"{counts[j] * self.arm.h:.3g} s"
             for j in np.flatnonzero(counts)
         ]

@@ -1,4 +1,6 @@
-"""The table ``plant`` of a scenario: masses of an arm, its joint controller, and what that believes."""
+"""The table ``plant`` of a scenario: masses of an arm, its joint controller, and what that
+believes.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,8 @@ class Rods:
         length = float(np.linalg.norm(end))
         if length == 0.0:
             return pin.Inertia.Zero()
-        mass, along = self.mass_per_length * length, np.outer(end, end) / length**2
+        mass = self.mass_per_length * length
+        along = np.outer(end, end) / length**2
         across = mass * (3.0 * self.radius**2 + length**2) / 12.0
         about = across * (np.eye(3) - along) + 0.5 * mass * self.radius**2 * along
         return pin.Inertia(mass, 0.5 * end, about)
@@ -65,11 +68,14 @@ class Rods:
 
 @dataclass(frozen=True)
 class Friction:
-    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the joint, up to f_s."""
+    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the
+    joint, up to f_s.
+    """
 
     viscous: Number = 0.0  #: f_v [Nm s/rad or N s/m].
     coulomb: Number = 0.0  #: f_c [Nm or N].
-    static: Number | None = None  #: f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
+    #: f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
+    static: Number | None = None
     stribeck_speed: Number = 0.05  #: v_s [rad/s or m/s].
 
     def __post_init__(self) -> None:
@@ -77,15 +83,24 @@ class Friction:
         demand_sign(self, "plant: friction: ", zero_or_more=several, positive=("stribeck_speed",))
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
-        """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than Coulomb's."""
-        values = self.viscous, self.coulomb, self.coulomb if self.static is None else self.static, self.stribeck_speed
+        """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than
+        Coulomb's.
+        """
+        values = (
+            self.viscous,
+            self.coulomb,
+            self.coulomb if self.static is None else self.static,
+            self.stribeck_speed,
+        )
         names = ("viscous", "coulomb", "static", "stribeck_speed")
         viscous, coulomb, static, speed = (
-            per_joint(f"plant: friction: {name}", value, n) for name, value in zip(names, values, strict=True)
+            per_joint(f"plant: friction: {name}", value, n)
+            for name, value in zip(names, values, strict=True)
         )
         if (static < coulomb).any():
             raise InvalidInput(
-                f"plant.friction: static must not be less than coulomb, which is {shown(self.coulomb)}: not "
+                f"plant.friction: static must not be less than coulomb, which is "
+                f"{shown(self.coulomb)}: not "
                 f"{shown(self.static)}"
             )
         return viscous, coulomb, static, speed
@@ -95,28 +110,36 @@ class Friction:
 class ArmDynamics:
     """An arm with mass: M(q) q̈ + h(q, q̇) = τ − τ_f.
 
-    The controller ``"computed-torque"`` gives τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ, with the model that it
-    believes in, and q_c and q̇_c the command integrated. With ``"speed"`` each joint for itself has a critically damped
-    PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) + ĝ, e = q̇_c − q̇; ``"position"`` is the same around which a
-    position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the inertia that the joint feels at the start, the others
-    being free, and ĝ the weight at the beginning of each period.
+    The controller ``"computed-torque"`` gives τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ,
+    with the model that it believes in, and q_c and q̇_c the command integrated. With ``"speed"``
+    each joint for itself has a critically damped PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) +
+    ĝ, e = q̇_c − q̇; ``"position"`` is the same around which a position loop adds κ (q_c − q) to e,
+    κ = ω/4. There m̂ is the inertia that the joint feels at the start, the others being free, and ĝ
+    the weight at the beginning of each period.
     """
 
     controller: JointController = "computed-torque"
     bandwidth: float = 20.0  #: ω / 2π [Hz].
-    #: Of a sampling period: in each the controller gives one torque, and the motion is integrated once.
+    #: Of a sampling period: in each the controller gives one torque, and the motion is integrated
+    #: once.
     substeps: int = 10
     payload: Payload | None = None  #: What the tip carries beside the arm's own links.
-    mass_factor: float = 1.0  #: Believed masses and inertias of the links relative to the true ones.
+    #: Believed masses and inertias of the links relative to the true ones.
+    mass_factor: float = 1.0
     payload_factor: float = 1.0  #: The same of the payload.
-    friction: Friction = field(default_factory=Friction)  #: In the joints; the controller does not know of it.
-    effort: Number | None = None  #: Greatest torque of each joint [Nm or N]; the robot's own if not given.
-    speed: Number | None = None  #: Greatest speed that the controller lets its reference have; likewise.
-    dead_time: float = 0.0  #: How long a commanded torque takes to begin to act, a multiple of the substep [s].
+    #: In the joints; the controller does not know of it.
+    friction: Friction = field(default_factory=Friction)
+    #: Greatest torque of each joint [Nm or N]; the robot's own if not given.
+    effort: Number | None = None
+    #: Greatest speed that the controller lets its reference have; likewise.
+    speed: Number | None = None
+    #: How long a commanded torque takes to begin to act, a multiple of the substep [s].
+    dead_time: float = 0.0
     lag: float = 0.0  #: Time constant with which the torque follows then [s].
     rotor_inertia: Number = 0.0  #: Of the motors, as the joints feel it behind their gears [kg m²].
-    #: ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques that act at once are
-    #: those of a continuous controller. ``"runge-kutta"``: of fourth order with four; torques are held for a substep.
+    #: ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques
+    #: that act at once are those of a continuous controller. ``"runge-kutta"``: of fourth order
+    #: with four; torques are held for a substep.
     integrator: Integrator = "verlet"
     rods: Rods | None = None  #: What the links of an arm without inertias are taken for.
     gravity: Vector3 = (0.0, 0.0, -9.81)  #: In the base frame [m/s²].
@@ -127,7 +150,8 @@ class ArmDynamics:
                 raise unknown_name(f"plant: {name}", getattr(self, name), get_args(known))
         if int(self.substeps) != self.substeps or not 1 <= self.substeps <= MAX_SUBSTEPS:
             raise InvalidInput(
-                f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not {shown(self.substeps)}"
+                f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not "
+                f"{shown(self.substeps)}"
             )
         demand_sign(
             self,
@@ -136,7 +160,9 @@ class ArmDynamics:
             zero_or_more=("payload_factor", "dead_time", "lag", "rotor_inertia"),
         )
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
-            raise InvalidInput(f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}")
+            raise InvalidInput(
+                f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}"
+            )
 
     @property
     def exact(self) -> bool:
@@ -154,20 +180,25 @@ class ArmDynamics:
         return 2.0 * math.pi * self.bandwidth
 
     def slots(self, h: float) -> int:
-        """How many torques are under way or acting, in substeps of h [s]; raises if the dead time ends inside one."""
+        """How many torques are under way or acting, in substeps of h [s]; raises if the dead time
+        ends inside one.
+        """
         count = self.dead_time / h
         if abs(count - round(count)) > 1e-6:
             raise ConfigurationError(
-                f"plant: dead_time must be a multiple of the substep, {h:g} s, not {self.dead_time} s"
+                f"plant: dead_time must be a multiple of the substep, {h:g} s, not "
+                f"{self.dead_time} s"
             )
         return round(count) + 1
 
 
 @dataclass(frozen=True)
 class MujocoDynamics(ArmDynamics):
-    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of the other.
+    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of
+    the other.
 
-    Torques are held for a substep, and MuJoCo integrates by Runge and Kutta's method of fourth order.
+    Torques are held for a substep, and MuJoCo integrates by Runge and Kutta's method of fourth
+    order.
     """
 
     at_once = False

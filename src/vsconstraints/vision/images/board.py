@@ -13,10 +13,13 @@ from ...qp.decomposition import svd
 from ...robots.geometry import Pose
 from ...rows import Array, IntArray
 
-#: Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white needed around it.
-CELLS, BORDER = 8, 1
+#: Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white
+#: needed around it.
+CELLS = 8
+BORDER = 1
 FLAT = 1e-4  #: How far markers may be from their plane [m].
-DIAGONAL = 0.8  #: Diagonal of a tag by the least distance of a marker from the middle, if no side is given.
+#: Diagonal of a tag by the least distance of a marker from the middle, if no side is given.
+DIAGONAL = 0.8
 #: Corners of a tag as it is printed, in units of its side: x to the right, y down.
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -24,10 +27,11 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 class Board(NamedTuple):
     """M tags in a plane, x to the right and y down as one looks at the print, z into the board.
 
-    The first corner of a tag's black square is at its marker, and the opposite one towards the markers' mean: all tags
-    are where the markers are in the image, or between them. The pose is that of the board in the target's frame, its
-    origin the markers' mean; corners (M, 4, 2) of the black squares are in the plane [m], in the order of
-    :data:`SQUARE`; ids (M,) are the numbers of the tags.
+    The first corner of a tag's black square is at its marker, and the opposite one towards the
+    markers' mean: all tags are where the markers are in the image, or between them. The pose is
+    that of the board in the target's frame, its origin the markers' mean; corners (M, 4, 2) of the
+    black squares are in the plane [m], in the order of :data:`SQUARE`; ids (M,) are the numbers of
+    the tags.
     """
 
     pose: Pose
@@ -35,16 +39,20 @@ class Board(NamedTuple):
     ids: IntArray
 
     @classmethod
-    def of_markers(cls, markers: Array, seen_from: Array, side: float | None, ids: Sequence[int] | None) -> Board:
-        """The board of markers (M, 3) in the target's frame [m], printed on the side of a point (3,) in that frame.
+    def of_markers(
+        cls, markers: Array, seen_from: Array, side: float | None, ids: Sequence[int] | None
+    ) -> Board:
+        """The board of markers (M, 3) in the target's frame [m], printed on the side of a point
+        (3,) in that frame.
 
         Raises
         ------
         ConfigurationError
-            if there are fewer than three markers, they are not in a plane or in one line, tags would overlap, or there
-            are not as many numbers as markers.
+            if there are fewer than three markers, they are not in a plane or in one line, tags
+            would overlap, or there are not as many numbers as markers.
         """
-        M, middle = len(markers), markers.mean(axis=0)
+        M = len(markers)
+        middle = markers.mean(axis=0)
         away = markers - middle
         if M < 3:
             raise ConfigurationError(f"a board of tags takes three markers or more, not {M}")
@@ -54,7 +62,8 @@ class Board(NamedTuple):
         off = np.abs(away @ Vt[2]).max()
         if off > FLAT:
             raise ConfigurationError(
-                f"a board of tags takes markers in one plane: one is {1e3 * off:.3g} mm away from theirs"
+                f"a board of tags takes markers in one plane: one is {1e3 * off:.3g} mm away from "
+                f"theirs"
             )
         inwards = -np.sign((seen_from - middle) @ Vt[2]) * Vt[2]
         x = away[1] - away[0]
@@ -63,7 +72,9 @@ class Board(NamedTuple):
         pose = Pose(np.stack((x, np.cross(inwards, x), inwards), axis=1), middle)
         numbers = np.arange(M) if ids is None else np.array(ids, dtype=np.int64)
         if len(numbers) != M:
-            raise ConfigurationError(f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: {shown(ids)}")
+            raise ConfigurationError(
+                f"sensor: there are {M} markers, and {len(numbers)} numbers of tags: {shown(ids)}"
+            )
         return cls(pose, _corners((away @ pose.R)[:, :2], side), numbers)
 
     @property
@@ -78,7 +89,9 @@ class Board(NamedTuple):
 
 
 def _corners(markers: Array, side: float | None) -> Array:
-    """(M, 4, 2) corners of tags with one at each marker (M, 2), towards the origin; raises where two overlap."""
+    """(M, 4, 2) corners of tags with one at each marker (M, 2), towards the origin; raises where
+    two overlap.
+    """
     distance = np.sqrt((markers**2).sum(axis=1))
     if distance.min() < FLAT:
         raise ConfigurationError("a board of tags takes markers away from their mean")
@@ -86,13 +99,17 @@ def _corners(markers: Array, side: float | None) -> Array:
     towards = -markers / distance[:, None]
     # 45° to either side of the way to the middle
     c = np.sqrt(0.5)
-    x, y = towards @ np.array([[c, -c], [c, c]]), towards @ np.array([[c, c], [-c, c]])
-    corners: Array = markers[:, None] + a * (SQUARE[:, :1] * x[:, None] + SQUARE[:, 1:] * y[:, None])
+    x = towards @ np.array([[c, -c], [c, c]])
+    y = towards @ np.array([[c, c], [-c, c]])
+    corners: Array = markers[:, None] + a * (
+        SQUARE[:, :1] * x[:, None] + SQUARE[:, 1:] * y[:, None]
+    )
     wide = bordered(corners)
     for i, j in combinations(range(len(markers)), 2):
         if _overlap(wide[i], wide[j]):
             raise ConfigurationError(
-                f"tags {i + 1} and {j + 1} with sides of {1e3 * a:.3g} mm overlap, or the white around them does: give "
+                f"tags {i + 1} and {j + 1} with sides of {1e3 * a:.3g} mm overlap, or the white "
+                f"around them does: give "
                 "a smaller tag_side_m"
             )
     return corners
@@ -110,7 +127,8 @@ def _overlap(a: Array, b: Array) -> bool:
     for one, other in ((a, b), (b, a)):
         for i in range(2):
             along = one[i + 1] - one[i]
-            mine, theirs = one @ along, other @ along
+            mine = one @ along
+            theirs = other @ along
             if mine.max() <= theirs.min() or theirs.max() <= mine.min():
                 return False
     return True

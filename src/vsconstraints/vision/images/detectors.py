@@ -14,13 +14,15 @@ from ...plugins.extras import demand
 from ...rows import Array, IntArray
 
 MAX_WRONG_BITS = 1  #: Bits of a tag that may be wrong; more are taken for something else.
-#: Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it.
+#: Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond
+#: it.
 MIN_PIXELS = 20_480
 Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]  #: (H, W) grey levels.
 
 
 class Tags(NamedTuple):
-    """Tags in an image: their numbers (n,), and the corners of their black squares (n, 4, 2) as they are printed.
+    """Tags in an image: their numbers (n,), and the corners of their black squares (n, 4, 2) as
+    they are printed.
 
     Corners are in the order of :data:`.board.SQUARE`, in pixels from the image's top left corner.
     """
@@ -30,7 +32,8 @@ class Tags(NamedTuple):
 
 
 class Detector(NamedTuple):
-    """What finds tags of the family tag36h11, and how it counts pixels: see :meth:`.Camera.from_corner`.
+    """What finds tags of the family tag36h11, and how it counts pixels: see
+    :meth:`.Camera.from_corner`.
 
     ``find`` raises InvalidInput for an array that is no image of grey levels.
     """
@@ -40,23 +43,32 @@ class Detector(NamedTuple):
 
 
 def demand_image(image: object) -> None:
-    """Raise InvalidInput unless this is an image (H, W) of grey levels from 0 to 255, as detectors take it."""
+    """Raise InvalidInput unless this is an image (H, W) of grey levels from 0 to 255, as detectors
+    take it.
+    """
     right = "an image must be an array (H, W) of grey levels, uint8"
     if not isinstance(image, np.ndarray):
         raise InvalidInput(f"{right}, not {type(image).__name__}")
     if image.ndim == 3:
-        raise InvalidInput(f"{right}, not of colours {image.shape}: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) gives it")
+        raise InvalidInput(
+            f"{right}, not of colours {image.shape}: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) "
+            f"gives it"
+        )
     if image.ndim != 2 or not image.size:
         raise InvalidInput(f"{right}, not of the shape {image.shape}")
     if image.dtype != np.uint8:
-        raise InvalidInput(f"{right}, not {image.dtype}: scale it to 0 to 255, then image.astype(np.uint8)")
+        raise InvalidInput(
+            f"{right}, not {image.dtype}: scale it to 0 to 255, then image.astype(np.uint8)"
+        )
 
 
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
     """Tags, in the order of their numbers."""
     found.sort(key=lambda one: one[0])
     corners = np.array([np.reshape(corners, (4, 2)) for _, corners in found], dtype=np.float64)
-    return Tags(np.array([number for number, _ in found], dtype=np.int64), corners.reshape(-1, 4, 2))
+    return Tags(
+        np.array([number for number, _ in found], dtype=np.int64), corners.reshape(-1, 4, 2)
+    )
 
 
 def roomy(image: Pixels) -> Pixels:
@@ -73,7 +85,8 @@ def apriltag() -> Detector:
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector(families="tag36h11", nthreads=1, quad_decimate=2.0)
-    # it would free the families before the detector, which reads them then: the end of the process frees both
+    # it would free the families before the detector, which reads them then: the end of the process
+    # frees both
     atexit.register(setattr, detector, "tag_detector_ptr", None)
     # it begins elsewhere on a tag as OpenCV prints it, and goes round the other way
     order = [1, 0, 3, 2]
@@ -81,7 +94,9 @@ def apriltag() -> Detector:
     def find(image: Pixels) -> Tags:
         demand_image(image)
         found = detector.detect(roomy(image))
-        return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS])
+        return tags_of(
+            [(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS]
+        )
 
     return Detector(find, "edges")
 
@@ -101,7 +116,9 @@ def aruco() -> Detector:
         demand_image(image)
         corners, ids, _ = detector.detectMarkers(image)
         # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None where there are none
-        return tags_of([] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True)))
+        return tags_of(
+            [] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True))
+        )
 
     return Detector(find, "centres")
 

@@ -1,4 +1,6 @@
-"""Images of a board of tags through a camera, with blur, noise and motion: deterministic, in grey levels."""
+"""Images of a board of tags through a camera, with blur, noise and motion: deterministic, in grey
+levels.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,21 @@ from .settings import ImageSettings
 
 FINER = 2  #: Points along each side of a pixel at which a tag is looked up.
 #: Grey levels of the print, of what is around it, and of what is in front of it.
-BLACK, WHITE, AROUND, OBSTACLE = 30.0, 220.0, 120.0, 80.0
-#: Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per pixel of motion.
-MAX_TEXELS, MAX_EXPOSURES = 64, 16
-KNOT = 8  #: Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic splines.
-ROUNDED = 8  #: Decimals of the pose that is rendered: what differs in the last bits alone gives the same image.
-#: The camera's pose in the target's frame, by the time from the middle of the exposure of an image's middle [s].
+BLACK = 30.0
+WHITE = 220.0
+AROUND = 120.0
+OBSTACLE = 80.0
+#: Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per
+#: pixel of motion.
+MAX_TEXELS = 64
+MAX_EXPOSURES = 16
+#: Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic
+#: splines.
+KNOT = 8
+#: Decimals of the pose that is rendered: what differs in the last bits alone gives the same image.
+ROUNDED = 8
+#: The camera's pose in the target's frame, by the time from the middle of the exposure of an
+#: image's middle [s].
 Where = Callable[[float], Pose]
 
 
@@ -33,8 +44,9 @@ Where = Callable[[float], Pose]
 class Renderer:
     """Renders a board with the numbers that are printed on it through a camera, tag by tag.
 
-    Every tag is looked up at the points where rays through the pixels meet the board, so that lens, rolling shutter and
-    motion blur are exact. Raises ConfigurationError if OpenCV is not installed, or an image has no whole pixels.
+    Every tag is looked up at the points where rays through the pixels meet the board, so that lens,
+    rolling shutter and motion blur are exact. Raises ConfigurationError if OpenCV is not installed,
+    or an image has no whole pixels.
     """
 
     board: Board
@@ -46,8 +58,12 @@ class Renderer:
         if any(side != int(side) for side in self.camera.size):
             raise ConfigurationError(f"images have whole numbers of pixels, not {self.camera.size}")
 
-    def render(self, where: Where, random: np.random.Generator, hidden: BoolArray | None = None) -> Pixels:
-        """An image (H, W) of grey levels; an obstacle stands before pixels that are ``hidden`` (H, W)."""
+    def render(
+        self, where: Where, random: np.random.Generator, hidden: BoolArray | None = None
+    ) -> Pixels:
+        """An image (H, W) of grey levels; an obstacle stands before pixels that are ``hidden`` (H,
+        W).
+        """
         import cv2
 
         settings = self.settings
@@ -55,10 +71,14 @@ class Renderer:
         if hidden is not None:
             image[hidden] = OBSTACLE
         if settings.blur_px:
-            image = cv2.GaussianBlur(image, (0, 0), settings.blur_px, borderType=cv2.BORDER_REPLICATE)
+            image = cv2.GaussianBlur(
+                image, (0, 0), settings.blur_px, borderType=cv2.BORDER_REPLICATE
+            )
         image *= settings.light
         if settings.noise:
-            image += np.float32(settings.noise) * random.standard_normal(image.shape, dtype=np.float32)
+            image += np.float32(settings.noise) * random.standard_normal(
+                image.shape, dtype=np.float32
+            )
         return np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
 
     def _exposed(self, where: Where) -> Array:
@@ -82,7 +102,9 @@ class Renderer:
         return total / np.float32(count)
 
     def _normalised(self, camera: Pose) -> Array | None:
-        """(M · 4, 2) normalised coordinates of the tags' outer corners; None unless all are in front of the camera."""
+        """(M · 4, 2) normalised coordinates of the tags' outer corners; None unless all are in
+        front of the camera.
+        """
         seen = self.board.camera_in_board(camera)
         flat = bordered(self.board.corners).reshape(-1, 2)
         P = (np.pad(flat, ((0, 0), (0, 1))) - seen.t) @ seen.R
@@ -93,47 +115,69 @@ class Renderer:
         import cv2
 
         late = 0.5 * self.settings.rolling_s
-        poses = [_rounded(where(instant + shift)) for shift in ((-late, 0.0, late) if late else (0.0,))]
+        poses = [
+            _rounded(where(instant + shift)) for shift in ((-late, 0.0, late) if late else (0.0,))
+        ]
         corners = [self._normalised(pose) for pose in poses]
         if any(one is None for one in corners):
             return
         height, width = fine.shape
         for i, number in enumerate(self.board.ids.tolist()):
             own = [one[4 * i : 4 * i + 4] for one in corners if one is not None]
-            edge = [self.camera.to_corner(self.camera.distort(self.camera.pixels(one))) for one in own]
+            edge = [
+                self.camera.to_corner(self.camera.distort(self.camera.pixels(one))) for one in own
+            ]
             box = FINER * np.concatenate(edge)
             low = np.clip(np.floor(box.min(axis=0)) - FINER, 0, (width, height)).astype(int)
             high = np.clip(np.ceil(box.max(axis=0)) + FINER, 0, (width, height)).astype(int)
             if (high <= low).any():
                 continue
-            columns, rows = slice(low[0], high[0]), slice(low[1], high[1])
+            columns = slice(low[0], high[0])
+            rows = slice(low[1], high[1])
             maps = [self._to_tag(i, self.board.camera_in_board(pose)) for pose in poses]
             if any(one is None for one in maps):
                 continue
             x, y = self._rays(rows, columns)
-            tag_x, tag_y = _looked_up([one for one in maps if one is not None], x, y, _late(rows, height))
-            length = FINER * max(float(np.ptp(one, axis=0).max()) for one in edge) / (CELLS + 2 * BORDER)
+            tag_x, tag_y = _looked_up(
+                [one for one in maps if one is not None], x, y, _late(rows, height)
+            )
+            length = (
+                FINER * max(float(np.ptp(one, axis=0).max()) for one in edge) / (CELLS + 2 * BORDER)
+            )
             texels = int(min(2 ** np.ceil(np.log2(max(length, 2.0))), MAX_TEXELS))
             picture = _picture(number, texels)
             # cells from the corner of the black square; OpenCV counts centres
-            at_x, at_y = (np.float32(texels) * (part + np.float32(BORDER)) - np.float32(0.5) for part in (tag_x, tag_y))
+            at_x, at_y = (
+                np.float32(texels) * (part + np.float32(BORDER)) - np.float32(0.5)
+                for part in (tag_x, tag_y)
+            )
             patch = np.ascontiguousarray(fine[rows, columns])
-            cv2.remap(picture, at_x, at_y, cv2.INTER_LINEAR, dst=patch, borderMode=cv2.BORDER_TRANSPARENT)
+            cv2.remap(
+                picture, at_x, at_y, cv2.INTER_LINEAR, dst=patch, borderMode=cv2.BORDER_TRANSPARENT
+            )
             fine[rows, columns] = patch
 
     def _to_tag(self, i: int, camera: Pose) -> Array | None:
-        """(3, 3) from normalised coordinates in the image to cells of a tag; None where it is seen from behind."""
+        """(3, 3) from normalised coordinates in the image to cells of a tag; None where it is seen
+        from behind.
+        """
         corner, right, _, down = self.board.corners[i] / self.board.cell
         plane = np.zeros((3, 3))
-        plane[:2, 0], plane[:2, 1], plane[:2, 2] = (right - corner) / CELLS, (down - corner) / CELLS, corner
+        plane[:2, 0] = (right - corner) / CELLS
+        plane[:2, 1] = (down - corner) / CELLS
+        plane[:2, 2] = corner
         plane[2, 2] = 1.0
         # of points in the plane, in cells, in the camera's frame
-        seen: Array = camera.R.T @ (np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]) @ plane)
+        seen: Array = camera.R.T @ (
+            np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]) @ plane
+        )
         seen[:, 2] -= camera.R.T @ camera.t / self.board.cell
         return np.linalg.inv(seen) if np.linalg.det(seen) > 0.0 else None
 
     def _rays(self, rows: slice, columns: slice) -> tuple[Array, Array]:
-        """Ideal normalised coordinates of the points in those rows and columns, (h, w) or what broadcasts to that."""
+        """Ideal normalised coordinates of the points in those rows and columns, (h, w) or what
+        broadcasts to that.
+        """
         camera = self.camera
         W, H = (int(side) for side in camera.size)
         if camera.distortion is not None:
@@ -141,7 +185,8 @@ class Renderer:
             return x[rows, columns], y[rows, columns]
         u, v = ((np.arange(part.start, part.stop) + 0.5) / FINER for part in (columns, rows))
         middle = camera.to_corner(camera.offset)
-        x, y = (u - middle[0]) / camera.focal[0], (v - middle[1]) / camera.focal[1]
+        x = (u - middle[0]) / camera.focal[0]
+        y = (v - middle[1]) / camera.focal[1]
         return x[None, :].astype(np.float32), y[:, None].astype(np.float32)
 
 
@@ -152,7 +197,9 @@ def _late(rows: slice, height: int) -> Array:
 
 
 def _looked_up(maps: Sequence[Array], x: Array, y: Array, late: Array) -> tuple[Array, Array]:
-    """Where rays meet a tag [cells]: by one map, or by the quadratic in time through those at −1, 0 and 1."""
+    """Where rays meet a tag [cells]: by one map, or by the quadratic in time through those at −1, 0
+    and 1.
+    """
     h = maps[0][..., None, None].astype(np.float32)
     if len(maps) == 3:
         before, now, after = (one[..., None, None].astype(np.float32) for one in maps)
@@ -172,23 +219,33 @@ def _picture(number: int, texels: int) -> Array:
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     bits = cv2.aruco.generateImageMarker(family, number, CELLS)
-    grey = np.where(np.pad(bits, BORDER, constant_values=255) > 127, WHITE, BLACK).astype(np.float32)
+    grey = np.where(np.pad(bits, BORDER, constant_values=255) > 127, WHITE, BLACK).astype(
+        np.float32
+    )
     return np.kron(grey, np.ones((texels, texels), dtype=np.float32))
 
 
 @lru_cache(maxsize=2)
 def _bent(
-    focal: tuple[float, float], offset: tuple[float, float], size: tuple[int, int], distortion: Distortion
+    focal: tuple[float, float],
+    offset: tuple[float, float],
+    size: tuple[int, int],
+    distortion: Distortion,
 ) -> tuple[Array, Array]:
-    """(FINER H, FINER W) ideal normalised coordinates x and y of all points of an image, NaN where there are none."""
+    """(FINER H, FINER W) ideal normalised coordinates x and y of all points of an image, NaN where
+    there are none.
+    """
     knots = [np.linspace(0.0, side, -(-side // KNOT) + 1) for side in size]
     fine = [(np.arange(FINER * side) + 0.5) / FINER for side in size]
-    from scipy.interpolate import RectBivariateSpline  # takes longer to load than all other imports of a run
+    # takes longer to load than all other imports of a run
+    from scipy.interpolate import RectBivariateSpline
 
     pinhole = Camera(focal, size, (offset[0] + 0.5 * size[0], offset[1] + 0.5 * size[1]))
     grid = pinhole.from_corner(np.stack(np.meshgrid(*knots), axis=-1))
     ideal, certain = distortion.remove(pinhole.normalised(grid))
-    x, y = (RectBivariateSpline(knots[1], knots[0], ideal[..., c])(fine[1], fine[0]) for c in (0, 1))
+    x, y = (
+        RectBivariateSpline(knots[1], knots[0], ideal[..., c])(fine[1], fine[0]) for c in (0, 1)
+    )
     beyond = RectBivariateSpline(knots[1], knots[0], ~certain, kx=1, ky=1)(fine[1], fine[0]) > 0.0
     x[beyond] = y[beyond] = np.nan
     return x.astype(np.float32), y.astype(np.float32)

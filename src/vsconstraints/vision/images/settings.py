@@ -1,4 +1,6 @@
-"""The table ``sensor`` of a scenario whose controller sees images: how they are taken and evaluated."""
+"""The table ``sensor`` of a scenario whose controller sees images: how they are taken and
+evaluated.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,31 @@ LAST_ID = 586  #: The family tag36h11 has 587 tags.
 
 @dataclass(frozen=True)
 class ImageSettings:
-    """Images are rendered, tags in them detected, and what that says is what a controller believes."""
+    """Images are rendered, tags in them detected, and what that says is what a controller
+    believes.
+    """
 
-    rate_hz: float = 30.0  #: Images a second; each is taken at the first sample that is not before its time.
+    #: Images a second; each is taken at the first sample that is not before its time.
+    rate_hz: float = 30.0
     latency_s: float = 0.03  #: How long after that it can be used [s]. The first is waited for.
     detector: DetectorName = "apriltag"
     prediction: bool = True  #: Whether images are moved on by the known motion until the next one.
-    depth: DepthName | float = "pose"  #: In an image: by the "pose" that explains it, the "model", or always this [m].
+    #: In an image: by the "pose" that explains it, the "model", or always this [m].
+    depth: DepthName | float = "pose"
     noise: float = 2.0  #: Standard deviation of every grey level, of 256.
     blur_px: float = 0.5  #: Standard deviation of the lens's blur [px].
     light: float = 1.0  #: Factor on all grey levels; what exceeds 255 is white.
     exposure_s: float = 0.0  #: How long the shutter is open: things that move are smeared [s].
-    rolling_s: float = 0.0  #: How much later the last row is taken than the first; 0 is a global shutter [s].
+    #: How much later the last row is taken than the first; 0 is a global shutter [s].
+    rolling_s: float = 0.0
     tag_side_m: float | None = None  #: Of the tags' black squares [m]; as large as can be if None.
-    tags: Sequence[int] | None = None  #: Numbers of the tags that are looked for, one per marker; 0, 1, … if None.
-    printed: Sequence[int] | None = None  #: Numbers of those that the board really has; the same if None.
+    #: Numbers of the tags that are looked for, one per marker; 0, 1, … if None.
+    tags: Sequence[int] | None = None
+    #: Numbers of those that the board really has; the same if None.
+    printed: Sequence[int] | None = None
     opaque: Sequence[OpaqueName] = ("links", "bodies")  #: What hides tags besides what occludes.
-    patience_s: float = 0.25  #: How long control goes on with the last usable image before it brakes [s].
+    #: How long control goes on with the last usable image before it brakes [s].
+    patience_s: float = 0.25
 
     def __post_init__(self) -> None:
         if self.detector not in get_args(DetectorName):
@@ -49,7 +59,8 @@ class ImageSettings:
         for name in ("exposure_s", "rolling_s"):
             if getattr(self, name) > 1.0 / self.rate_hz:
                 raise InvalidInput(
-                    f"sensor: {name} must not exceed the time between images, {1.0 / self.rate_hz:.3g} s, not "
+                    f"sensor: {name} must not exceed the time between images, "
+                    f"{1.0 / self.rate_hz:.3g} s, not "
                     f"{shown(getattr(self, name))}"
                 )
         for kind in self.opaque:
@@ -58,9 +69,13 @@ class ImageSettings:
         for name in ("tags", "printed"):
             ids = getattr(self, name)
             if ids is not None and not all(int(one) == one and 0 <= one <= LAST_ID for one in ids):
-                raise InvalidInput(f"sensor: {name} must be numbers from 0 to {LAST_ID}, not {shown(list(ids))}")
+                raise InvalidInput(
+                    f"sensor: {name} must be numbers from 0 to {LAST_ID}, not {shown(list(ids))}"
+                )
         if self.tags is not None and len({*self.tags}) != len(self.tags):
-            raise InvalidInput(f"sensor: tags must differ from one another, not {shown(list(self.tags))}")
+            raise InvalidInput(
+                f"sensor: tags must differ from one another, not {shown(list(self.tags))}"
+            )
 
     @property
     def random(self) -> bool:
@@ -76,5 +91,6 @@ class ImageSettings:
         return tuple(range(markers)) if self.tags is None else tuple(self.tags)
 
 
-#: Types of sensors that scenario files know; without one, markers are measured as ``disturbances`` say.
+#: Types of sensors that scenario files know; without one, markers are measured as ``disturbances``
+#: say.
 SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}

@@ -1,4 +1,6 @@
-"""Silhouettes of convex solids in an image: clipped to what is before a board, projected, and filled."""
+"""Silhouettes of convex solids in an image: clipped to what is before a board, projected, and
+filled.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,14 @@ import numpy as np
 from ...rows import Array, BoolArray
 from ..camera import Camera
 
-#: How far what is drawn is from the plane through the camera, and before the board: what lies on it covers nothing [m].
-NEAR, BEFORE = 0.01, 1e-3
-#: Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is drawn any more.
-PART, WIDEST = 0.02, 10.0
+#: How far what is drawn is from the plane through the camera, and before the board: what lies on it
+#: covers nothing [m].
+NEAR = 0.01
+BEFORE = 1e-3
+#: Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is
+#: drawn any more.
+PART = 0.02
+WIDEST = 10.0
 #: Around the reach of a lens, by which it is scaled.
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
 SHIFT = 4  #: Binary digits of a pixel that corners are rounded to.
@@ -21,8 +27,8 @@ SHIFT = 4  #: Binary digits of a pixel that corners are rounded to.
 def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
     """(H, W) pixels of a camera that convex solids cover, of those before a board.
 
-    Each solid is (V, 3) points whose convex hull it is, ``board`` (4,) a unit normal n away from the camera and d in
-    n·P = d, all in the camera's frame [m].
+    Each solid is (V, 3) points whose convex hull it is, ``board`` (4,) a unit normal n away from
+    the camera and d in n·P = d, all in the camera's frame [m].
     """
     import cv2
 
@@ -36,7 +42,9 @@ def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
 
 
 def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
-    """(K, 2) corners of a solid's outline, counted by pixels' centres; None if nothing of it is before the board."""
+    """(K, 2) corners of a solid's outline, counted by pixels' centres; None if nothing of it is
+    before the board.
+    """
     import cv2
 
     seen = clipped(points, np.array([0.0, 0.0, 1.0, NEAR]))
@@ -50,7 +58,9 @@ def silhouette(points: Array, board: Array, camera: Camera) -> Array | None:
         if within is None:
             return None
         outline = _finely(within[:, 0])
-    corners: Array = camera.to_corner(camera.distort(camera.pixels(outline.astype(np.float64))), "centres")
+    corners: Array = camera.to_corner(
+        camera.distort(camera.pixels(outline.astype(np.float64))), "centres"
+    )
     return corners
 
 
@@ -64,9 +74,11 @@ def _finely(outline: Array) -> Array:
 
 
 def clipped(points: Array, plane: Array) -> Array:
-    """(V', 3) points whose convex hull is that of points (V, 3), less where n·P < d; ``plane`` (4,) is n and d.
+    """(V', 3) points whose convex hull is that of points (V, 3), less where n·P < d; ``plane`` (4,)
+    is n and d.
 
-    Where the plane cuts lines between two of the points, there are new ones: the corners of the cut are among them.
+    Where the plane cuts lines between two of the points, there are new ones: the corners of the cut
+    are among them.
     """
     import cv2
 
@@ -75,7 +87,10 @@ def clipped(points: Array, plane: Array) -> Array:
     left: Array = points[kept]
     if kept.all() or not kept.any():
         return left
-    a, b, here, there = left, points[~kept], inside[kept], inside[~kept]
+    a = left
+    b = points[~kept]
+    here = inside[kept]
+    there = inside[~kept]
     share = here[:, None] / (here[:, None] - there)
     cut = (a[:, None] + share[..., None] * (b - a[:, None])).reshape(-1, 3)
     # in the plane: its outline is enough
