@@ -211,9 +211,8 @@ class Evaluator:
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(
-            state["scene"], state["constraints"], state["visual_task"], **state["settings"]
-        )  # type: ignore[misc]
+        parts = (state["scene"], state["constraints"], state["visual_task"])
+        self.__init__(*parts, **state["settings"])  # type: ignore[misc]
         self.packed.recall(state["memory"])
         self.packed.step.views[:] = state["views"]
 

@@ -225,9 +225,8 @@ def numbers_of(value: object, key: str, where: str) -> Array:
     rows = float(len(numbers))
     columns = 1.0
     if is_table and sized:
-        # type: ignore[index]
-        rows = number_of(value["rows"])
-        columns = number_of(value["cols"])
+        rows = number_of(value["rows"])  # type: ignore[index]
+        columns = number_of(value["cols"])  # type: ignore[index]
     if len(numbers) != rows * columns or not np.isfinite(numbers).all():
         finite = np.isfinite(numbers).sum()
         raise ConfigurationError(

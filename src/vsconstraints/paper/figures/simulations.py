@@ -159,7 +159,7 @@ def draw_obstacle(run: Run, met: Obstacle) -> Sheet:
 def frame_times(run: Run) -> list[float]:
     """Four instants that Fig. 12 shows: in the middle of three events at once, of the third feature's sliding, of the
     second feature's sliding in the second phase, and of the sphere's.
-    """  # noqa: D205
+    """
     count = claims.at_once(run)
     three = run.t[count == count.max()]
     spans = [
