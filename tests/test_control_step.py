@@ -500,11 +500,11 @@ def test_a_used_step_can_be_copied_and_a_law_may_hold_arrays() -> None:
 
 def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
     class Raises(Manipulability):
-        calls = 0
+        fails = False
 
         def rows(self, state: State, points: slice) -> RowBlock:
-            self.calls += 1
-            if self.calls == 2:
+            if self.fails:
+                self.fails = False
                 raise RuntimeError("now")
             return block(self, state, points)
 
@@ -513,6 +513,7 @@ def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
     raises = Raises(scene.robot, K=0.1, switching_gain=1.0, minimum=0.001)
     step = ControlStep(scene, ConstraintSet([raises], scene), setup.task)
     step.evaluate(0.0, setup.q0, setup.qd0)
+    raises.fails = True
     with pytest.raises(RuntimeError, match="now"):
         step.evaluate(0.002, setup.q0 - 0.02, setup.qd0)
     other = ControlStep(scene, ConstraintSet([], scene), setup.task)

@@ -141,8 +141,8 @@ BAD = {
     "text": ({"pixels": "image"}, "pixels must be"),
     "one infinite": ({"pixels": [[0.0, 0.0], [np.inf, 0.0]]}, "pixels must be"),
     "depth alone": ({"depth": np.ones(2)}, "needs the pixels"),
-    "a depth of zero": (
-        {"pixels": np.zeros((2, 2)), "depth": np.array([1.0, 0.0])},
+    "a depth behind the camera": (
+        {"pixels": np.zeros((2, 2)), "depth": np.array([1.0, -1.0])},
         "must be positive",
     ),
     "shape of depth": ({"pixels": np.zeros((2, 2)), "depth": np.ones(3)}, "depth must be"),

@@ -114,8 +114,8 @@ def edit(path: Path) -> None:
 def _forget() -> None:
     for table in (
         provenance.read_by_imports,
-        provenance._read_by_runs,
-        provenance._written_by_runs,
+        provenance.read_by_runs,
+        provenance.written_by_runs,
     ):
         table.clear()
     for name in [name for name in sys.modules if "own file" in name or name == "helper"]:

@@ -102,6 +102,6 @@ def test_a_lock_that_another_process_holds_is_not_waited_for(tmp_path: Path) -> 
 def test_where_files_cannot_be_locked_that_is_an_error_of_the_system(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(portable, "_fcntl", None)
+    monkeypatch.setattr(portable, "fcntl", None)
     with (tmp_path / "lock").open("w") as file, pytest.raises(OSError, match="no locks of files"):
         portable.lock(file, wait=True)

@@ -52,7 +52,7 @@ def test_a_run_without_samples_has_no_scores() -> None:
     assert found.constraints == []
     assert (found.result["violated"], found.result["within_band"]) == ("", "")
     numbers = [value for value in found.result.values() if not isinstance(value, (str, bool))]
-    assert len(numbers) == 22
+    assert len(numbers) == 23
     assert np.isnan(numbers).all()
 
 

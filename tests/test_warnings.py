@@ -55,7 +55,10 @@ def warnings_of(*scenarios: Scenario) -> dict[str, list[str]]:
     [
         ({"task.goals": [AFAR]}, OUT_OF_REACH),
         ({"task.goals": [AFAR]}, "goal: fov[marker 1] is violated"),
-        ({"task.goals": [OUT_OF_RANGE]}, "goal: joint 6 (wrist_3_joint) is at 6.5, outside"),
+        (
+            {"task.goals": [OUT_OF_RANGE]},
+            "goal: joint 6 (wrist_3_joint) is at 6.5, 0.217 rad outside",
+        ),
         (
             {"task": BY_IMAGE},
             "goal: no pose of the camera was found from which the markers look like this",

@@ -169,6 +169,9 @@ class Study:
             raise ConfigurationError(
                 f"{path} is no study of laws that come with the package: {why}"
             )
+        for name in study.laws:
+            if name not in study.requires:
+                raise ConfigurationError(f"{path}: requires says nothing of the law {shown(name)}")
         return study
 
     def keep(self, path: Path) -> None:
@@ -217,9 +220,6 @@ def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
             raise ConfigurationError(
                 f"{path}: {empty} cells of column {column.name} are empty; --keep leaves none so"
             )
-    for name in laws:
-        if name not in requires:
-            raise ConfigurationError(f"{path}: requires says nothing of the law {shown(name)}")
     return Study(runs, laws, requires, frozen, files)
 
 

@@ -21,7 +21,7 @@ def _module(name: str) -> Any:
         return None
 
 
-_fcntl = _module("fcntl")
+fcntl = _module("fcntl")  #: Locks of files; None where there are none.
 
 
 def signals(*names: str) -> tuple[signal.Signals, ...]:
@@ -49,9 +49,9 @@ def lock(file: IO[Any], wait: bool) -> None:
     OSError
         if the file cannot be locked on this platform or file system.
     """
-    if _fcntl is None:
+    if fcntl is None:
         raise OSError(errno.ENOTSUP, "this platform has no locks of files")
-    _fcntl.flock(file, _fcntl.LOCK_EX if wait else _fcntl.LOCK_EX | _fcntl.LOCK_NB)
+    fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @contextmanager

@@ -27,8 +27,8 @@ _FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), *_SYSTEM)
 #: Folders whose files are nobody's own: the standard library, this package, the system's.
 LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS)
 
-#: endings of numba's caches, which are made of code that is looked at itself
-COMPILED = (".nbi", ".nbc")
+#: Endings of the files in caches of compiled code, checksums included: the code itself is noted.
+COMPILED = (".nbi", ".nbc", ".nbi.sha256", ".nbc.sha256")
 
 _own_packages: set[str] = set()
 #: Packages of own parts, and files that they read while they were imported, which happens once in a
@@ -36,8 +36,8 @@ _own_packages: set[str] = set()
 read_by_imports: Files = {}
 #: Files that own parts have read in this process while they ran, as they were when they were read
 #: last.
-_read_by_runs: Files = {}
-_written_by_runs: set[str] = set()  # what own parts write themselves is not what results depend on
+read_by_runs: Files = {}
+written_by_runs: set[str] = set()  # what own parts write themselves is not what results depend on
 
 _notes: list[tuple[Files, set[str]]] = []
 #: What is being noted, and whether the audit hook is there: one serves the whole process, and none
@@ -142,10 +142,10 @@ def own_parts_noted() -> Iterator[Files]:
     with noted() as read:
         written = _notes[-1][1]
         yield files
-    _written_by_runs.update(written)
-    _read_by_runs.update(read)
-    known = {**_read_by_runs, **imported()}
-    files.update({path: content for path, content in known.items() if path not in _written_by_runs})
+    written_by_runs.update(written)
+    read_by_runs.update(read)
+    known = {**read_by_runs, **imported()}
+    files.update({path: content for path, content in known.items() if path not in written_by_runs})
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:

@@ -9,6 +9,7 @@ runs of others or its own scores.
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 from collections.abc import Sequence
 from contextlib import chdir
@@ -30,9 +31,44 @@ MAX_PROCESSES = 8
 EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
 
 #: Processes of laws, by the laws; the one used last comes last.
-_pools: dict[str, Pool[dict[str, Any]]] = {}
+_processes: dict[str, _LawProcess] = {}
 _finalizers: list[Finalize] = []
 _read_here: Files = {}  #: In a law's process: what its code has read in all its runs.
+
+
+class _LawProcess:
+    """The process of one law, and the state of the files that its code has read."""
+
+    def __init__(self) -> None:
+        self.pool: Pool[dict[str, Any]] = Pool(record, 1, plain=True)
+        self._states: dict[str, tuple[int, int]] = {}
+
+    def run(self, run: LawRun) -> dict[str, Any] | Failure:
+        """Run the law once, and remember the files that it has read so far."""
+        ((_, answer),) = self.pool.run({0: (run,)})
+        files = answer.get("files") if isinstance(answer, dict) else None
+        self._states = {}
+        for path in files if isinstance(files, dict) else ():
+            self._states[str(path)] = _state_of(str(path))
+        return answer
+
+    @property
+    def is_current(self) -> bool:
+        """True if no file has changed since the law's code read it."""
+        return all(_state_of(path) == state for path, state in self._states.items())
+
+    def end(self) -> None:
+        """End the process."""
+        self.pool.__exit__(None, None, None)
+
+
+def _state_of(path: str) -> tuple[int, int]:
+    """Return time of modification [ns] and size [bytes] of a file; zeros if it cannot be found."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
 
 
 class LawFailedError(Exception):
@@ -116,20 +152,21 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
     # options and instances of own laws can raise anything when they are pickled
     except Exception as error:
         return Failure.of(error, "it cannot be sent to a process: ")
-    pool = _pools.pop(law, None) or Pool(record, 1, plain=True)
-    _pools[law] = pool
-    while len(_pools) > MAX_PROCESSES:
-        oldest = next(iter(_pools))
-        _end(_pools.pop(oldest))
-    ((_, answer),) = pool.run({0: (run,)})
-    return answer
+    process = _processes.pop(law, None)
+    if process is not None and not process.is_current:
+        # the process may hold what a file held before it was edited
+        process.end()
+        process = None
+    if process is None:
+        process = _LawProcess()
+    _processes[law] = process
+    while len(_processes) > MAX_PROCESSES:
+        oldest = next(iter(_processes))
+        _processes.pop(oldest).end()
+    return process.run(run)
 
 
 def end_law_processes() -> None:
     """End the processes of all laws that this process has started."""
-    while _pools:
-        _end(_pools.popitem()[1])
-
-
-def _end(pool: Pool[Any]) -> None:
-    pool.__exit__(None, None, None)
+    while _processes:
+        _processes.popitem()[1].end()
