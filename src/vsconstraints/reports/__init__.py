@@ -4,8 +4,9 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    """``write_report`` is imported when it is asked for: ``--help`` needs the formats of figures
-    alone.
+    """Import ``write_report`` on first access.
+
+    Commands such as ``--help`` need only the figure formats, so they do not load the report.
     """
     if name != "write_report":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,6 +1,4 @@
-"""A difference of two comparisons as Markdown: what got worse, what changed, and which runs to look
-at.
-"""
+"""Differences of two comparisons as Markdown: regressions, changes and the runs to inspect."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from .numbers import DASH, number
 from .page import render
 
 TIMES = ("step_time_median_us", "step_time_p99_us", "rows_time_median_us")
-#: Runs that are named, lines of the table of metrics, names in a cell, and characters of a setting.
+#: Limits: named runs, lines in the table of metrics, names in a cell, characters of a setting.
 MAX_RUNS = 10
 MAX_LINES = 100
 MAX_NAMES = 3
@@ -25,7 +23,7 @@ MAX_LENGTH = 60
 
 
 def page(found: Difference) -> str:
-    """The whole page."""
+    """Return the whole page."""
     outcomes = [(each, p) for each, p in found.found if isinstance(each, Outcome)]
     shifts = [(each, p) for each, p in found.found if isinstance(each, Shift)]
     shifts.sort(key=lambda one: (one[1] is None, one[1] or 0))
@@ -51,7 +49,7 @@ def page(found: Difference) -> str:
 
 
 def verdict(found: Difference) -> str:
-    """What got worse, line by line, and what got better."""
+    """Return the lines that say what got worse and what got better."""
     if not found.pairs.differ.any():
         return (
             f"All {len(found.pairs.differ)} runs that both have are the same, but for their times."
@@ -112,7 +110,7 @@ def _named(runs: Any) -> str:
 
 
 def _lost(found: Difference, outcome: Outcome) -> Iterator[str]:
-    """The first runs that B lost, with status and reason."""
+    """Yield the first runs that B lost, with status and reason."""
     for position in outcome.lost[:MAX_RUNS]:
         run = found.pairs.b.iloc[position]
         name = ", ".join(map(str, found.pairs.b.index[position]))
@@ -144,6 +142,6 @@ def _mark(found: Difference, each: Outcome | Shift, p: float | None) -> str:
 
 
 def _moved(shift: Shift, confidence: float) -> str:
-    """The median of the differences in the unit in which reports show the metric."""
+    """Return the median of the differences, in the unit in which reports show the metric."""
     factor = shift.metric.factor * (100.0 if shift.metric.style == "percent" else 1.0)
     return with_interval(*median(shift.differences, confidence)[:3], factor)

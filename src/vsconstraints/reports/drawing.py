@@ -1,5 +1,6 @@
-"""Which scenarios and runs a report shows, and their figures and replays; an error costs one
-figure.
+"""Selection of the scenarios and runs that a report shows, and their figures and replays.
+
+An error in one figure leaves out only that figure.
 """
 
 from __future__ import annotations
@@ -30,19 +31,21 @@ from .replay import write_replay
 from .replay.runs import run_of
 from .results import Results, RowsShown, clean
 
-# up to this many scenarios are drawn in this process: starting others takes about as long
+# Up to this many scenarios are drawn in this process: starting others takes about as long.
 IN_PROCESS = 2
 REPLAYS = "replays"  # folder below that of the comparison
-#: A suite with more figures than the first shows only those of so many scenarios.
+#: A suite with more than MAX_FIGURES figures shows only MAX_SCENARIOS scenarios.
 MAX_FIGURES = 48
 MAX_SCENARIOS = 3
-#: The trial that figures and replays show: the one that starts where the scenario says.
+#: Trial that figures and replays show: it starts at the scenario's own start.
 TRIAL_SHOWN = 0
 
 
 def shown_scenarios(results: Results) -> tuple[str, ...]:
-    """All scenarios of a small suite; of a large one those on which controllers differ most, then
-    the most violated.
+    """Return all scenarios of a small suite, or the most informative ones of a large suite.
+
+    The most informative scenarios are those on which controllers differ most, then those with the
+    deepest violations.
     """
 
     def weight(scenario: str) -> tuple[int, float]:
@@ -58,8 +61,10 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
 
 
 def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
-    """The controller with the deepest violation, or tracking alone; and the clean one with the
-    greatest utilization.
+    """Return the controllers that the replay of a scenario shows.
+
+    These are the controller with the deepest violation, or the unconstrained baseline if none
+    violates a row, and the controller with the greatest utilization among the clean ones.
     """
     lines = {
         name: line
@@ -86,10 +91,10 @@ def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ScenarioJob:
-    """The figures of one scenario: one of each kind for each group of controllers.
+    """Figures of one scenario to be drawn: one of each kind for each group of controllers.
 
-    ``finished`` are the controllers that have a line in results.csv for the shown trial; ``rows``
-    those that are drawn.
+    ``finished`` are the controllers with a line in results.csv for the shown trial; ``rows`` are
+    the rows that are drawn.
     """
 
     folder: Path
@@ -101,7 +106,7 @@ class ScenarioJob:
     formats: Formats = PNG
 
     def files(self) -> dict[str, Path]:
-        """The trajectories, by controller."""
+        """Return the files of the trajectories, by controller."""
         return {
             name: run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN)
             for name in self.finished
@@ -110,11 +115,11 @@ class ScenarioJob:
 
 @dataclass
 class Drawn:
-    """The figures of one scenario.
+    """Drawn figures of one scenario.
 
-    ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them; ``problems``
-    are sentences on what is missing; ``first_outside`` says when a controller first violates a row
-    [s]; ``replay`` is a link.
+    ``files`` are names below ``figures``, ``pictures`` the Markdown that shows them. ``problems``
+    are sentences on what is missing. ``first_outside`` is the time at which a controller first
+    violates a row [s], by controller and row. ``replay`` is a link.
     """
 
     files: list[str] = field(default_factory=list)
@@ -132,8 +137,9 @@ def picture(
     suffix: str = "",
     remark: str = "",
 ) -> str:
-    """Draw a figure, whose name ends in ``suffix``, and show it with its caption; on an error, say
-    so instead.
+    """Draw a figure and return the Markdown that shows it with its caption.
+
+    The file name ends in ``suffix``. If drawing fails, the returned text states the error.
     """
     file = figure.file_in(formats, suffix)
     try:
@@ -159,7 +165,7 @@ def _not_drawn(figure: Figure, error: Exception) -> str:
 def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
-    """The jobs that draw these scenarios of a stored comparison, or all."""
+    """Return the jobs that draw these scenarios of a stored comparison, by default all."""
     jobs = []
     stored = results.stored
     for name in results.scenarios if scenarios is None else scenarios:
@@ -183,8 +189,10 @@ def draw_all(
     formats: Formats,
     on_drawn: Callable[[int, int], None],
 ) -> tuple[str, dict[str, Drawn]]:
-    """Draw the figures of the comparison, whose text is returned, and of these scenarios; failures
-    are reported.
+    """Draw the figures of the comparison and of these scenarios.
+
+    Return the text that shows the figure of the comparison, and the drawn figures by scenario.
+    Failures are recorded in both.
     """
     jobs = scenario_jobs(results, scenarios, formats)
     calls: dict[Any, tuple[Any, ...]] = {job.scenario.name: (draw_scenario, job) for job in jobs}
@@ -207,14 +215,14 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
-    """Draw what can be drawn; an error in one figure leaves out only that one, and is reported."""
+    """Draw the figures of one scenario; an error leaves out one figure and is recorded."""
     drawn = Drawn()
     setup = None
     name = job.scenario.name
     runs = stored_runs(job, drawn)
     try:
         setup = job.scenario.setup(TRIAL_SHOWN, job.seed) if runs else None
-    except Exception as error:  # for example a robot's file that is no longer where it was
+    except Exception as error:  # for example a robot file that has been moved
         why = f"{type(error).__name__}: {error}"
         shown = "the figures show no goals and no boundaries"
         drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
@@ -240,8 +248,9 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
-    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and
-    first violations.
+    """Return the runs with at least two samples, by controller.
+
+    Missing trajectories and the times of first violations are noted in ``drawn``.
     """
     runs = {}
     for name, path in job.files().items():
@@ -263,7 +272,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
 
 
 def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
-    """Those of these rows that act in any of these runs."""
+    """Return the rows that are active in at least one of these runs."""
     acted = {
         run.trajectory.labels[i]
         for run in runs
@@ -294,8 +303,9 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
 def remove_stale(
     folder: Path, kept: Iterable[str] = (), formats: Formats = PNG, figures: Sequence[Figure] = ()
 ) -> None:
-    """Remove what an earlier report left of figures, those of scenarios if none is named, but for
-    these files.
+    """Remove the figures of an earlier report, except the ``kept`` files.
+
+    Without ``figures`` the figures of scenarios are removed.
     """
     starts = [figure.name for figure in figures] or [
         f"*--{figure.name}" for figure in (*FIGURES, DISTURBANCE)
@@ -308,9 +318,7 @@ def remove_stale(
 
 
 def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:
-    """Write a replay page for each of these scenarios, and link it; an error costs that page
-    only.
-    """
+    """Write and link a replay page for each of these scenarios; an error costs only that page."""
     for name in scenarios:
         controllers = replayed_runs(results, name)
         try:

@@ -1,4 +1,4 @@
-"""The images that a run was controlled by, again: as data, as files, and as a film."""
+"""Images that controlled a run, rendered again: as data, as files and as a film."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..simulation import Setup, Trajectory
 from ..vision.images.detectors import DETECTORS, Pixels, Tags
 from .replay.film import film_kind, write_pictures
 
-OWN = (40, 180, 60)  #: Colours of tags that are found: those that are looked for, and others.
+OWN = (40, 180, 60)  #: Colours of detected tags: those of the task, and FOREIGN for all others.
 FOREIGN = (230, 60, 40)
-#: Colours of a GIF, and by how much it is smaller than the images: noise does not compress.
+#: Number of colours of a GIF, and its reduction in size: noise does not compress.
 COLOURS = 32
 SMALLER = 2
 Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]  #: (H, W, 3) red, green and blue.
 
 
 class Frame(NamedTuple):
-    """An image (H, W) of that number, when it was taken [s], and the tags that are found in it."""
+    """Image (H, W) with its number, the time at which it was taken [s] and the detected tags."""
 
     number: int
     taken: float
@@ -31,10 +31,10 @@ class Frame(NamedTuple):
 
 
 def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
-    """The images of a run, one after the other: rendered anew, they are those that its control has
-    seen.
+    """Yield the images of a run in order.
 
-    Raises ConfigurationError if the control of this setup sees no images.
+    They are rendered again and equal those that the control has used. Raises ConfigurationError
+    if the control of this setup uses no images.
     """
     photographer = setup.photographer()
     last = -1
@@ -49,8 +49,9 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
 
 
 def kind_of(path: Path) -> str:
-    """How a path ends: as a film in .gif or .mp4, or not at all as a folder; raises
-    ConfigurationError otherwise.
+    """Return the suffix of a film, .gif or .mp4, or an empty string for a folder.
+
+    Raises ConfigurationError for any other suffix.
     """
     return film_kind(path, ("",), ", and a folder in neither")
 
@@ -58,12 +59,12 @@ def kind_of(path: Path) -> str:
 def write_frames(
     setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None
 ) -> int:
-    """Write the images of a run; returns how many there are.
+    """Write the images of a run and return their number.
 
-    ``path`` is a film with the tags that are found, as large as the images (``.mp4``) or half as
-    large (``.gif``), or a folder of PNGs as the control has seen them; those of an earlier run are
-    deleted there. ``on_frame`` is called after each image. Raises ConfigurationError as
-    :func:`frames` and :func:`kind_of`, and OSError if it cannot be written.
+    ``path`` is a film that shows the detected tags, at the size of the images (``.mp4``) or half
+    that size (``.gif``), or a folder of PNGs as the control has seen them. The images of an
+    earlier run are deleted from that folder. ``on_frame`` is called after each image. Raises
+    ConfigurationError as :func:`frames` and :func:`kind_of`, and OSError if writing fails.
     """
     kind = kind_of(path)
     settings = setup.photographer().settings
@@ -89,8 +90,9 @@ def write_frames(
 
 
 def marked(frame: Frame, own: set[int]) -> Picture:
-    """(H, W, 3) an image in colours, with the tags that are found in it: their outlines, numbers,
-    and its time.
+    """Return an image in colour (H, W, 3) with its time and the detected tags.
+
+    Each tag is shown by its outline and its number.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""Success on fresh scenes of a secret seed beside the published success on the held-out scenes."""
+"""Success on fresh scenes of a secret seed, compared with that on the held-out scenes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ..errors import ConfigurationError
 from .evidence.ranking import condition_text
 from .markdown import Table, plain
 
-CONDITIONS = ("nominal", "disturbed")  #: In which fresh scenes are run.
-SIGNIFICANT = 0.05  #: Of all comparisons of a table together.
+CONDITIONS = ("nominal", "disturbed")  #: Conditions in which fresh scenes are run.
+SIGNIFICANT = 0.05  #: Significance level of all comparisons of a table together.
 
 
 class FreshRate(NamedTuple):
     """Success of a law in a condition on fresh scenes and on published ones.
 
-    ``p`` is two-sided, of Fisher's exact test of equal rates on independent scenes.
+    ``p`` is the two-sided p-value of Fisher's exact test of equal rates on independent scenes.
     """
 
     law: str
@@ -32,10 +32,10 @@ class FreshRate(NamedTuple):
 
 
 def fresh_rates(fresh: Study, published: Study) -> list[FreshRate]:
-    """Compare the success of each law that both studies have run on the same families, the
-    published best first.
+    """Compare the success of each law that both studies have run on the same families.
 
-    Raises ConfigurationError if they have no law or no condition in common.
+    Laws are ordered by their published success, best first. Raises ConfigurationError if the
+    studies have no law or no condition in common.
     """
     found = []
     same_families = published.runs["family"].isin(fresh.runs["family"].unique())
@@ -70,7 +70,7 @@ def _p_value(one: Rate, other: Rate) -> float:
 
 
 def fresh_page(fresh: Study, published: Study) -> str:
-    """Table in Markdown of :func:`fresh_rates`, and a sentence on what differs."""
+    """Return the table of :func:`fresh_rates` in Markdown and a sentence on the differences."""
     rates = fresh_rates(fresh, published)
     conditions = [name for name in CONDITIONS if any(each.condition == name for each in rates)]
     header = ["law"]

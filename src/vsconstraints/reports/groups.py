@@ -1,4 +1,4 @@
-"""Controllers as reports describe them, and those that share a figure: all where there are few."""
+"""Descriptions of controllers for reports, and the groups of controllers that share a figure."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from ..scenarios.toml import toml_text
 from .markdown import plain
 from .numbers import number
 
-MAX_LAWS = 8  #: How many controllers a figure shows beside tracking alone.
+MAX_LAWS = 8  #: Most controllers that a figure shows beside the unconstrained baseline.
 
 
 class Group(NamedTuple):
-    """Laws that are shown together, behind tracking alone where that was run; ``suffix`` ends the
-    names of figures.
+    """Laws that are shown together, after the unconstrained baseline if that was run.
+
+    ``suffix`` ends the names of figures.
     """
 
     controllers: tuple[str, ...]
@@ -25,7 +26,10 @@ class Group(NamedTuple):
 
 
 def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """What a controller requires beside rows and task; None for an own one, whose code says it."""
+    """Return the information that a controller requires beyond rows and task.
+
+    Return None for a custom controller: its code defines its requirements.
+    """
     kind = str(entry.get("type", name))
     if kind not in CONTROLLERS:
         return None
@@ -33,7 +37,7 @@ def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]
 
 
 def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
-    """Type, options and required information of a controller of a manifest, for a table."""
+    """Return type, options and required information of a controller of a manifest, for a table."""
 
     def text(value: Any) -> Any:
         return (
@@ -52,13 +56,14 @@ def controller_cells(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def information_text(required: Sequence[str] | None) -> str:
-    """The required information of a controller, for a cell."""
+    """Return the required information of a controller, for a cell."""
     return "see its code" if required is None else plain(", ".join(required)) or "none"
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
-    """The groups of a suite's controllers in its order, as few and as even as :data:`MAX_LAWS`
-    allows.
+    """Split the controllers of a suite into groups, in their order.
+
+    Groups are as few and as even in size as :data:`MAX_LAWS` allows.
     """
     laws = [name for name in entries if name != BASELINE]
     count = max(-(-len(laws) // MAX_LAWS), 1)

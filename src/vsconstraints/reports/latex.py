@@ -1,4 +1,4 @@
-"""A report's tables for LaTeX, from the same Markdown as its page."""
+"""Tables of a report for LaTeX, made from the same Markdown as its page."""
 
 from __future__ import annotations
 
@@ -13,18 +13,27 @@ from ..comparisons.runs.files import replaced
 from ..errors import StorageError
 from .page import details_of, parser
 
-FOLDER = "tables"  #: Beside the report.
-TEXT = r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} \ \textbackslash{} < \textless{}"
+FOLDER = "tables"  #: Folder beside the report.
+TEXT = (
+    r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} "
+    r"\ \textbackslash{} < \textless{}"
+)
 TEXT += r" > \textgreater{} | \textbar{} – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}"
-MATHEMATICS = r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in → \to ‖ \| √ \surd ² ^2"
-MATHEMATICS += r" ³ ^3 ⁺ ^+ ₛ _s α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon η \eta κ \kappa λ \lambda"
+MATHEMATICS = (
+    r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in "
+    r"→ \to ‖ \| √ \surd ² ^2"
+)
+MATHEMATICS += (
+    r" ³ ^3 ⁺ ^+ ₛ _s α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon "
+    r"η \eta κ \kappa λ \lambda"
+)
 MATHEMATICS += r" µ \mu μ \mu π \pi ρ \rho Σ \Sigma σ \sigma τ \tau φ \phi ψ \psi ω \omega"
-#: What means something else in LaTeX, or is written otherwise.
+#: Characters that LaTeX reads differently or writes differently.
 LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
     char: rf"\ensuremath{{{name}}}"
     for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
 }
-#: Derivatives: combining characters behind their letter.
+#: Derivatives: combining characters after their letter.
 ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}
 MARKS = {
     "strong_open": r"\textbf{",
@@ -36,12 +45,12 @@ MARKS = {
 
 
 def write_tables(report: Path) -> Path:
-    r"""Write each table of a report and of its details to a file of its own; return their folder,
-    ``tables``.
+    r"""Write each table of a report and of its details to a separate file in the folder ``tables``.
 
-    Files are named by the heading above their table and its number there. Each is a ``tabular`` for
-    ``\usepackage{booktabs}``, to be put into a ``table`` with a caption. Those of an earlier report
-    are removed. Raises StorageError if they cannot be written.
+    Return that folder. Files are named by the heading above their table and the number of the
+    table under that heading. Each is a ``tabular`` for ``\usepackage{booktabs}``, to be put into a
+    ``table`` with a caption. The files of an earlier report are removed. Raises StorageError if
+    they cannot be written.
     """
     folder = report.parent / FOLDER
     try:
@@ -62,7 +71,7 @@ def write_tables(report: Path) -> Path:
 
 
 def latex_tables(markdown: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the tables of a text in Markdown, in their order."""
+    """Yield names and texts of the tables in a Markdown text, in their order."""
     name = "table"
     columns = ""
     cells = list[str]()
@@ -100,8 +109,9 @@ def latex_tables(markdown: str) -> Iterator[tuple[str, str]]:
 
 
 def latex(text: str) -> str:
-    """A line of Markdown as LaTeX: emphasis stays, of a link its text, and nothing of it is a
-    command.
+    """Return a line of Markdown as LaTeX, with all special characters escaped.
+
+    Emphasis is kept, and links are replaced by their text.
     """
     return _inline(parser().parseInline(text)[0])
 

@@ -1,6 +1,4 @@
-"""The leaderboard: laws of several tables on all held-out scenes of the test set, checked and put
-in order.
-"""
+"""Leaderboard: laws of several tables on all held-out scenes of the test set, ranked."""
 
 from __future__ import annotations
 
@@ -18,12 +16,13 @@ from .page import render
 
 HALF = "held-out"
 DISTURBED = "disturbed"
-CONDITIONS = ("nominal", DISTURBED, "limited")  #: What every table has to have run, of that half.
+CONDITIONS = ("nominal", DISTURBED, "limited")  #: Conditions that all tables must have run.
 
 
 def demand_whole(study: Study, testset: TestSet, where: str) -> None:
-    """Raise ConfigurationError that names what a table has not run, or what contradicts itself in
-    it.
+    """Raise ConfigurationError unless a table is complete and consistent.
+
+    The message names the missing runs or the contradiction.
     """
     for family in testset.families:
         file = FILE.format(family.name, HALF)
@@ -36,7 +35,7 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
                 f"{where}: {file} of test set {testset.version} is not what it has run"
             )
     _demand_scenes(study, testset, where)
-    runs = study.runs.fillna({"violation_fraction": 0.0})  # of a run that failed at once
+    runs = study.runs.fillna({"violation_fraction": 0.0})  # NaN in a run that failed at once
     wrong = runs["success"] != (runs["status"] == "converged") & (runs["violated"] == "")
     wrong |= runs["tolerant_success"] != (runs["status"] == "converged") & (
         runs["violation_fraction"] <= TOLERANT
@@ -51,9 +50,7 @@ def demand_whole(study: Study, testset: TestSet, where: str) -> None:
 
 
 def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
-    """Raise ConfigurationError unless all held-out scenes are there, and no scene that the test set
-    does not have.
-    """
+    """Raise ConfigurationError unless a table has all held-out scenes and no unknown ones."""
     families = {family.name: family for family in testset.families}
     groups = study.runs[["family", "half", CONDITION]].drop_duplicates()
     for family_name, half, condition in groups.itertuples(index=False):
@@ -79,11 +76,11 @@ def _demand_scenes(study: Study, testset: TestSet, where: str) -> None:
 
 
 def leaderboard(studies: Mapping[str, Study], testset: TestSet) -> str:
-    """A table in Markdown, of which ``studies`` are those by the names of who made them.
+    """Return the leaderboard as a table in Markdown; ``studies`` are keyed by their authors.
 
-    Laws stand in the order of their success in all scenes of all conditions, by the strict
-    standard; a further column has success with disturbances by the tolerant one. Two of one name
-    are told apart by who made them. Raises ConfigurationError as :func:`demand_whole`.
+    Laws are ordered by their success in all scenes of all conditions, by the strict standard; a
+    further column has the success with disturbances by the tolerant standard. Two laws of one name
+    are distinguished by their authors. Raises ConfigurationError as :func:`demand_whole`.
     """
     parts = []
     of = dict[str, tuple[str, Study, str]]()

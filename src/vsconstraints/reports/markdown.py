@@ -1,6 +1,4 @@
-"""Markdown that is also readable as plain text: tables, and text that has no effect as Markdown or
-HTML.
-"""
+"""Markdown that is also readable as plain text: tables, and escaped text from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,23 +8,24 @@ from itertools import pairwise
 
 from rich.cells import cell_len
 
-#: A table with more columns is several, each of which begins with the first column.
+#: A table with more columns is split into several, each with the first column repeated.
 MAX_COLUMNS = 9
 
 
 class Table(str):
-    """A table as Markdown text, empty without lines; its first ``text_columns`` are aligned left,
-    the others right.
+    """Table as Markdown text, empty if it has no lines.
+
+    The first ``text_columns`` columns are aligned left, the others right.
     """
 
-    #: Texts of its cells.
+    #: Texts of its cells in Markdown.
     header: Sequence[str]
     lines: Sequence[Sequence[str]]
 
     def __new__(
         cls, header: Sequence[str], lines: Iterable[Sequence[str]], text_columns: int = 1
     ) -> Table:
-        """Of cells in Markdown."""
+        """Return the table of these cells in Markdown."""
         lines = [list(line) for line in lines]
         count = max(1, -(-(len(header) - 1) // (MAX_COLUMNS - 1)))
         cuts = [1 + (len(header) - 1) * k // count for k in range(count + 1)]
@@ -46,7 +45,7 @@ class Table(str):
 
 
 def _aligned(lines: Sequence[Sequence[str]], left: int) -> str:
-    # a bar ends a cell even inside code
+    # A bar ends a cell even inside code.
     cells = [
         [re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split())) for text in line] for line in lines
     ]
@@ -62,12 +61,12 @@ def _aligned(lines: Sequence[Sequence[str]], left: int) -> str:
 
 
 def bold(text: str) -> str:
-    """Strong emphasis."""
+    """Return text with strong emphasis."""
     return f"**{text}**"
 
 
 def code(text: str) -> str:
-    """A name set as code, whatever it contains, on one line."""
+    """Return text set as code on one line, with a fence longer than any in the text."""
     text = " ".join(text.split())
     fence = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
     space = " " if text.startswith("`") or text.endswith("`") else ""
@@ -75,26 +74,28 @@ def code(text: str) -> str:
 
 
 def plain(text: object) -> str:
-    """Text from elsewhere, such as an error message, on one line and without effect as Markdown or
-    HTML.
+    """Return text from elsewhere, such as an error message, on one line.
+
+    Characters with an effect in Markdown or HTML are escaped.
     """
     escaped = re.sub(r"([\\`*\[\]|~]|\b_|_\b|^#)", r"\\\1", " ".join(str(text).split()))
     return escaped.replace("<", "&lt;").replace(">", "&gt;")
 
 
 def bullets(lines: Iterable[str]) -> str:
-    """A list."""
+    """Return a bulleted list."""
     return "\n".join(f"- {line}" for line in lines)
 
 
 def enumeration(names: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
+    """Return names as ``a``, ``a and b`` or ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def first_names(names: Iterable[str], most: int) -> list[str]:
-    """Different names, or the first of them and how many more there are, where they are more than
-    ``most``.
+    """Return the distinct names, or the first of them and the number of the others.
+
+    The list has at most ``most`` entries.
     """
     names = list(dict.fromkeys(names))
     return names if len(names) <= most else [*names[: most - 1], f"{len(names) - most + 1} more"]

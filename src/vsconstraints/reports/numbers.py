@@ -1,4 +1,4 @@
-"""Numbers as a report prints them: three significant digits, a dash where there is none."""
+"""Numbers as a report prints them: three significant digits, a dash for missing values."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-DASH = "–"  #: Stands where a value does not exist.
+DASH = "–"  #: Printed for a missing value.
 Format = Callable[[float], str]
 
 
 def number(value: float) -> str:
-    """Three significant digits; powers of ten only where plain digits would be hard to read."""
+    """Format with three significant digits, as a power of ten only if very small or large."""
     if not math.isfinite(value):
         return DASH
     rounded = float(f"{value:.3g}")
@@ -28,17 +28,21 @@ def number(value: float) -> str:
 
 
 def error(value: float) -> str:
-    """Three significant digits; of positive values below a thousandth of their unit only that."""
+    """Format with three significant digits; positive values below 0.001 are given as ``<0.001``."""
     return "<0.001" if 0.0 < value < 1e-3 else number(value)
 
 
 def percent(value: float) -> str:
-    """A share as per cent with two decimals: the distance from 100 is what matters."""
+    """Format a share as per cent with two decimals: the distance from 100 matters."""
     return f"{100.0 * value:.2f}" if math.isfinite(value) else DASH
 
 
 def percentage(share: float, digits: int) -> str:
-    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
+    """Format a share in per cent so that only exact values are shown as 0 or 100.
+
+    Decimals are added until a value that differs from both also looks different. Exact 0 and 100
+    have no decimals.
+    """
     if not math.isfinite(share):
         return DASH
     if share in (0.0, 1.0):
@@ -48,30 +52,31 @@ def percentage(share: float, digits: int) -> str:
     return f"{100.0 * share:.{digits}f}".replace("-", "−")
 
 
-#: How the styles of metrics print.
+#: Functions that format each style of metric.
 FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent}
 FORMATS["count"] = lambda value: str(round(value)) if math.isfinite(value) else DASH
 
 
 def of_length(tolerance: float) -> str:
-    """A tolerated depth, a fraction of the characteristic length L, as text."""
+    """Format a tolerated depth, given as a fraction of the characteristic length L."""
     return f"{100.0 * tolerance:g} % of L"
 
 
 def median(values: Sequence[float]) -> float:
-    """Median of the finite values; NaN if there is none."""
+    """Return the median of the finite values, NaN if there is none."""
     exist = [value for value in values if math.isfinite(value)]
     return float(np.median(exist)) if exist else math.nan
 
 
 def largest(values: Sequence[float]) -> float:
-    """Greatest of the finite values; NaN if there is none."""
+    """Return the greatest of the finite values, NaN if there is none."""
     return max((value for value in values if math.isfinite(value)), default=math.nan)
 
 
 def over_trials(values: Sequence[float], show: Format = number) -> str:
-    """One value, or ``median [least–greatest]`` of several that differ as shown; a dash if none is
-    finite.
+    """Format one value, or several as ``median [least–greatest]`` if they differ as shown.
+
+    A dash is returned if no value is finite.
     """
     exist = [value for value in values if math.isfinite(value)]
     middle = show(median(exist))

@@ -1,6 +1,4 @@
-"""A report as Markdown and as a page for a browser or a phone; details are folded, or in a second
-file.
-"""
+"""Reports as Markdown and as an HTML page; details are folded, or in a second file."""
 
 from __future__ import annotations
 
@@ -24,26 +22,25 @@ from .markdown import Table, bold, bullets, code, enumeration, first_names, plai
 from .numbers import DASH, median, number, of_length, over_trials, percent, percentage
 
 TEMPLATES = Path(__file__).parent / "templates"
-#: Where figures are: beside the page. An address of anything else in a network would tell who reads
-#: it.
+#: Addresses of figures: only files beside the page. A network address would reveal the reader.
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
-#: A place that links lead to; with details the only HTML of a report.
+#: Target of links; with details the only HTML in a report.
 ANCHOR = re.compile(r'<a id="([\w.%-]+)"></a>')
 NUMBER = r"[<≈±]?[−-]?\d[\d.]*(?:e[−-]?\d+)?"
-#: What is not broken at the end of a line: intervals, ranges, and whatever is a number and nothing
-#: else.
+#: Text that is not broken at the end of a line: intervals, ranges and plain numbers.
 WHOLE = re.compile(
     rf"\([−\d][−\d.– to%]*\)|[(\[]?{NUMBER}(?:–{NUMBER})+[)\]]?|^[(\[]?{NUMBER}[)\]]?$"
 )
 DETAILS = re.compile(
     r"^<details><summary>([^<>\n]*)</summary>\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL
 )
-MIN_SECTIONS = 4  #: From so many sections on a page has a list of them.
+MIN_SECTIONS = 4  #: Least number of sections for which a page lists its sections.
 
 
 def render(template: str, **context: Any) -> str:
-    """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain``
-    or ``code``.
+    """Render a Markdown template.
+
+    Nothing is escaped: values from elsewhere must be passed through ``plain`` or ``code``.
     """
     options: dict[str, Any] = {
         "undefined": StrictUndefined,
@@ -66,7 +63,7 @@ def render(template: str, **context: Any) -> str:
 
 
 def _table(text: str, text_columns: int = 1) -> str:
-    """Lines of cells with ¦ between them as a table; nothing without lines below the first."""
+    """Return lines of cells separated by ¦ as a table, empty if only the header is given."""
     header, *lines = (
         [cell.strip() for cell in line.split("¦")] for line in text.splitlines() if line.strip()
     )
@@ -74,11 +71,11 @@ def _table(text: str, text_columns: int = 1) -> str:
 
 
 def render_html(template: str, **context: Any) -> str:
-    """The text of an HTML template, in which values are escaped."""
+    """Render an HTML template; values are escaped."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    inline = parser(html=False).renderInline  # which escapes HTML
+    inline = parser(html=False).renderInline  # escapes HTML
     environment.filters |= {"percentage": percentage, "markdown": lambda text: Markup(inline(text))}
     return environment.get_template(template).render(context)
 
@@ -86,10 +83,10 @@ def render_html(template: str, **context: Any) -> str:
 def write_pages(
     report: Path, text: str, interactive: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Write a report without its details, :func:`details_of` it, and its page; raises OSError.
+    """Write a report without its details, the details to :func:`details_of` it, and its page.
 
-    ``interactive`` is HTML that stands in the page, and there unfolded, instead of the details of
-    that summary.
+    ``interactive`` maps summaries of details to HTML. On the page this HTML replaces the details
+    of that summary and is not folded. Raises OSError.
     """
     title = text.partition("\n")[0]
     short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
@@ -107,33 +104,32 @@ def write_pages(
 
 
 def details_of(report: Path) -> Path:
-    """Where the details of a report are."""
+    """Return the path of the details of a report."""
     return report.with_name("details.md")
 
 
 def page_of(report: Path) -> Path:
-    """Where the page of a report is."""
+    """Return the path of the page of a report."""
     return report.with_suffix(".html")
 
 
 def where(report: Path) -> str:
-    """Where both are, for a terminal."""
+    """Return the paths of a report and of its page as a line for a terminal."""
     return f"Report: {report}; as a page: {page_of(report)}"
 
 
 def parser(html: bool = True) -> MarkdownIt:
-    """A parser of reports."""
+    """Return a parser for reports."""
     return MarkdownIt("commonmark", {"html": html, "xhtmlOut": False}).enable("table")
 
 
 def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) -> str:
-    """A report in Markdown as one HTML file without anything from a network; see
-    :func:`write_pages`.
+    """Return a report in Markdown as one HTML file that needs no network.
 
-    The only script that it runs is that of its ``interactive`` parts, which are HTML and not
-    escaped: whatever else looks like HTML is shown as it stands, but for anchors and details.
-    Figures, tables and replays are found beside the page. Where a window is too narrow for a table,
-    its lines are shown as lists of headings and values.
+    The only script is that of the ``interactive`` parts, which are HTML and not escaped; see
+    :func:`write_pages`. Anything else that looks like HTML is shown literally, except anchors and
+    details. Figures, tables and replays are files beside the page. In a window that is too narrow
+    for a table, its lines are shown as lists of headings and values.
     """
     markdown = parser(html=False)
     markdown.add_render_rule("image", _image)
@@ -179,8 +175,9 @@ def html_page(text: str, interactive: Mapping[str, str] = MappingProxyType({})) 
 
 
 def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
-    """A figure as a link to its file, so that it can be enlarged on a phone; pictures from
-    elsewhere as text.
+    """Return a figure as a link to its file, so that it can be enlarged on a phone.
+
+    Pictures from other places are shown as text.
     """
     source = str(tokens[k].attrs["src"])
     if not BESIDE.fullmatch(source):
@@ -189,7 +186,7 @@ def _image(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: An
 
 
 def _text(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
-    """Text in which numbers stay whole."""
+    """Return escaped text in which numbers are not broken across lines."""
     return WHOLE.sub(r'<span class="whole">\g<0></span>', escapeHtml(tokens[k].content))
 
 
@@ -198,10 +195,10 @@ def _slug(heading: str) -> str:
 
 
 def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
-    """Tag, text and name of each heading, which gets the ``id`` by which GitHub knows it, where
-    that is not taken.
+    """Label headings and tables of a page; return tag, text and name of each heading.
 
-    Every cell gets the heading of its column, and every table whether it fits a phone.
+    Each heading gets the ``id`` by which GitHub knows it, with a number appended if that is taken.
+    Each cell gets the heading of its column, and each table a class for wide or narrow tables.
     """
     headings: list[dict[str, str]] = []
     header: list[str] = []
@@ -231,7 +228,7 @@ def _labelled(tokens: Sequence[Token], taken: set[str]) -> list[dict[str, str]]:
 
 
 def _plain(inline: Token) -> str:
-    """What a line says, without emphasis, links and places."""
+    """Return the text of a line without emphasis, links and anchors."""
     texts = (
         child.content if child.type in ("text", "code_inline") else " "
         for child in inline.children or []

@@ -1,4 +1,4 @@
-"""The report of a comparison: tables and figures from its folder, put together by a template."""
+"""Report of a comparison: tables and figures from its folder, combined by a template."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ def write_report(
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, details.md, both as report.html, and the figures of a stored comparison;
-    returns report.md.
+    """Write report.md, details.md, report.html and the figures of a stored comparison.
 
-    The same comparison gives the same text, byte for byte; what is missing in the folder is named
-    and left out. Without ``figures`` those that are there stay as they are; ``all_figures`` draws
-    every scenario of a large suite, not only those on which controllers differ most; the report
-    shows the first of the ``formats``; ``replays`` adds pages with runs in motion. Only with
-    ``trust`` are own constraints imported that scenarios name as ``module:Class``. Called are
-    ``on_drawn`` with how many scenarios, and the comparison as one more, have their figures and how
-    many there are, ``on_remark`` with warnings. Raises ConfigurationError if there is no comparison
-    in the folder, it is not what was stored, another process is storing one, or the extra
-    ``replay`` is needed, and StorageError if the report cannot be written.
+    Return the path of report.md. The same comparison gives the same text, byte for byte; data
+    missing in the folder is named and left out. Without ``figures`` existing figures are kept.
+    ``all_figures`` draws every scenario of a large suite, not only those on which controllers
+    differ most. The report shows the first of the ``formats``. ``replays`` adds pages that play
+    back runs. Custom constraints that scenarios name as ``module:Class`` are imported only with
+    ``trust``. ``on_drawn`` is called with the number of scenarios, counting the comparison as one
+    more, whose figures are drawn and with their total; ``on_remark`` is called with warnings.
+    Raises ConfigurationError if the folder has no comparison, if the stored files were changed, if
+    another process is storing a comparison there, or if the extra ``replay`` is needed. Raises
+    StorageError if the report cannot be written.
     """
     if replays:
         demand("replay")
@@ -70,9 +70,7 @@ def write_report(
 
 
 def report_text(results: Results, drawn: Mapping[str, Drawn], overview: str = "") -> str:
-    """The report in Markdown, details included, with the drawn figures of scenarios and of the
-    whole comparison.
-    """
+    """Return the report in Markdown, including details and the drawn figures."""
     leading = [name for name, good in results.clean.items() if good == max(results.clean.values())]
     robots = [
         name for one in results.stored.scenarios.values() if (name := scenario.robot_name(one))

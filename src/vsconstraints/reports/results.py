@@ -1,6 +1,4 @@
-"""A stored comparison as reports look at it: by scenario, controller and row; and which value is
-the best.
-"""
+"""Stored comparison as reports use it: by scenario, controller and row, with best values."""
 
 from __future__ import annotations
 
@@ -20,14 +18,14 @@ from .numbers import Format, median, number, over_trials
 
 Line = Mapping[str, Any]
 Better = Literal["less", "more"] | None
-MAX_PHI = 6  #: How many rows fit into a figure of φ, and of activity.
+MAX_PHI = 6  #: Most rows in a figure of φ, and of activity (MAX_LANES).
 MAX_LANES = 12
-#: A run that does not converge and is outside by more than this share of L has diverged.
+#: A run that does not converge and violates a row by more than this share of L has diverged.
 DIVERGED = 1.0
 
 
 class Results:
-    """Lines of results.csv and constraints.csv of ``stored``, looked up by scenario and controller.
+    """Lines of results.csv and constraints.csv of ``stored``, by scenario and controller.
 
     ``groups`` are controllers that a figure shows together; ``controllers`` are all, in the order
     of the groups, and ``competitors`` all but the unconstrained baseline, which is not ranked.
@@ -55,25 +53,25 @@ class Results:
         self.finished = sum(len(self.all_runs(name)) for name in self.controllers)
 
     def runs(self, scenario: str, controller: str) -> Sequence[Line]:
-        """Lines of results.csv, one for each trial there is."""
+        """Return the lines of results.csv, one for each finished trial."""
         return self._runs.get((scenario, controller), [])
 
     def all_runs(self, controller: str) -> list[Line]:
-        """Lines of results.csv of a controller, over all scenarios."""
+        """Return the lines of results.csv of a controller over all scenarios."""
         return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
 
     def ran(self, scenario: str) -> bool:
-        """Whether any run of a scenario is stored."""
+        """Return True if any run of a scenario is stored."""
         return any(self.runs(scenario, name) for name in self.controllers)
 
     @cached_property
     def clean(self) -> dict[str, int]:
-        """By competitor, how many runs converged and violated no row, by the strict standard."""
+        """Number of runs that converged without violation by the strict standard, by competitor."""
         return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
 
     @cached_property
     def clean_tolerant(self) -> dict[str, int]:
-        """The same by the tolerant standard."""
+        """Number of runs that converged without violation by the tolerant standard."""
         return {
             name: sum(clean(run, "violated_tolerant") for run in self.all_runs(name))
             for name in self.competitors
@@ -85,7 +83,7 @@ class Results:
         return [name for name in self.scenarios if self.is_ranked(name)]
 
     def implementation(self, controller: str, scenario: str | None = None) -> str:
-        """Whether compiled or NumPy code answered a controller's calls, in a scenario or in all."""
+        """Return the implementation of a controller, compiled or NumPy, in a scenario or in all."""
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
         flags = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
         return " and ".join(
@@ -93,30 +91,31 @@ class Results:
         )
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
-        """Lines of constraints.csv, of one row or of all."""
+        """Return the lines of constraints.csv, of one row or of all."""
         lines = self._rows.get((scenario, controller), [])
         return [line for line in lines if label is None or line["constraint"] == label]
 
     def every_row(self, scenario: str) -> list[Line]:
-        """Lines of constraints.csv of all controllers."""
+        """Return the lines of constraints.csv of all controllers."""
         return [line for name in self.controllers for line in self.rows(scenario, name)]
 
     def labels(self, scenario: str) -> tuple[str, ...]:
-        """Labels of a scenario's rows, in their order."""
+        """Return the labels of a scenario's rows, in their order."""
         return tuple(dict.fromkeys(line["constraint"] for line in self.every_row(scenario)))
 
     def challenged(self, scenario: str) -> tuple[str, ...]:
-        """Labels of the rows that a scenario challenges, in any trial."""
+        """Return the labels of the rows that a scenario challenges in any trial."""
         hit = {line["constraint"] for line in self.every_row(scenario) if line["challenged"]}
         return tuple(label for label in self.labels(scenario) if label in hit)
 
     def rows_shown(self, scenario: str) -> RowsShown:
-        """The rows that figures of a scenario show."""
+        """Return the rows that figures of a scenario show."""
         return RowsShown.of(self.every_row(scenario))
 
     def is_ranked(self, scenario: str) -> bool:
-        """Whether unconstrained tracking violates a row, as far as is known; otherwise no
-        controller is the best.
+        """Return True unless the unconstrained baseline is known to violate no row.
+
+        If it violates none, no controller is marked as the best.
         """
         baseline = self.runs(scenario, BASELINE)
         return (
@@ -127,8 +126,9 @@ class Results:
 
 
 class RowsShown(NamedTuple):
-    """Labels of the rows whose φ a figure shows, and whose activity; ``hidden`` more acted for a
-    shorter time.
+    """Labels of the rows whose φ and whose activity a figure shows.
+
+    ``hidden`` is the number of further rows, which were active for a shorter time.
     """
 
     phi: tuple[str, ...] = ()
@@ -137,10 +137,10 @@ class RowsShown(NamedTuple):
 
     @classmethod
     def of(cls, lines: Iterable[Line]) -> RowsShown:
-        """From lines of constraints.csv.
+        """Choose rows from lines of constraints.csv.
 
-        φ of rows that are challenged, or violated by a competitor, of those that acted if there are
-        none of these.
+        φ is shown of rows that are challenged or violated by a competitor; without any of these, of
+        rows that were active.
         """
         weights: dict[str, tuple[bool, float]] = {}
         for line in lines:
@@ -163,30 +163,28 @@ class RowsShown(NamedTuple):
 
 
 def clean(line: Line, column: str = "violated") -> bool:
-    """Whether a run converged and violated no row, by the strict standard or as another column has
-    it.
+    """Return True if a run converged and violated no row.
+
+    ``column`` selects the standard, by default the strict one.
     """
     return line["status"] == "converged" and not violated(line, column)
 
 
 def violated(line: Line, column: str = "violated") -> list[str]:
-    """Labels of the rows that a run violated, by the strict standard or as another column has
-    them.
-    """
+    """Return the labels of the rows that a run violated, by the standard of ``column``."""
     return [label for label in str(line[column] or "").split("; ") if label]
 
 
 def reason_kind(reason: str) -> str:
-    """A reason without its numbers: runs that fail in the same way at other times and places have
-    the same.
+    """Return a reason without its numbers.
+
+    Runs that fail in the same way at other times and places then have the same reason.
     """
     return re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
 
 
 def shown(metric: Metric, line: Line) -> float:
-    """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where
-    there is none.
-    """
+    """Return a metric's value in a line of results.csv in the unit of reports, NaN if missing."""
     value = float(line[metric.column])
     if metric.over:
         divisor = float(line[metric.over])
@@ -195,10 +193,10 @@ def shown(metric: Metric, line: Line) -> float:
 
 
 class Cell(NamedTuple):
-    """A table cell that can be the best of its column.
+    """Table cell that can be the best of its column.
 
-    ``text`` is bold where it is the best. It is judged by ``value``, NaN where there is none; cells
-    tie that show the same digits, ``shown``. ``before`` is printed in front and not judged.
+    ``text`` is bold if it is the best. Cells are compared by ``value``, NaN for a missing value;
+    cells with the same digits, ``shown``, tie. ``before`` is printed in front and not compared.
     """
 
     text: str
@@ -208,14 +206,15 @@ class Cell(NamedTuple):
 
     @classmethod
     def of(cls, values: Sequence[float], show: Format = number) -> Cell:
-        """A cell of one value per trial, judged by their median."""
+        """Return a cell of one value per trial, compared by their median."""
         middle = median(values)
         return cls(over_trials(values, show), middle, show(middle))
 
 
 def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> list[str]:
-    """The cells' texts: the best and its ties bold, unless one that is not eligible, in
-    parentheses, is better.
+    """Return the cells' texts, with the best and its ties in bold.
+
+    Cells that are not eligible stand in parentheses. Nothing is bold if one of these is better.
     """
     there = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
@@ -230,8 +229,9 @@ def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> l
 
 
 def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
-    """Of each controller's trials of a scenario, whether all converged; nobody's if only one
-    controller was run.
+    """Return True for each controller whose trials of a scenario all converged.
+
+    All are False if only one controller was run.
     """
     several = sum(map(bool, runs)) > 1
     return [
@@ -240,8 +240,10 @@ def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
 
 
 def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
-    """Whether runs that converged may be compared by a metric: as it says, only if they keep all
-    rows.
+    """Return True if runs that converged may be compared by a metric.
+
+    Most metrics require that the runs violate no row; those judged by ``sliding`` also require that
+    sliding was never lost.
     """
     if metric.judged == "any":
         return True
@@ -252,7 +254,7 @@ def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
 
 
 def tally(texts: Sequence[str]) -> str:
-    """One text as it is, several with how often each is there."""
+    """Return a single text unchanged, several with the count of each."""
     if len(texts) < 2:
         return texts[0] if texts else "not run"
     return ", ".join(f"{count} {text}" for text, count in Counter(texts).items())
@@ -261,5 +263,5 @@ def tally(texts: Sequence[str]) -> str:
 def columns_table(
     first: str, names: Sequence[str], columns: Mapping[str, Sequence[str]], text: int = 1
 ) -> Table:
-    """A table of columns."""
+    """Return a table given by its columns."""
     return Table([first, *columns], zip(names, *columns.values(), strict=True), text)

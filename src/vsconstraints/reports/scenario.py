@@ -1,4 +1,4 @@
-"""Tables of one scenario of a comparison: metrics, rows, and why runs failed."""
+"""Tables of one scenario of a comparison: metrics, rows and reasons for failures."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from .results import (
     violated,
 )  # fmt: skip
 
-#: Units in which margins are printed instead of the stored ones.
+#: Finer units in which margins are printed, with their factors.
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
-#: A row that acted within this time before the end counts as acting at the end [s].
+#: A row that was active within this time before the end counts as active at the end [s].
 AT_THE_END = 0.5
 
 
-UNUSUAL = 100.0  #: A largest acceleration below this one is never out of proportion [rad/s²].
-OUT_OF_PROPORTION = 10.0  #: So many times that of any other controller it has to be.
+UNUSUAL = 100.0  #: Largest acceleration below which none is out of proportion [rad/s²].
+OUT_OF_PROPORTION = 10.0  #: Least ratio to the largest acceleration of any other controller.
 
 
 def robot_name(scenario: Scenario) -> str:
-    """The name of a scenario's robot."""
+    """Return the name of a scenario's robot."""
     robot = scenario.tables.get("robot")
     if isinstance(robot, dict):
         robot = robot.get("name") or PurePath(str(robot.get("urdf") or "own robot")).stem
@@ -46,7 +46,7 @@ def robot_name(scenario: Scenario) -> str:
 
 
 def metric_table(results: Results, scenario: str, group: str) -> Table:
-    """The metrics of a group, with one line per controller; empty if no run has a value."""
+    """Return the metrics of a group with one line per controller; empty if no run has a value."""
     names = results.controllers if group == "time" else results.competitors
     runs = [results.runs(scenario, name) for name in names]
     columns: dict[str, list[str]] = {}
@@ -79,8 +79,8 @@ def metric_table(results: Results, scenario: str, group: str) -> Table:
 def acceleration_remarks(results: Results, scenario: str) -> list[str]:
     """Name controllers that command accelerations out of proportion to those of all others.
 
-    Where a row leaves hardly any of the task's null space, one sample can command what no arm can
-    follow.
+    Such commands arise where a row leaves hardly any of the task's null space: a single sample can
+    then exceed what an arm can follow.
     """
     largest = {}
     for name in results.controllers:
@@ -101,12 +101,12 @@ def acceleration_remarks(results: Results, scenario: str) -> list[str]:
 
 
 def metric_text(metric: Metric, runs: Sequence[Line]) -> str:
-    """The values of a metric in runs of a scenario."""
+    """Format the values of a metric in runs of a scenario."""
     return over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
 
 
 def challenge_table(results: Results, scenario: str) -> Table:
-    """Least clearance and mean unused margin of each challenged row, one line per controller."""
+    """Return least clearance and mean unused margin of each challenged row, by controller."""
     names = results.competitors
     baseline = [name for name in results.controllers if name == BASELINE]
     converged = comparable([results.runs(scenario, name) for name in names])
@@ -128,7 +128,7 @@ def challenge_table(results: Results, scenario: str) -> Table:
                 and bool(rows[name])
                 and all(line["violation_depth"] == 0.0 for line in rows[name])
             )
-        # the baseline has no margin while it violates the row
+        # The baseline has no margin while it violates the row.
         columns[f"{code(label)} [{unit}]"] = [
             *(least[name] for name in baseline),
             *marked(cells, eligible, "less"),
@@ -139,10 +139,10 @@ def challenge_table(results: Results, scenario: str) -> Table:
 def failure_table(
     results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]
 ) -> Table:
-    """How, why and when runs did not converge or violated rows, of each controller by kind of
-    failure and row.
+    """Return the failures of each controller: runs that did not converge, and violated rows.
 
-    ``first_violations`` says when a controller's shown run first violates a row [s].
+    Lines give kind, reason and time, and are grouped by kind of failure and row.
+    ``first_violations`` is the time at which a controller's shown run first violates a row [s].
     """
     lines = []
     for name in results.competitors:
@@ -196,12 +196,15 @@ def failure_table(
 
 
 def finer_unit(unit: str) -> tuple[str, float]:
-    """The unit in which a margin is printed, and the factor to it."""
+    """Return the unit in which a margin is printed, and the factor to it."""
     return FINER.get(unit, (plain(unit), 1.0))
 
 
 def status_text(runs: Sequence[Line]) -> str:
-    """Status with its time where the run ended early; counts where there are several trials."""
+    """Format the status of runs.
+
+    A run that ended early is shown with its time, several trials with the count of each status.
+    """
     if (
         len(runs) == 1
         and runs[0]["status"] in ("aborted", "failed")
@@ -212,7 +215,7 @@ def status_text(runs: Sequence[Line]) -> str:
 
 
 def violated_text(runs: Sequence[Line]) -> str:
-    """The rows that runs violated, those only by the strict standard behind the others."""
+    """Format the rows that runs violated; those violated only by the strict standard come last."""
     if all(not math.isfinite(run["violation_depth"]) for run in runs):
         return DASH
     beyond = Counter(label for run in runs for label in violated(run, "violated_tolerant"))

@@ -1,8 +1,7 @@
-"""The scene in space, once for previews, films, replays and the paper's figures: coloured meshes
-fixed to frames.
+"""Scene in space for previews, films, replays and figures: coloured meshes fixed to frames.
 
-:meth:`Scene3D.draw` draws it with matplotlib; :mod:`vsconstraints.reports.replay.space` plays it in
-a browser by viser.
+:meth:`Scene3D.draw` draws it with matplotlib; :mod:`vsconstraints.reports.replay.space` plays it
+in a browser with viser.
 """
 
 from __future__ import annotations
@@ -27,21 +26,20 @@ JOINT = "#4A5568"
 PLATE = "#F4F1E6"
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
 LIGHT = np.array([0.35, -0.55, 0.76])  # (3,) direction to the light, in the base frame
-#: Of the arm for which the following radii hold [m]; other arms are drawn as much thicker as they
-#: are longer.
+#: Reach for which the following radii hold [m]; the radii of other arms scale with reach.
 REACH = 0.8
-#: Radii of the first and the last link [m], and of a sliding link relative to its revolute one.
+#: Radii of the first and the last link [m]; ratio of a prismatic link to a revolute one.
 BASE_LINK = 0.034
 LAST_LINK = 0.022
 RAIL = 0.25
-#: A plate is cut into so many parts each way: triangles are ordered by the mean distance of their
-#: corners.
+#: Cells of a plate in each direction: triangles are ordered by the mean distance of their corners.
 PLATE_CELLS = 8
 
 
 class Part(NamedTuple):
-    """A mesh of one colour ``#RRGGBB``, in the coordinates of the frame with this name (the base
-    frame if empty).
+    """Mesh of one colour ``#RRGGBB``, in the coordinates of a named frame.
+
+    An empty name stands for the base frame.
     """
 
     mesh: Mesh
@@ -52,15 +50,16 @@ class Part(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Where a frame is in the base frame; what is fixed to it is stretched along its z axis."""
+    """Pose of a frame in the base frame; parts fixed to it are stretched along its z axis."""
 
     pose: Pose
     stretch: float = 1.0
 
 
 class Viewpoint(NamedTuple):
-    """What is shown, a cube of this centre (3,) and half side [m], seen from this elevation and
-    azimuth [deg].
+    """Viewpoint on a cube with this centre (3,) and half side [m].
+
+    ``elevation`` and ``azimuth`` are the angles from which it is seen [deg].
     """
 
     centre: Array
@@ -70,23 +69,23 @@ class Viewpoint(NamedTuple):
 
 
 class Scene3D:
-    """Meshes, to be drawn wherever their frames are."""
+    """Set of meshes that are drawn at the poses of their frames."""
 
     def __init__(self) -> None:
         self.parts: list[Part] = []
 
     def add(self, mesh: Mesh, colour: str, frame: str = "", **look: Any) -> None:
-        """A mesh in a frame; ``look`` are further fields of :class:`Part`."""
+        """Add a mesh in a frame; ``look`` are further fields of :class:`Part`."""
         if len(mesh.triangles):
             self.parts.append(Part(mesh, colour, frame, **look))
 
     def axes(self, pose: Pose, length: float, radius: float) -> None:
-        """Red, green and blue bars along the x, y and z axes of a frame."""
+        """Add red, green and blue bars along the x, y and z axes of a frame."""
         for axis, colour in zip(pose.R.T, AXIS_COLOURS, strict=True):
             self.add(tube(np.array([pose.t, pose.t + length * axis]), radius, 6), colour)
 
     def pyramid(self, base: Array, colour: str, frame: str = "") -> None:
-        """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
+        """Add a camera at the origin of a frame: a glass pyramid with this base (4, 3)."""
         mesh = Mesh(
             np.concatenate((np.zeros((1, 3)), base)),
             np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]),
@@ -94,14 +93,15 @@ class Scene3D:
         self.add(mesh, colour, frame, opacity=0.55, shaded=False)
 
     def target(self, markers: Array, edge: float, marker: float, frame: str = "") -> None:
-        """Markers (M, 3), on a plate if they are more than two; radii of the plate's edges and of
-        markers [m].
+        """Add markers (M, 3), on a plate if there are more than two.
+
+        ``edge`` and ``marker`` are the radii of the plate's edges and of the markers [m].
         """
         if len(markers) > 2:
             centre = markers.mean(axis=0)
             corners = centre + 1.25 * (markers - centre)
             sides = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
-            # in small cells: a triangle in one piece would be drawn over bodies that it carries
+            # Small cells: a triangle in one piece would be drawn over bodies on the plate.
             steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
             wedges = [
                 centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre)
@@ -118,10 +118,9 @@ class Scene3D:
         frames: Mapping[str, Placement] | None = None,
         whole: bool = True,
     ) -> None:
-        """Draw everything into 3D axes of matplotlib, which show the cube of a viewpoint.
+        """Draw everything into 3D axes of matplotlib that show the cube of a viewpoint.
 
-        Axes in space are square within their place; what is beside is cut off unless the ``whole``
-        is wanted.
+        Axes in space are square. Parts outside their square are cut off unless ``whole`` is True.
         """
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -136,7 +135,7 @@ class Scene3D:
             colours.append(_shaded(corners[-1], part))
         if corners:
             faces = np.concatenate(colours)
-            # opaque triangles are outlined in their own colour, which closes the seams between them
+            # Opaque triangles are outlined in their own colour to close the seams between them.
             edges = np.where(faces[:, 3:] < 1.0, 0.0, faces)
             look: dict[str, Any] = {
                 "facecolors": faces,
@@ -156,7 +155,7 @@ class Scene3D:
 
 
 def _shaded(corners: Array, part: Part) -> Array:
-    """(F, 4) colours of triangles (F, 3, 3) by how they face the light."""
+    """Return colours (F, 4) of triangles (F, 3, 3), shaded by their angle to the light."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     facing = np.divide(
@@ -169,7 +168,7 @@ def _shaded(corners: Array, part: Part) -> Array:
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one."""
+    """Return several meshes as one."""
     if not meshes:
         return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
     first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
@@ -178,7 +177,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def _grid(points: Array) -> Mesh:
-    """A surface through a grid of points (a, b, 3)."""
+    """Return the surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
     k = np.arange(a * b).reshape(a, b)
     p, q, r, s = (corner.ravel() for corner in (k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]))
@@ -189,7 +188,7 @@ def _grid(points: Array) -> Mesh:
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
-    """A sphere with ``count`` meridians."""
+    """Return a sphere with ``count`` meridians."""
     theta = np.linspace(0.0, np.pi, count // 2 + 1)
     phi = np.linspace(0.0, 2.0 * np.pi, count + 1)
     T, P = np.meshgrid(theta, phi, indexing="ij")
@@ -200,10 +199,10 @@ def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
 
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
-    """A round bar along a polyline (p, 3)."""
+    """Return a round bar along a polyline (p, 3)."""
     along = np.gradient(np.asarray(points, dtype=np.float64), axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    # sections are turned alike: by the direction in which the line goes least
+    # All sections are oriented by the direction in which the line extends least.
     across = np.cross(along, np.linalg.svd(along)[2][2])
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     angles = 2.0 * np.pi * np.arange(sides + 1) / sides
@@ -217,9 +216,7 @@ def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Me
 
 
 def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
-    """Poses of the base and of what each joint moves (n + 1), and directions of the joints' axes
-    (n, 3).
-    """
+    """Return poses of the base and of each joint's child link (n + 1), and joint axes (n, 3)."""
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     J = np.asarray(data.J).reshape(6, -1)
@@ -231,8 +228,9 @@ def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
-    """(p, 3) corners of a bar behind each joint: along its axis, then along the common normal to
-    the next one.
+    """Return the corners (p, 3) of a bar behind each joint.
+
+    A bar follows the joint's axis, then the common normal to the next one.
     """
     poses, axes = joint_poses(robot, q)
     places = [*(pose.t for pose in poses[1:]), robot.pose(q).t]
@@ -246,10 +244,10 @@ def bars_of(robot: Robot, q: Array) -> list[Array]:
 
 
 def bars(robot: Robot, size: float) -> list[Part]:
-    """An arm as bars between the axes of its joints, in the frames of :func:`arm_frames`; ``size``
-    scales their width.
+    """Return an arm as bars between its joint axes, in the frames of :func:`arm_frames`.
 
-    What slides is thin and has a rail instead of a drum; an arm that begins with it has no base.
+    ``size`` scales their width. A prismatic joint is thin and has a rail instead of a drum; an arm
+    that begins with one has no base.
     """
     zero = np.zeros(robot.n)
     n = robot.n
@@ -288,8 +286,9 @@ def bars(robot: Robot, size: float) -> list[Part]:
 
 
 def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
-    """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or
-    one is missing.
+    """Return the visual meshes of a robot's URDF, and a remark.
+
+    If there are no meshes, or one is missing, bars are returned and the remark says so.
     """
     parts = []
     remark = f"{robot.name} has no meshes: bars follow the axes of its joints."
@@ -309,15 +308,16 @@ def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
 
 
 def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
-    """Frames ``joint 0`` (the base) to ``joint n``, ``tip``, and a ``slide k`` along each prismatic
-    joint k.
+    """Return the frames ``joint 0`` (the base) to ``joint n``, ``tip``, and one per rail.
+
+    A frame ``slide k`` lies along each prismatic joint k.
     """
     poses, axes = joint_poses(robot, q)
     frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)} | {
         "tip": Placement(robot.pose(q))
     }
     for i, (axis, slides) in enumerate(zip(axes, robot.prismatic, strict=True), start=1):
-        if slides:  # the rail ends where the joint would be at zero
+        if slides:  # the rail ends at the joint's zero position
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()
             frames[f"slide {i}"] = Placement(Pose(turn, poses[i].t), float(q[i - 1]) or 1e-6)
     return frames

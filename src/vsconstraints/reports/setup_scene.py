@@ -1,4 +1,4 @@
-"""The scene of a setup in space: where everything is at an instant, and where it is seen from."""
+"""Scene of a setup in space: poses of everything at an instant, and the viewpoint."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ from .scene3d import (
 CAMERA = "#0072B2"
 OBSTACLE = "#F0A202"
 GLASS = 0.4  # opacity of obstacles
-# depth of the pyramid that stands for the camera, for an arm of :data:`.REACH` [m]
+# Depth of the pyramid that represents the camera, for an arm of :data:`.REACH` [m].
 CAMERA_SIZE = 0.12
-MIN_DEPTH = 0.05  # at which the camera's view is drawn at least [m], where markers are behind it
-#: Half the height that a view shows, relative to half the side of its cube; and what is added for
-#: thick links.
+MIN_DEPTH = 0.05  # least depth of the drawn view [m], for markers behind the camera
+#: Half the height of a view relative to half the side of its cube; allowance for thick links.
 IN_VIEW = 1.16
 MARGIN = 1.12
-# from which a scene is seen, and one that lies in a horizontal plane [deg]
+# Elevation of the viewpoint, and that for a scene in a horizontal plane [deg].
 ELEVATION = 20.0
 ELEVATION_FLAT = 55.0
 
 
 def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
-    """Where the arm's frames, the ``camera``, the ``target`` and ``obstacle k`` are at ``q`` (n,)
-    and ``t`` [s].
+    """Return the placements of all frames at ``q`` (n,) and ``t`` [s].
+
+    These are the arm's frames, ``camera``, ``target`` and ``obstacle k``.
     """
     world = setup.scene
     frames = arm_frames(world.robot, q)
@@ -68,15 +68,16 @@ def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
 
 
 def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
-    """What constraints forbid in space, by their place in the list; ``size`` is half of what is
-    shown [m].
+    """Return the meshes of forbidden regions in space, by the index of their constraint.
+
+    ``size`` is half the side of the shown cube [m].
     """
     found = {k: one.meshes(0.0, 0.8 * size) for k, one in enumerate(setup.constraints.constraints)}
     return {k: joined(meshes) for k, meshes in found.items() if meshes}
 
 
 def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
-    """Obstacles and the target; ``size`` is half of what is shown [m]."""
+    """Add obstacles and the target; ``size`` is half the side of the shown cube [m]."""
     for k, mesh in obstacle_meshes(setup, size).items():
         scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS)
     scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
@@ -90,10 +91,10 @@ def add_robot(
     colour: str = CAMERA,
     prefix: str = "",
 ) -> None:
-    """An arm of parts, with a bar to what its tip carries: a camera in a colour if there is one, or
-    the target.
+    """Add the parts of an arm and a bar from its tip to the object that it carries.
 
-    The names of frames begin with ``prefix``.
+    This object is a camera, drawn in ``colour`` if that is not empty, or the target. The names of
+    frames begin with ``prefix``.
     """
     scene.parts += [part._replace(frame=prefix + part.frame) for part in arm]
     camera = setup.scene.camera
@@ -106,19 +107,19 @@ def add_robot(
 
 
 def image_corners(camera: Camera) -> Array:
-    """(4, 3) where the corners of the image are at depth 1, in the camera's frame."""
+    """Return the corners (4, 3) of the image at depth 1, in the camera's frame."""
     corners = (
         0.5
         * np.asarray(camera.size)
         * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     )
-    with suppress(InvalidInput):  # where the lens cannot be inverted, those of a pinhole
+    with suppress(InvalidInput):  # where the lens cannot be inverted, corners of a pinhole camera
         corners = camera.undistort(corners)
     return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)
 
 
 def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
-    """(4, 3) corners of what the camera sees at the markers' distance, in the base frame."""
+    """Return corners (4, 3) of the camera's view at the markers' distance, in the base frame."""
     depth = float(camera.inverse.act(setup.scene.markers_at(q, t))[:, 2].mean())
     return camera.act(max(depth, MIN_DEPTH) * image_corners(setup.scene.camera))
 
@@ -127,7 +128,7 @@ _bars = lru_cache(maxsize=8)(bars)
 
 
 def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> None:
-    """Everything at an instant, with matplotlib: the arm as bars, and what its camera sees."""
+    """Draw everything at an instant with matplotlib: the arm as bars, and the camera's view."""
     frames = setup_frames(setup, q, t)
     scale = view.half / REACH
     scene = Scene3D()
@@ -142,7 +143,7 @@ def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> No
 
 
 def points_in_view(setup: Setup, q: Array, t: float) -> Array:
-    """(k, 3) corners of the arm, camera, markers and the camera's view, in the base frame."""
+    """Return corners (k, 3) of arm, camera, markers and camera's view, in the base frame."""
     robot = setup.scene.robot
     camera = setup_frames(setup, q, t)["camera"].pose
     base = np.zeros((0 if robot.prismatic[0] else 1, 3))
@@ -151,9 +152,9 @@ def points_in_view(setup: Setup, q: Array, t: float) -> Array:
 
 
 def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: float) -> Viewpoint:
-    """One viewpoint for several q (n,) and t [s]: all is in view, and seen from where it covers
-    most of the picture.
+    """Return one viewpoint that shows several q (n,) and t [s].
 
+    All points are in view, and the azimuth is the one at which they cover most of the picture.
     ``aspect`` is the width of the views over their height, at least 1.
     """
     points = np.concatenate([points_in_view(setup, q, t) for q, t in instants])
@@ -174,9 +175,7 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
 
 
 def view_axes(elevation: float, azimuth: float) -> Array:
-    """(3, 3) directions to the right, up and towards the viewer, as columns, for two angles
-    [deg].
-    """
+    """Return directions right, up and towards the viewer as columns (3, 3), for angles [deg]."""
     e, a = np.deg2rad([elevation, azimuth])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])

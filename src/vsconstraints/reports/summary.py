@@ -1,6 +1,4 @@
-"""Tables over all scenarios of a comparison: the first one, outcomes, scores, violations and the
-best of each.
-"""
+"""Tables over all scenarios of a comparison: summary, outcomes, scores and violations."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ from .results import (
     violated,
 )  # fmt: skip
 
-#: What the marks of :func:`outcome` mean.
+#: Explanation of the marks of :func:`outcome`.
 MARKS = (
     f"† A row was violated by more than {of_length(TOLERANT)}; ‡ by more than "
     f"{of_length(NEGLIGIBLE)}, "
@@ -37,13 +35,13 @@ MARKS = (
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 #: Columns of results.csv in the first table.
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
-PERHAPS = "it may be impossible"  #: Why a scenario may not be solved, where that is not proved.
-IMPLEMENTATION = "implementation"  #: Its last column.
-MAX_NAMES = 9  #: A cell names no more scenarios than this.
+PERHAPS = "it may be impossible"  #: Reason why a scenario may be unsolvable, if that is not proved.
+IMPLEMENTATION = "implementation"  #: Last column of the first table.
+MAX_NAMES = 9  #: Most scenarios that a cell names.
 
 
 def law_table(results: Results) -> Table:
-    """What matters most of each controller, the best first."""
+    """Return the main results of each controller, best first."""
     runs = {name: len(results.all_runs(name)) for name in results.competitors}
     names = sorted(runs, key=lambda name: (-results.clean[name], -results.clean_tolerant[name]))
 
@@ -59,7 +57,7 @@ def law_table(results: Results) -> Table:
     def counted(count: int, of: int) -> str:
         if results.trials == 1:
             return f"{count} of {of}"
-        # takes longer to load than all else of a report
+        # The import takes longer than all other imports of a report.
         from ..comparisons.statistics import rate_of, rate_text
 
         return rate_text(rate_of(count, of))
@@ -74,7 +72,7 @@ def law_table(results: Results) -> Table:
 
 
 def score_table(results: Results) -> Table:
-    """Violations, and the scores that the first table does not have."""
+    """Return violations, and the scores that are not in the first table."""
     names = results.competitors
 
     def outside(column: str) -> list[str]:
@@ -99,8 +97,9 @@ def score_table(results: Results) -> Table:
 
 
 def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line, str]:
-    """Runs of a controller that violate a row, of these the deepest, and its row; none, nothing and
-    a dash.
+    """Return the runs of a controller that violate a row, the deepest run, and its deepest row.
+
+    Without a violation: an empty list, an empty line and a dash.
     """
     runs = [run for run in results.all_runs(controller) if violated(run)]
     if not runs:
@@ -115,7 +114,10 @@ def worst_violation(results: Results, controller: str) -> tuple[list[Line], Line
 
 
 def won(results: Results, metric: Metric) -> dict[str, list[str]]:
-    """The scenarios a controller wins, with its value; none where values are alike as printed."""
+    """Return the scenarios that each controller wins, with its value.
+
+    A scenario has no winner if all values are equal as printed.
+    """
     show = FORMATS[metric.style]
     found = defaultdict[str, list[str]](list)
     for scenario in results.challenged_scenarios:
@@ -130,7 +132,7 @@ def won(results: Results, metric: Metric) -> dict[str, list[str]]:
 
 
 def _solvers(results: Results, scenario: str) -> list[str]:
-    """Controllers that converged and violated nothing, in every trial."""
+    """Return the controllers that converged without violation in every trial."""
     return [
         name
         for name in results.competitors
@@ -139,7 +141,7 @@ def _solvers(results: Results, scenario: str) -> list[str]:
 
 
 def unsolved(results: Results) -> dict[str, str]:
-    """The scenarios that no controller solved, and why none can, where that is known."""
+    """Return the scenarios that no controller solved, with the reason if it is known."""
     reasons = {}
     for scenario in results.scenarios:
         runs = [run for name in results.competitors for run in results.runs(scenario, name)]
@@ -156,7 +158,7 @@ def unsolved(results: Results) -> dict[str, str]:
 
 
 def obstacles(results: Results, scenario: str) -> list[str]:
-    """Warnings of a scenario for which it may be that no controller can solve it."""
+    """Return the warnings that a scenario may be unsolvable for every controller."""
     return [
         text
         for text in results.stored.warnings.get(scenario, ())
@@ -165,7 +167,7 @@ def obstacles(results: Results, scenario: str) -> list[str]:
 
 
 def warned(results: Results) -> dict[str, int]:
-    """How many warnings each scenario has; scenarios without any are left out."""
+    """Return the number of warnings of each scenario that has any."""
     return {
         name: len(own)
         for name, own in results.stored.warnings.items()
@@ -174,8 +176,9 @@ def warned(results: Results) -> dict[str, int]:
 
 
 def outcome(results: Results, scenario: str, controller: str, scored: bool = False) -> str:
-    """How a controller ended on a scenario; ``scored``: a single run with utilization [%], or depth
-    [% of L].
+    """Format the outcomes of a controller on a scenario.
+
+    With ``scored`` a single run also has its utilization [%], or its violation depth [% of L].
     """
     runs = results.runs(scenario, controller)
     marks = (
@@ -194,13 +197,14 @@ def outcome(results: Results, scenario: str, controller: str, scored: bool = Fal
 
 
 def anchor(scenario: str) -> str:
-    """Where a scenario's section is, in links."""
+    """Return the anchor of a scenario's section, for links."""
     return quote(f"scenario-{scenario}")
 
 
 def _complete(results: Results, names: Sequence[str]) -> list[bool]:
-    """Which of these converged in every run in which any competitor did; nobody if there is only
-    one competitor.
+    """Return True for each controller that converged in every run in which any competitor did.
+
+    All are False if there is only one competitor.
     """
     solved = {
         name: {
@@ -218,8 +222,9 @@ def _complete(results: Results, names: Sequence[str]) -> list[bool]:
 def _overall(
     results: Results, names: Sequence[str], chosen: Callable[[Metric], bool]
 ) -> dict[str, list[str]]:
-    """Columns of the chosen metrics over all scenarios: the worst or the median, and how many runs
-    have a value.
+    """Return columns of the chosen metrics over all scenarios.
+
+    Each is the worst or the median value, with the number of runs that have one.
     """
     columns = {}
     for metric in (metric for metric in METRICS if metric.overall and chosen(metric)):
@@ -241,5 +246,5 @@ def _overall(
 
 
 def _better(results: Results, better: Better) -> Better:
-    """Nothing is ranked where tracking alone violates no row."""
+    """Return ``better``, or None if the unconstrained baseline violates no row."""
     return better if results.challenged_scenarios else None

@@ -1,6 +1,4 @@
-"""The short report of a tuning: default and chosen setting of each law, on the scenes that it was
-tuned on.
-"""
+"""Short report of a tuning: default and tuned setting of each law, on the tuning scenes."""
 
 from __future__ import annotations
 
@@ -14,11 +12,11 @@ from .numbers import over_trials, percent
 from .page import render, write_pages
 
 REPORT = "report.md"
-BUDGETS = (0, 20, 100)  #: evaluations by whose number successes are shown, beside all there are
+BUDGETS = (0, 20, 100)  #: Evaluations after which successes are shown, beside the whole budget.
 
 
 def write_report(tuning: Tuning, folder: Path) -> None:
-    """Write it into a folder as Markdown and HTML; raises StorageError."""
+    """Write the report of a tuning into a folder as Markdown and HTML; raises StorageError."""
     evaluations = tuning.problem.budget.evaluations
     text = render(
         "tuning.md",

@@ -1,6 +1,6 @@
-"""The report of evidence: which controller, when, and how sure, from thousands of drawn scenes.
+"""Report of evidence: success of controllers over thousands of drawn scenes, with confidence.
 
-It needs pandas, which ``pip install 'vsconstraints[evidence]'`` brings.
+It requires pandas, which ``pip install 'vsconstraints[evidence]'`` installs.
 """
 
 from .dataset import replay, replayed

@@ -1,6 +1,4 @@
-"""What holds beyond the families that were run, and beside the best motions that are known of
-scenes.
-"""
+"""Results beyond the families that were run, and compared with the best known motions."""
 
 from __future__ import annotations
 
@@ -18,16 +16,16 @@ from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import Share, condition_text, ranking
 
-#: what is known of scenes of test set v1: `python -m checks.best`
+#: Best known motions of the scenes of test set v1, from `python -m checks.best`.
 TABLE = V1.with_name(f"{V1.name}-best.parquet")
-FEWEST = 4  #: Families from which on a spread between families can be told.
+FEWEST = 4  #: Least number of families for an estimate of the spread between families.
 
 
 class Beyond(NamedTuple):
-    """Laws in a condition, the most successful first, in a further family like those that were run.
+    """Expected success of laws in a condition in a further, similar family, best law first.
 
-    ``behind`` are the laws that succeed less often than the first one; ``ranks`` (families, laws)
-    leave one family out.
+    ``behind`` are the laws that succeed less often than the first one. ``ranks`` (families, laws)
+    are the ranks with one family left out.
     """
 
     condition: str
@@ -37,8 +35,10 @@ class Beyond(NamedTuple):
     ranks: Array
 
     def cell(self, law: str) -> str:
-        """Success in a family like these; bold if only the first one is not behind, ≈ where several
-        are not.
+        """Format the success of a law in a family like these.
+
+        The first law is bold if all others are behind. If several laws are not behind, they are
+        marked with ≈.
         """
         text = self.shares[law].cell
         if law in self.behind or len(self.laws) < 2:
@@ -46,7 +46,7 @@ class Beyond(NamedTuple):
         return bold(text) if len(self.behind) == len(self.laws) - 1 else f"≈ {text}"
 
     def rank(self, law: str) -> str:
-        """The ranks that it has, whichever family is left out."""
+        """Format the range of ranks of a law over the families left out."""
         own = self.ranks[:, self.laws.index(law)]
         low = int(own.min())
         high = int(own.max())
@@ -54,12 +54,12 @@ class Beyond(NamedTuple):
 
     @property
     def stays(self) -> int:
-        """With how many families left out the first law is still the most successful."""
+        """Number of families whose omission leaves the first law the most successful."""
         return int((self.ranks[:, 0] == 1).sum())
 
 
 def beyond(dataset: Dataset) -> list[Beyond]:
-    """Of each condition that has :data:`FEWEST` families or more."""
+    """Return the results of each condition with at least :data:`FEWEST` families."""
     each = (_beyond(dataset, condition) for condition in dataset.conditions)
     return dataset.once("beyond", lambda: [one for one in each if one is not None])
 
@@ -75,7 +75,7 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
     shares = dict(zip(laws, (Share(*one[:3]) for one in across_families(own, of)), strict=True))
     behind = set()
     if len(laws) > 1:
-        # with the best, whichever it is: Hsu's multiple comparisons, corrected for all others
+        # Comparison with the best law: Hsu's multiple comparisons, corrected for all others.
         first = success.iloc[:, 0]
         others = success.iloc[:, 1:]
         flags = (
@@ -91,8 +91,9 @@ def _beyond(dataset: Dataset, condition: str) -> Beyond | None:
 
 
 def across_findings(dataset: Dataset) -> list[Finding]:
-    """The most successful law of each condition in a family like these, and whether it hangs on one
-    of them.
+    """Return findings on the most successful law of each condition in a similar family.
+
+    They state whether the result depends on one of the families.
     """
     several = []
     for one in beyond(dataset):
@@ -108,8 +109,9 @@ def across_findings(dataset: Dataset) -> list[Finding]:
 
 
 def known_motions(dataset: Dataset) -> Any:
-    """The lines of :data:`TABLE` on scenes of a campaign, a DataFrame; None if it has none, or
-    other scenes.
+    """Return the lines of :data:`TABLE` on scenes of a campaign, as a DataFrame.
+
+    Return None if the campaign has none of these scenes.
     """
     import pandas as pd
 
@@ -130,8 +132,10 @@ def known_motions(dataset: Dataset) -> Any:
 
 
 def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
-    """Of each law its success in scenes that can be reached, and medians: time over the best one,
-    space less its.
+    """Return each law's success in reachable scenes, and medians of its time and space.
+
+    ``time`` is relative to the best known motion. ``space`` is the utilization less the greatest
+    utilization of the laws in the table that succeed.
     """
     reachable = known[known["outcome"] == "reachable"].astype({"family": str})
     lines = runs.merge(reachable[[*SCENE, "best_time_s", "law_space"]], on=SCENE)
@@ -152,8 +156,9 @@ def regrets(runs: Any, known: Any) -> dict[str, dict[str, Any]]:
 
 
 def beside_best(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """The same of a campaign without disturbances; empty for scenes of which no best motions are
-    known.
+    """Return :func:`regrets` of a campaign without disturbances.
+
+    The result is empty for scenes without known best motions.
     """
     runs = dataset.among(NOMINAL)
     known = known_motions(dataset) if len(runs) else None

@@ -1,6 +1,4 @@
-"""The data of the report of evidence: runs with their outcome, paired by scene, and single runs
-made again.
-"""
+"""Data of the report of evidence: runs and outcomes, paired by scene, and repeated single runs."""
 
 from __future__ import annotations
 
@@ -29,17 +27,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Value = TypeVar("Value")
-MIN_LEVELS = 3  #: Of the first factor of a factorial, over which curves are drawn.
-#: Columns that identify a scene: controllers are compared on the same ones.
+MIN_LEVELS = 3  #: Least number of levels of the first factor, over which curves are drawn.
+#: Columns that identify a scene: controllers are compared on the same scenes.
 SCENE = ["family", "scene"]
 
 
 class Factorial(NamedTuple):
-    """Conditions that are a full factorial of levels, such as speed × latency × noise, as far as
-    they were run.
+    """Conditions that form a full factorial of levels, such as speed × latency × noise.
 
-    Levels of each factor, the nominal one first and the factor with most levels first; and
-    conditions by their levels.
+    Only conditions that were run are included. ``factors`` are the levels of each factor, the
+    nominal one first, and the factor with most levels first. ``conditions`` are keyed by levels.
     """
 
     factors: tuple[tuple[str, ...], ...]
@@ -47,11 +44,11 @@ class Factorial(NamedTuple):
 
     @classmethod
     def of(cls, table: Mapping[str, Mapping[str, Any]], run: Collection[str]) -> Factorial | None:
-        """That of a family's table of conditions, of which some were run; None if there is none to
-        draw curves of.
+        """Find the factorial in a family's table of conditions, of which some were run.
 
-        Conditions that name others together are combinations. Levels that never come together are
-        of one factor.
+        Return None without a full factorial, or if its first factor has fewer than
+        :data:`MIN_LEVELS` levels. Conditions that combine others are combinations of levels.
+        Levels that are never combined belong to one factor.
         """
         combined = {
             frozenset(said[TOGETHER]): name for name, said in table.items() if [*said] == [TOGETHER]
@@ -84,12 +81,12 @@ class Factorial(NamedTuple):
 
 
 class Dataset:
-    """Evidence as the parts of the report need it.
+    """Evidence in the form that the parts of the report need.
 
-    ``tuning`` is the folder of the tuning, if there is one to show; ``figures`` whether figures are
-    drawn, in ``formats``. ``laws``, ``families`` and ``situations``, families in conditions, are
-    those that have runs, in the campaign's order; so are ``conditions``, without those that are
-    nothing but levels of ``factorials`` of families.
+    ``tuning`` is the folder of the tuning, None if none is shown. ``figures`` is True if figures
+    are drawn, in ``formats``. ``laws``, ``families`` and ``situations`` (families in conditions)
+    are those that have runs, in the campaign's order. ``conditions`` have the same order and omit
+    those that are only levels of ``factorials`` of families.
     """
 
     def __init__(
@@ -141,25 +138,25 @@ class Dataset:
         self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        """What several parts need, computed for the first of them and kept by its key."""
+        """Return a value that several parts need; compute it once and cache it by its key."""
         if key not in self._cache:
             self._cache[key] = compute()
         value: Value = self._cache[key]
         return value
 
     def picture(self, figure: Figure, *needed: object) -> str:
-        """A figure with its caption; empty where no figures are wanted."""
+        """Draw a figure and return it with its caption; empty without figures."""
         return (
             picture(figure, self.folder / "figures", self.formats, *needed) if self.figures else ""
         )
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """Runs of the controllers that are compared, with their outcomes.
+        """Runs of the compared controllers, with their outcomes.
 
-        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides,
-        ``tolerant kept`` and ``tolerant success`` the same by the tolerant standard; ``tolerance``
-        the least one at which a run is a success.
+        ``kept`` is True if no row was violated, ``success`` if the goal was also reached.
+        ``tolerant kept`` and ``tolerant success`` apply the tolerant standard. ``tolerance`` is
+        the least tolerance at which a run is a success.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
@@ -177,26 +174,28 @@ class Dataset:
 
     @cached_property
     def required(self) -> dict[str, tuple[str, ...] | None]:
-        """What each controller requires beside rows and task; None for an own one, whose code says
-        it.
+        """Information that each controller requires beyond rows and task.
+
+        It is None for a custom controller, whose code defines it.
         """
         entries = self.configuration["controllers"]
         return {name: required_information(name, entries.get(name, {})) for name in self.laws}
 
     def of_law(self, law: str) -> pd.DataFrame:
-        """All runs of a controller."""
+        """Return all runs of a controller."""
         return self.runs[self.runs["controller"] == law]
 
     def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
-        """Runs in a condition, of some families or of all."""
+        """Return the runs in a condition, of some families or of all."""
         runs = self.runs[self.runs["condition"] == condition]
         return runs if families is None else runs[runs["family"].isin(list(families))]
 
     def paired(
         self, condition: str, column: str, families: Sequence[str] | None = None
     ) -> pd.DataFrame:
-        """A column's values with one line per scene and one column per controller, of scenes that
-        all of them ran.
+        """Return a column with one line per scene and one column per controller.
+
+        Only scenes that all controllers ran are included.
         """
         runs = self.among(condition, families)
         wide = runs.pivot_table(
@@ -209,21 +208,23 @@ class Dataset:
         return wide[[name for name in self.laws if name in wide.columns]]
 
     def working(self, condition: str) -> tuple[str, ...]:
-        """Controllers not all of whose runs failed in a condition: standing still violates nothing.
-        All, if none.
+        """Return the controllers of which at least one run in a condition did not fail.
+
+        A controller that stands still violates nothing and is therefore left out. If all runs of
+        all controllers failed, all are returned.
         """
         runs = self.among(condition)
         working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
         return tuple(law for law in self.laws if law in working) or self.laws
 
     def families_of(self, *conditions: str) -> list[str]:
-        """Families that have runs in all of these conditions."""
+        """Return the families that have runs in all of these conditions."""
         there = [set(self.among(condition)["family"]) for condition in conditions]
         return [name for name in self.families if all(name in one for one in there)]
 
 
 def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
-    """Names that are present: those that were planned in that order, then the others."""
+    """Return the names that are present: planned ones in their order, then the others."""
     there = set(present)
     return tuple(dict.fromkeys([*(name for name in planned if name in there), *sorted(there)]))
 
@@ -237,12 +238,11 @@ def replay(
     *,
     trust: bool = False,
 ) -> RunRecord:
-    """Draw a scene of a campaign again and run a controller on it: the same run, with its whole
-    trajectory.
+    """Draw a scene of a campaign again and repeat a controller's run with its whole trajectory.
 
     With ``trust``, code that the campaign names as ``module:Class`` may run. Raises
-    ConfigurationError if there is no evidence in the folder, it has no such run, or the run needs
-    code that is not trusted.
+    ConfigurationError if the folder has no evidence or no such run, or if the run needs code that
+    is not trusted.
     """
     evidence = Evidence.load(Path(folder), trust)
     return rerun(evidence, setup_of(evidence, family, scene, condition), controller)
@@ -251,8 +251,9 @@ def replay(
 def replayed(
     run: str, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None
 ) -> ReplayRun:
-    """The run of ``FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER``, simulated again to be seen; raises
-    as :func:`replay`.
+    """Simulate the run ``FOLDER:FAMILY:SCENE:CONDITION:CONTROLLER`` again for a replay.
+
+    Raises as :func:`replay`.
     """
     folder, family, scene, condition, controller = campaign_run(run)
     evidence = Evidence.load(Path(folder), trust)
@@ -264,14 +265,14 @@ def replayed(
 
 
 def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:
-    """The setup of a scene, with its own noise."""
+    """Return the setup of a scene, with the noise of that scene."""
     if family not in evidence.families:
         raise unknown_name("family", family, evidence.families)
     return until_settled(evidence.drawn(family, scene).setup(condition))
 
 
 def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
-    """A controller run on a setup, with the options of the campaign."""
+    """Run a controller on a setup with the options of the campaign."""
     entries = evidence.manifest["configuration"]["controllers"]
     if controller not in entries:
         raise unknown_name("controller", controller, entries)

@@ -1,6 +1,4 @@
-"""How controllers do and fail in every situation, and figures of single scenes that are made
-again.
-"""
+"""Success and failures of controllers in every situation, and figures of repeated scenes."""
 
 from __future__ import annotations
 
@@ -24,35 +22,32 @@ from .dataset import Dataset, rerun, setup_of
 from .ranking import Ranking, Share, ranking
 from .tables import most_frequent
 
-#: Ways to fail in a cell, and of how many of a controller's failed runs at least.
+#: Most ways to fail in a cell, and their least share of a controller's failed runs.
 MAX_REASONS = 3
 MIN_SHARE = 0.02
-#: Of statuses, the worst last.
+#: Order of statuses, the worst last.
 ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
-#: Relative luminance above which black is read better than white, the contrast of both being the
-#: same there (WCAG).
+#: Relative luminance above which black text has more contrast than white (WCAG).
 BRIGHT = 0.179
 TRACKS: Figure = next(figure for figure in FIGURES if figure.name == "tracks")
 
 
 def kinds(runs: Any) -> list[tuple[str, int]]:
-    """The most frequent ways in which runs were no success, and how often."""
+    """Return the most frequent ways in which runs were unsuccessful, with their counts."""
     columns = (runs[name].fillna("").astype(str) for name in ("ending", "violated", "reason"))
     every = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
     return most_frequent(every, MAX_REASONS, MIN_SHARE * len(runs))
 
 
 def _failure_kind(ending: str, violated: str, reason: str) -> str:
-    """The kinds of rows a run violated or, if none, how it ended."""
+    """Return the kinds of rows that a run violated or, without violation, its ending."""
     if kinds := sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}):
         return f"{enumeration(kinds)} violated"
     return f"failed: {plain(reason_kind(reason))}" if ending == "failed" and reason else ending
 
 
 def worst_last(runs: Any) -> Any:
-    """Runs by depth of violation and ending, the successful before all others and of these the
-    slowest last.
-    """
+    """Sort runs: successful ones first, the slowest of these last, then by violation and ending."""
     depth = runs["violation_depth"].astype(float).fillna(0.0)
     ending = runs["status"].map(ORDER).fillna(len(ORDER))
     by = ["success", "depth", "order", "settling_time_s"]
@@ -62,8 +57,9 @@ def worst_last(runs: Any) -> Any:
 
 
 def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """By controller that fails, its typical (median) and worst run without success, by depth and
-    ending.
+    """Return the typical (median) and the worst unsuccessful run of each controller that fails.
+
+    Runs are ordered by violation depth and ending.
     """
     examples = {}
     failures = worst_last(dataset.runs[~dataset.runs["success"]])
@@ -75,12 +71,12 @@ def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
 
 
 def where(run: Any) -> str:
-    """The scene of a run, and its condition."""
+    """Return the scene of a run and its condition as text."""
     return f"{run['family']} {run['scene']}, {run['condition']}"
 
 
 def reason_text(dataset: Dataset, run: Any) -> str:
-    """Why a run was no success, and which row it violated by how much."""
+    """Return why a run was unsuccessful, and the depth of its worst violation."""
     parts = [plain(run["reason"])] if run["reason"] else []
     keys = ["family", "condition", "scene", "controller"]
 
@@ -102,8 +98,9 @@ def reason_text(dataset: Dataset, run: Any) -> str:
 
 
 def divisive_scene(dataset: Dataset, family: str) -> int | None:
-    """The number of the scene that divides controllers most evenly; None if there is none in which
-    they differ.
+    """Return the number of the scene that divides controllers most evenly.
+
+    Return None if all controllers agree on every scene.
     """
     share = dataset.paired(dataset.conditions[0], "success", [family]).astype(bool).mean(axis=1)
     divided: Any = share[(share > 0.0) & (share < 1.0)]
@@ -111,8 +108,9 @@ def divisive_scene(dataset: Dataset, family: str) -> int | None:
 
 
 def scene_figures(dataset: Dataset) -> list[str]:
-    """In each family the tracks of all controllers on the most divisive scene, in the first
-    condition.
+    """Return the figure of the most divisive scene of each family, in the first condition.
+
+    It shows the tracks of the best controllers and of the unconstrained baseline.
     """
     texts = []
     condition = dataset.conditions[0]
@@ -121,12 +119,12 @@ def scene_figures(dataset: Dataset) -> list[str]:
         if scene is None:
             continue
         first = ranking(dataset, condition, families=[family]).laws[:MAX_LAWS]
-        # in this order they have the colors of other figures
+        # In this order they have the colours of other figures.
         laws = [law for law in dataset.laws if law in first]
         try:
             setup = setup_of(dataset.evidence, family, scene, condition)
             runs = {name: rerun(dataset.evidence, setup, name) for name in (BASELINE, *laws)}
-        except Exception as error:  # own parts that are no longer there can raise anything
+        except Exception as error:  # missing custom parts can raise anything
             texts.append(
                 f"Scene {scene} of {plain(family)} could not be simulated again: "
                 f"{plain(described(error))}."
@@ -147,15 +145,14 @@ def scene_figures(dataset: Dataset) -> list[str]:
     return texts
 
 
-# --- situations: a family in a condition ---
+# --- Situations: a family in a condition ---
 
 
 class Cell(NamedTuple):
-    """A controller in a situation: success, how runs ended, and whether it is in ``front``, with
-    others behind it.
+    """Controller in a situation: success, endings of runs, and whether it is significantly ahead.
 
-    ``worst`` is the scene of its worst run, with its ``status`` and, unless it is a success, the
-    ``reason``.
+    ``front`` is True if it is among the best and others are significantly behind. ``worst`` is the
+    scene of its worst run, with its ``status`` and, unless it is a success, the ``reason``.
     """
 
     share: Share
@@ -167,8 +164,9 @@ class Cell(NamedTuple):
 
     @property
     def colours(self) -> tuple[str, str]:
-        """Of the ground, as readable for colour-blind people as for others, and of the text on
-        it.
+        """Colours of background and text.
+
+        The background can also be read by colour-blind readers.
         """
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
@@ -182,9 +180,7 @@ class Cell(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """A family in a condition: how often controllers succeed there, and a cell for each that has
-    runs.
-    """
+    """Family in a condition: success of controllers there, and a cell for each that has runs."""
 
     family: str
     condition: str
@@ -193,7 +189,7 @@ class Situation(NamedTuple):
 
 
 def situations(dataset: Dataset) -> list[Situation]:
-    """All situations, in the order of families and conditions, found once."""
+    """Return all situations in the order of families and conditions; they are cached."""
     return dataset.once("situations", lambda: _situations(dataset))
 
 
@@ -220,8 +216,9 @@ def _situations(dataset: Dataset) -> list[Situation]:
 
 
 def heat_map(dataset: Dataset) -> str:
-    """Success as HTML with a colour for each cell, which leads to its worst run; columns are sorted
-    by a click.
+    """Return success as an HTML table with a colour for each cell.
+
+    A cell links to its worst run. A click on a heading sorts the columns.
     """
     entries = dataset.configuration["controllers"]
     shown = {"laws": dataset.laws, "endings": UNSUCCESSFUL}
@@ -230,8 +227,9 @@ def heat_map(dataset: Dataset) -> str:
 
 
 def situation_data(dataset: Dataset) -> list[dict[str, Any]]:
-    """For files: a line for each controller in each situation, the share with its interval and
-    counts of endings.
+    """Return a line for each controller in each situation, for files.
+
+    It has the success with its interval, and counts of endings.
     """
     return [
         {

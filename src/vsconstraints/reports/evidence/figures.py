@@ -1,6 +1,4 @@
-"""Figures of the report of evidence: success over tolerated depth, profiles, mean ranks, budgets,
-the worst runs.
-"""
+"""Figures of the report of evidence: success over tolerated depth, profiles, ranks, budgets."""
 
 from __future__ import annotations
 
@@ -32,31 +30,29 @@ from .dataset import Factorial
 from .ranking import Ranking
 
 COLUMNS = 3
-DEEPEST = 0.1  #: Up to this depth violations are tolerated in the figure of it [L].
-#: Ratios of profiles are drawn up to this one; the least gap between ticks, as a share of the axis.
+DEEPEST = 0.1  #: Greatest tolerated depth in its figure [L].
+#: Greatest ratio drawn in profiles; least gap between ticks, as a share of the axis.
 MAX_RATIO = 100.0
 TICK_GAP = 0.12
 TICKS = (1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
-#: Between the marks of two laws at the same level, and how wide all of them may be, relative to a
-#: level's room.
+#: Gap between marks of two laws at one level, and largest width of all, relative to a level.
 DODGE = 0.05
 SPREAD = 0.6
-#: Height of a name's line and of a bar, and room for names on either side of a diagram of ranks
-#: [in].
+#: Height of a name's line and of a bar; margin for names on both sides of a rank diagram [in].
 NAME_LINE = 0.2
 BAR = 0.1
 MARGIN = 2.15
-#: The title of a panel; and a column of each law, the least depth to be tolerated by scene.
+#: Title of a panel; and the least tolerated depth by scene, one column per law.
 Depths = tuple[str, Any]
-#: Its title, the laws that it shows, and their profile.
+#: Title, shown laws and their profile.
 Panel = tuple[str, tuple[str, ...], Profile]
-Diagram = tuple[str, tuple[str, ...], Ranks]  #: Its title, the laws, and their ranks.
+Diagram = tuple[str, tuple[str, ...], Ranks]  #: Title, laws and their ranks.
 
 
 def _panels(
     sheet: Sheet, titles: Sequence[str], columns: int = COLUMNS, **options: Any
 ) -> list[Any]:
-    """Panels with the same vertical axis and a title each."""
+    """Add panels with a common vertical axis and a title each."""
     made = sheet.panels(len(titles), columns, **{"above": 0.28, "same_y": True, **options})
     for ax, title in zip(made, titles, strict=True):
         ax.set_title(title, loc="left", fontsize=8.5, pad=4)
@@ -64,9 +60,7 @@ def _panels(
 
 
 def _curves(ax: Any, x: Array, shares: Array, shown: Sequence[str], laws: Sequence[str]) -> None:
-    """The shares of each law that is shown, (laws, N) over x (N,), in the looks that it has among
-    all laws.
-    """
+    """Draw the shares (laws, N) of the shown laws over x (N,), each in its usual style."""
     look = looks(laws)
     width = widths(laws, 2.4, 1.2)
     for law, own in zip(shown, shares, strict=True):
@@ -83,7 +77,7 @@ def _legend(sheet: Sheet, laws: Sequence[str]) -> None:
 
 
 def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | None:
-    """One panel per condition."""
+    """Draw success over tolerated depth, one panel per condition."""
     if not panels:
         return None
     sheet = Sheet(left=0.62, right=0.2)
@@ -105,14 +99,17 @@ def draw_tolerance(panels: Sequence[Depths], laws: Sequence[str]) -> Sheet | Non
 
 
 def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sheet | None:
-    """One panel per condition, metrics below each other, each with a horizontal axis of its own."""
+    """Draw performance profiles, one panel per condition and one line of panels per metric.
+
+    Each metric has a separate horizontal axis.
+    """
     if not any(metrics):
         return None
     sheet = Sheet(left=0.62, right=0.2)
     labels = ("times the least of the scene", "share of scenes [%]")
     for panels in metrics:
         finite = [profile.ratios[np.isfinite(profile.ratios)] for _, _, profile in panels]
-        # where nearly all curves have come to their end
+        # Where nearly all curves have reached their end.
         last = max(
             [1.1, *(min(float(np.quantile(one, 0.99)), MAX_RATIO) for one in finite if len(one))]
         )
@@ -134,8 +131,9 @@ def draw_profiles(metrics: Sequence[Sequence[Panel]], laws: Sequence[str]) -> Sh
 def draw_levels(
     factorial: Factorial, rankings: Mapping[str, Ranking], laws: Sequence[str]
 ) -> Sheet | None:
-    """Over the levels of the first factor, a panel for each combination of the others; ``rankings``
-    by condition.
+    """Draw success over the levels of the first factor, by combination of the other factors.
+
+    ``rankings`` are keyed by condition.
     """
     first, *others = factorial.factors
     panels = (
@@ -186,7 +184,7 @@ def draw_levels(
 
 
 def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -> Sheet | None:
-    """One diagram per condition, as Demšar draws them: best left."""
+    """Draw one critical-difference diagram per condition, as by Demšar: best on the left."""
     look = looks(laws)
     sheet = Sheet(left=MARGIN, right=MARGIN)
     shown = [diagram for diagram in diagrams if len(diagram[1]) > 1]
@@ -220,7 +218,7 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
         for place, (rank, law) in enumerate(
             sorted(zip(map(float, ranks.means), own, strict=True), key=lambda x: x[0])
         ):
-            # a line from the rank down to the law's name beside the diagram
+            # A line from the rank down to the law's name beside the diagram.
             left = place < half
             at = bars + NAME_LINE * (place if left else count - 1 - place)
             end = ax.get_xlim()[not left]
@@ -248,8 +246,9 @@ def draw_critical_difference(diagrams: Sequence[Diagram], laws: Sequence[str]) -
 
 
 def draw_budgets(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
-    """A curve per law, median over tuner seeds, and a band from the least to the greatest where
-    they differ.
+    """Draw a curve per law over evaluations, the median over tuner seeds.
+
+    A band from the least to the greatest value is drawn where they differ.
     """
     width = widths(laws, 2.4, 1.2)
     sheet = Sheet(left=0.72, right=0.2)

@@ -1,4 +1,4 @@
-"""The findings of the report of evidence: each a claim with the unrounded numbers it rests on."""
+"""Findings of the report of evidence: claims with the unrounded numbers behind them."""
 
 from __future__ import annotations
 
@@ -25,20 +25,19 @@ from .ranking import (
     ranking,
 )
 
-#: What may not be available: as controllers state it, and in words.
+#: Information that may be unavailable: as controllers declare it, and in words.
 INFORMATION: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
-MIN_REACHED = 0.9  #: Where tracking alone reaches the goal less often than this, it is reported.
+MIN_REACHED = 0.9  #: The baseline is reported if it reaches the goal less often.
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim of the report: as it stands there, of what kind, in which condition and about which
-    controllers.
+    """Claim of the report: its text, kind, condition and controllers.
 
-    ``numbers`` are all that the text shows, unrounded, shares as such and not in per cent; those of
-    a controller carry its name, as in ``success[sliding-mode]``. ``standard`` is that by which rows
-    are violated in it, ``strict`` or ``tolerant``; empty where it is not about violations, as is
-    ``condition`` where it is about several.
+    ``numbers`` are all that the text shows, unrounded, with shares from 0 to 1. The numbers of a
+    controller carry its name, as in ``success[sliding-mode]``. ``standard`` is the standard of
+    violations, ``strict`` or ``tolerant``, and empty if the claim is not about violations.
+    ``condition`` is empty if the claim is about several conditions.
     """
 
     text: str
@@ -50,12 +49,12 @@ class Finding:
 
 
 def text_of(about: str, **facts: Any) -> str:
-    """The sentence of a finding, by the template."""
+    """Render the sentence of a finding from the template."""
     return render("findings.md", about=about, **{"ranked": None, **facts}).strip()
 
 
 def findings(dataset: Dataset) -> dict[str, list[Finding]]:
-    """The findings on each condition, in their order."""
+    """Return the findings on each condition, in order."""
     by_condition = {}
     for condition in dataset.conditions:
         ranked = ranking(dataset, condition)
@@ -73,9 +72,7 @@ def findings(dataset: Dataset) -> dict[str, list[Finding]]:
 
 
 def best(ranked: Ranking, standard: str = "strict") -> Finding:
-    """Which controllers succeed most often in a condition, and the best that does significantly
-    less often.
-    """
+    """Return the finding on the best controllers and the first one significantly behind."""
     about = "best"
     named = [ranked.leader]
     pair = None
@@ -92,7 +89,7 @@ def best(ranked: Ranking, standard: str = "strict") -> Finding:
 
 
 def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
-    """The best of the controllers that do without some information, such as L_fφ."""
+    """Return findings on the best controllers that do not need some information, such as L_fφ."""
     if ranked.hopeless or ranked.next is None:
         return []
     known = {
@@ -103,7 +100,7 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
         spare = [law for law, required in known.items() if what not in required]
         about = f"without {what}"
         in_front = [law for law in ranked.front if law in spare]
-        # that those in front need no model goes without saying
+        # It is obvious that leaders without this information need no model.
         if not spare or len(spare) == len(known) or (in_front and what != INFORMATION[0][0]):
             continue
         named = named_of(in_front)
@@ -122,7 +119,7 @@ def without_information(dataset: Dataset, ranked: Ranking) -> list[Finding]:
 
 
 def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
-    """Of several controllers in front, the one with significantly the lowest command variation."""
+    """Return the finding on the leader with significantly the lowest command variation, if any."""
     front = list(ranked.front)
     if len(front) < 2 or ranked.hopeless:
         return None
@@ -146,7 +143,7 @@ def calmest(dataset: Dataset, ranked: Ranking) -> Finding | None:
 
 
 def violations(dataset: Dataset, condition: str) -> Finding:
-    """Which controllers violate a row least often, by the strict standard."""
+    """Return the finding on controllers that violate a row least often, by the strict standard."""
     ranked = kept_ranking(dataset, condition)
     violated = {law: ranked.shares[law].complement for law in named_of(ranked.front)}
     numbers: dict[str, float] = {"scenes": ranked.scenes}
@@ -158,7 +155,7 @@ def violations(dataset: Dataset, condition: str) -> Finding:
 
 
 def attainable(dataset: Dataset, condition: str) -> Finding | None:
-    """How often tracking alone reaches the goal, where that is not nearly always."""
+    """Return the finding on how often the baseline reaches the goal, None if nearly always."""
     runs = dataset.evidence.runs
     own = runs[(runs["controller"] == BASELINE) & (runs["condition"] == condition)]
     share = Share.of(rate((own["status"] == "converged").to_numpy(bool)))
@@ -171,8 +168,9 @@ def attainable(dataset: Dataset, condition: str) -> Finding | None:
 
 
 def reversals(dataset: Dataset) -> Iterator[Finding]:
-    """For each further condition the greatest rank reversal, significant in both conditions on the
-    same families.
+    """Yield the finding on the greatest rank reversal of each further condition.
+
+    It is significant in both conditions on the same families.
     """
     first, *others = dataset.conditions or ("",)
     for other in others:
@@ -206,7 +204,7 @@ def reversals(dataset: Dataset) -> Iterator[Finding]:
 
 
 def tuning_gain(dataset: Dataset) -> Finding | None:
-    """What tuning is worth in the first condition, controller by controller."""
+    """Return the finding on the gain from tuning in the first condition, for each controller."""
     ranked = ranking(dataset, dataset.conditions[0])
     pairs = {law: name for law, name in dataset.tuned.items() if {law, name} <= set(ranked.laws)}
     if not pairs:
@@ -232,7 +230,7 @@ def tuning_gain(dataset: Dataset) -> Finding | None:
 
 
 def always_failing(dataset: Dataset) -> list[Finding]:
-    """Controllers all of whose runs failed or were aborted, with the most frequent reason."""
+    """Return findings on controllers whose runs all failed or aborted, with the main reason."""
     several = []
     for law in dataset.laws:
         runs = dataset.of_law(law)
@@ -244,14 +242,14 @@ def always_failing(dataset: Dataset) -> list[Finding]:
 
 
 def named_of(laws: Sequence[str]) -> list[str]:
-    """The controllers that a sentence names."""
+    """Return the controllers that a sentence names."""
     return [law for law in first_names(laws, MAX_NAMES) if law in laws]
 
 
 def numbers_of(
     ranked: Ranking, laws: Sequence[str], pair: tuple[str, str] | None = None
 ) -> dict[str, float]:
-    """The numbers of a finding on these controllers, and on the difference of two of them."""
+    """Return the numbers of a finding on these controllers and on the difference of two of them."""
     numbers: dict[str, float] = {"scenes": ranked.scenes, "families": ranked.families}
     for law in laws:
         numbers |= ranked.shares[law].numbers("success", law=law)

@@ -1,4 +1,4 @@
-"""Controllers ranked by how often they succeed, and compared in pairs on the same scenes."""
+"""Ranking of controllers by success rate, and paired comparisons on the same scenes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .dataset import Dataset
 if TYPE_CHECKING:
     import pandas as pd
 
-#: What conditions are called at the beginning of a sentence.
+#: Conditions as text at the beginning of a sentence.
 CONDITIONS = {
     "nominal": "Without disturbances",
     "disturbed": "With disturbances",
@@ -34,27 +34,27 @@ CONDITIONS = {
     "images": "By images",
     "images-and-dynamics": "By images and on arms with mass",
 }
-MAX_NAMES = 4  #: A sentence names no more controllers than this.
+MAX_NAMES = 4  #: Most controllers that a sentence names.
 
 
 def condition_text(condition: str, inside: bool = False) -> str:
-    """The beginning of a sentence on a condition, or the same inside a sentence."""
+    """Return a condition as text for the beginning or the inside of a sentence."""
     text = CONDITIONS.get(condition, f"In the condition {plain(condition)}")
     return text[0].lower() + text[1:] if inside else text
 
 
 def scenes_text(scenes: int, families: int) -> str:
-    """How many scenes, of how many families."""
+    """Return the number of scenes and families as text."""
     return f"{counted(scenes, 'scene')} of {counted(families, 'family', 'families')}"
 
 
 def names_text(names: Sequence[str]) -> str:
-    """The names, or the first of them and how many more there are."""
+    """Return the names as text, or the first of them and the number of the others."""
     return enumeration(first_names(names, MAX_NAMES))
 
 
 class Share(NamedTuple):
-    """A share from 0 to 1, or a difference of two, and its interval; printed in per cent."""
+    """Share from 0 to 1, or difference of two, with its interval; printed in per cent."""
 
     value: float
     low: float
@@ -62,22 +62,22 @@ class Share(NamedTuple):
 
     @classmethod
     def of(cls, rate: Rate) -> Share:
-        """The share of a rate."""
+        """Return the share of a rate."""
         return cls(rate.share, rate.low, rate.high)
 
     @property
     def complement(self) -> Share:
-        """How often it does not happen."""
+        """Share of the opposite outcome."""
         return Share(1.0 - self.value, 1.0 - self.high, 1.0 - self.low)
 
     @property
     def reversed(self) -> Share:
-        """The difference the other way round."""
+        """Difference with the opposite sign."""
         return Share(-self.value, -self.high, -self.low)
 
     @property
     def digits(self) -> int:
-        """Decimals: as many as the interval can resolve, and no more."""
+        """Number of decimals that the interval can resolve."""
         half = 50.0 * (self.high - self.low)
         return (
             min(max(math.ceil(-math.log10(half / 3.0)), 0), 4)
@@ -86,30 +86,30 @@ class Share(NamedTuple):
         )
 
     def _texts(self) -> tuple[str, str]:
-        """The value and its interval, without a unit."""
+        """Return the value and its interval as texts without a unit."""
         value, low, high = (percentage(one, self.digits) for one in self)
-        # a dash before or behind a negative number would be read as a sign
+        # A dash next to a negative number would be read as a sign.
         return value, f"{low}{' to ' if self.low < 0.0 else '–'}{high}"
 
     @property
     def cell(self) -> str:
-        """``93.0 (91.2–94.6)``, for tables in per cent."""
+        """Share for tables in per cent, as ``93.0 (91.2–94.6)``."""
         return "{} ({})".format(*self._texts()) if math.isfinite(self.value) else DASH
 
     @property
     def text(self) -> str:
-        """``93.0 % (91.2–94.6 %)``."""
+        """Share for sentences, as ``93.0 % (91.2–94.6 %)``."""
         return "{} % ({} %)".format(*self._texts())
 
     @property
     def points(self) -> str:
-        """``1.7 points (0.6–3.0)``, of a difference of two shares."""
+        """Difference of two shares, as ``1.7 points (0.6–3.0)``."""
         return "{} points ({})".format(*self._texts())
 
     def numbers(
         self, name: str, low: str = "low", high: str = "high", law: str = ""
     ) -> dict[str, float]:
-        """The three numbers by these names, of a controller if one is named."""
+        """Return the value and its interval by these names, with the controller if given."""
         of = f"[{law}]" if law else ""
         return {name + of: self.value, low + of: self.low, high + of: self.high}
 
@@ -117,9 +117,9 @@ class Share(NamedTuple):
 class Ranking(NamedTuple):
     """Controllers in a condition, the best first.
 
-    ``shares`` say how often each succeeds, in scenes that all of them ran; ``differences`` by how
-    much each of two does more often than the other, with 95 % intervals simultaneous for all pairs
-    of the condition.
+    ``shares`` are success rates in scenes that all controllers ran. ``differences`` are the
+    differences of the rates of each two, with 95 % intervals simultaneous for all pairs of the
+    condition.
     """
 
     condition: str
@@ -131,49 +131,50 @@ class Ranking(NamedTuple):
 
     @property
     def scenes_text(self) -> str:
-        """How many scenes of how many families."""
+        """Number of scenes and families as text."""
         return scenes_text(self.scenes, self.families)
 
     @property
     def too_few(self) -> bool:
-        """Whether there are too few scenes for any difference to be significant."""
+        """True if there are too few scenes for any difference to be significant."""
         return self.scenes < MIN_SCENES
 
     def significant(self, first: str, second: str) -> bool:
-        """Whether two controllers differ significantly."""
+        """Return True if two controllers differ significantly."""
         _, low, high = self.differences[first, second]
         return distinguishable(low, high, self.scenes)
 
     @property
     def leader(self) -> str:
-        """The controller with the best rate."""
+        """Controller with the best rate."""
         return self.laws[0]
 
     @property
     def hopeless(self) -> bool:
-        """Whether no controller ever succeeds."""
+        """True if no controller ever succeeds."""
         return self.shares[self.leader].value == 0.0
 
     @property
     def front(self) -> tuple[str, ...]:
-        """The leader, and all that do not differ significantly from it."""
+        """Leader, and all controllers that do not differ significantly from it."""
         return tuple(
             law for law in self.laws if law == self.leader or not self.significant(self.leader, law)
         )
 
     @property
     def next(self) -> str | None:
-        """The best of those that differ significantly from the leader."""
+        """Best of the controllers that differ significantly from the leader, None without any."""
         return next((law for law in self.laws if law not in self.front), None)
 
     def among(self, laws: Iterable[str]) -> Ranking:
-        """Some of the controllers only; their intervals stay simultaneous for all pairs."""
+        """Return the ranking of some controllers; intervals stay simultaneous for all pairs."""
         chosen = set(laws)
         return self._replace(laws=tuple(law for law in self.laws if law in chosen))
 
     def cell(self, law: str, complement: bool = False) -> str:
-        """How often one succeeds, or does not: bold if significantly the best, ≈ if not
-        significantly worse.
+        """Format the success rate of a controller, or its complement.
+
+        It is bold if significantly the best, and marked with ≈ if not significantly worse.
         """
         if law not in self.shares:
             return DASH
@@ -190,7 +191,7 @@ class Ranking(NamedTuple):
 
     @property
     def named_front(self) -> str:
-        """Those in front with their shares, or the first of them and how many more there are."""
+        """Controllers of the front with their shares, or the first and the number of the others."""
         texts = first_names(self.front, MAX_NAMES)
         return enumeration(
             [f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts]
@@ -200,24 +201,26 @@ class Ranking(NamedTuple):
 def ranking(
     dataset: Dataset, condition: str, column: str = "success", families: Sequence[str] | None = None
 ) -> Ranking:
-    """How often a column is true for each controller, in the scenes of a condition that all of them
-    ran.
+    """Rank controllers by how often a column is true.
+
+    Only scenes of the condition that all controllers ran are used.
     """
     key = (condition, column, None if families is None else tuple(families))
     return dataset.once(key, lambda: ranked(dataset.paired(condition, column, families), condition))
 
 
 def kept_ranking(dataset: Dataset, condition: str, column: str = "kept") -> Ranking:
-    """How often rows are kept, of controllers not all of whose runs failed."""
+    """Rank controllers by how often rows are kept, without those all of whose runs failed."""
     return ranking(dataset, condition, column).among(dataset.working(condition))
 
 
 def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
-    """The same from one line per scene, whose index begins with its family, and one column per
-    controller.
+    """Rank controllers from flags with one line per scene and one column per controller.
+
+    The first level of the index is the family of a scene.
     """
     arrays = {law: flags[law].to_numpy(bool) for law in flags.columns}
-    # sorting keeps the order of equal ones
+    # Sorting is stable: ties keep their order.
     laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
     pairs = list(combinations(laws, 2))
     level = simultaneous(0.95, len(pairs))
@@ -230,12 +233,12 @@ def ranked(flags: pd.DataFrame, condition: str) -> Ranking:
 
 
 class PairVerdict(NamedTuple):
-    """One controller against another by a measure, in one condition.
+    """Comparison of one controller with another by a measure in one condition.
 
-    ``difference`` with the ends of its interval, simultaneous for all pairs, is that of the rates,
-    or the median of the difference or ratio over the scenes in which the two differ; ``p`` is
-    corrected for all pairs; ``scenes`` are compared, and in ``differ`` of them they differ.
-    ``verdict``: better, worse, not distinguishable or too few.
+    ``difference`` is that of the rates, or the median of the difference or ratio over the scenes in
+    which the two differ. Its interval is simultaneous for all pairs, and ``p`` is corrected for all
+    pairs. ``scenes`` are compared, and ``differ`` of them differ. ``verdict`` is better, worse, not
+    distinguishable or too few.
     """
 
     difference: float
@@ -248,19 +251,20 @@ class PairVerdict(NamedTuple):
 
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """The same for files: None where a number is not finite."""
+    """Return numbers for files, with None for those that are not finite."""
     return {
         name: None if isinstance(x, float) and not math.isfinite(x) else x
         for name, x in numbers.items()
     }
 
 
-PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Every controller against every other one.
+PairVerdicts = dict[tuple[str, str], PairVerdict]  #: Verdicts by pair of controllers.
 
 
 def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVerdicts:
-    """Every controller against every other one on the same scenes, by a metric's ratio or
-    difference or an outcome.
+    """Compare every controller with every other one on the same scenes.
+
+    The measure is an outcome or the difference or ratio of a metric.
     """
     verdicts: PairVerdicts = {}
     for line in compare_laws(runs, metric, by=()).itertuples():
@@ -282,8 +286,10 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
 def best_by(
     dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False
 ) -> tuple[list[str], PairVerdicts] | None:
-    """The best by the median of a metric over scenes in which all succeed, with its ties, and all
-    pairs; or None.
+    """Return the best controllers by the median of a metric, and the verdicts of all pairs.
+
+    The best one is followed by its ties. Only scenes in which all succeed are used. Return None
+    without such scenes, or for fewer than two controllers.
     """
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(
@@ -298,7 +304,7 @@ def best_by(
     )
     medians = values.median()
     first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
-    # of all: the same scenes say which is first
+    # One set of scenes for all laws, so that the same scenes decide which law is first.
     pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)
     return [
         first,
@@ -307,7 +313,7 @@ def best_by(
 
 
 def gap(pair: PairVerdict, factor: float = 1.0) -> str:
-    """A median difference with its interval; ≈ in front where it is not significant."""
+    """Format a median difference with its interval, after ≈ if it is not significant."""
     if not pair.scenes:
         return DASH
     middle, low, high = (factor * value for value in pair[:3])

@@ -1,6 +1,4 @@
-"""The report of evidence: tables, figures and findings put together by a template, and the findings
-as data.
-"""
+"""Report of evidence: tables, figures and findings combined by a template; findings as data."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ from .findings import Finding, always_failing, findings, reversals, tuning_gain
 from .ranking import Ranking, condition_text, finite, ranking, scenes_text
 
 CLAIMS = "claims.json"
-SITUATIONS = "Success in every situation"  #: The details that are a heat map in the page.
+SITUATIONS = "Success in every situation"  #: Details that the page shows as a heat map.
 #: Metrics whose definitions the report repeats.
 DEFINED = (
     "status",
@@ -39,14 +37,13 @@ DEFINED = (
     "acceleration_variation",
     "share_to_hold",
 )
-#: Metrics of the profiles, all positive, and their names; ranks are by the first.
+#: Metrics of the profiles, all positive, with their names; ranks use the first.
 PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
-#: Kinds of findings on several conditions, each a line of its own.
+#: Kinds of findings on several conditions, each on a separate line.
 ACROSS = ("turned", "tuned", "nowhere")
-#: Kinds of findings not in the line of a condition: those across conditions, and those that a table
-#: shows.
+#: Kinds of findings not in the line of a condition: those across conditions and in tables.
 HIDDEN = (*ACROSS, "across", "holds", "tolerant", "violations")
-#: Called with how many parts of a report are there, and how many there will be.
+#: Called with the number of finished parts of a report and their total.
 OnWritten = Callable[[int, int], None]
 
 
@@ -60,16 +57,16 @@ def write_evidence_report(
     on_written: OnWritten = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, details.md, both as report.html, figures and claims.json from a campaign;
-    returns report.md.
+    """Write report.md, details.md, report.html, figures and claims.json from a campaign.
 
-    Without ``figures`` those that are there stay as they are, and the report shows none; the report
-    shows the first of the ``formats``. ``tuning`` is the folder that tuned settings come from,
-    ``tuning`` in the campaign's folder if not given. Only with ``trust`` are laws and constraints
-    imported that the campaign names as ``module:Class``. Called are ``on_written`` with how many
-    parts are there and how many there will be, ``on_remark`` with warnings. Raises
-    ConfigurationError if there is no evidence in the folder, it is not what was stored, or the runs
-    are gone that its report was made from, and StorageError if the report cannot be written.
+    Return the path of report.md. Without ``figures`` existing figures are kept, and the report
+    shows none. The report shows the first of the ``formats``. ``tuning`` is the folder of the
+    tuned settings, by default ``tuning`` in the campaign's folder. Laws and constraints that the
+    campaign names as ``module:Class`` are imported only with ``trust``. ``on_written`` is called
+    with the number of finished parts and their total, ``on_remark`` with warnings. Raises
+    ConfigurationError if the folder has no evidence, if it was changed after it was stored, or if
+    the runs of an existing report are missing. Raises StorageError if the report cannot be
+    written.
     """
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:
@@ -86,7 +83,7 @@ def write_evidence_report(
 
 
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
-    """Write the report of evidence that has been read."""
+    """Write the report of loaded evidence."""
     context = dict[str, Any]()
     parts = (_claims, _quality, _singles)
     report = dataset.folder / "report.md"
@@ -138,7 +135,7 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
 
 
 def claims_of(dataset: Dataset) -> list[Finding]:
-    """The findings of the first screen in their order; none if only tracking alone was run."""
+    """Return the findings of the first screen in order; none if only the baseline was run."""
     every = [finding for own in findings(dataset).values() for finding in own]
     if every:
         every += [
@@ -178,7 +175,7 @@ def _claims(dataset: Dataset) -> dict[str, Any]:
 
 
 def _levels(dataset: Dataset) -> Iterator[str]:
-    """The figure of each family whose conditions are a factorial."""
+    """Yield the figure of each family whose conditions are a factorial."""
     for family, factorial in dataset.factorials.items():
         rankings = {
             name: ranking(dataset, name, families=[family])
@@ -196,7 +193,7 @@ def _levels(dataset: Dataset) -> Iterator[str]:
 
 
 def _quality(dataset: Dataset) -> dict[str, Any]:
-    """Figures of all conditions, and one table for each."""
+    """Return the figures of all conditions: profiles and critical differences."""
     panels: dict[str, list[Panel]] = {metric: [] for metric in PROFILED}
     diagrams: list[Diagram] = []
     for (metric, words), condition in product(
@@ -215,7 +212,7 @@ def _quality(dataset: Dataset) -> dict[str, Any]:
 
 
 def _singles(dataset: Dataset) -> dict[str, Any]:
-    """Figures of single scenes, and of the tuning."""
+    """Return the figures of single scenes and of the tuning."""
     shown: dict[str, Any] = {"scene_figures": failures.scene_figures(dataset)}
     evaluations = tables.evaluations_of(dataset)
     laws = () if evaluations is None else list(dict.fromkeys(evaluations["law"].astype(str)))

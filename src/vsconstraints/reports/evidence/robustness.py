@@ -1,6 +1,4 @@
-"""Which conclusions on pairs of controllers hold in other conditions, and which reversals would be
-detected.
-"""
+"""Conclusions on pairs of controllers that hold in other conditions, and detectable reversals."""
 
 from __future__ import annotations
 
@@ -15,18 +13,17 @@ from .dataset import SCENE, Dataset
 from .findings import Finding, text_of
 from .ranking import PairVerdict, PairVerdicts, finite, pairwise_verdicts
 
-#: Same significant ordering in the other condition; opposite significant ordering; no significant
-#: difference.
+#: Outcomes: same significant order, opposite significant order, no significant difference.
 OUTCOMES = ("holds", "reversed", "inconclusive")
-POWER = 0.8  #: With which a reversal of the reported size would have been detected.
+POWER = 0.8  #: Power with which a reversal of the reported size would have been detected.
 
 
 class Measure(NamedTuple):
-    """What two controllers are compared by: an outcome or a metric, its name in cells and in
-    headings.
+    """Outcome or metric by which two controllers are compared, with its names.
 
-    ``margin`` is the smallest reversal that would matter, as a difference or, with ``ratio``, a
-    ratio; ``more`` whether more is better.
+    ``words`` is the name in cells, ``title`` the one in headings. ``margin`` is the smallest
+    reversal that would matter, as a difference or, with ``ratio``, a ratio. ``more`` is True if
+    more is better.
     """
 
     name: str
@@ -37,7 +34,7 @@ class Measure(NamedTuple):
     ratio: bool = False
 
     def text(self, pair: PairVerdict) -> str:
-        """The difference, for a table's cell."""
+        """Format the difference for a table's cell."""
         return (
             f"× {number(pair.difference)}"
             if self.ratio
@@ -45,9 +42,8 @@ class Measure(NamedTuple):
         )
 
 
-#: What conclusions are about. The margins are a choice: half of what separates neighbors in the
-#: study of all families by success and violation, a hundredth of the space, a quarter of the
-#: variation.
+#: Measures of the conclusions. The margins are a choice: half the gap between neighbours in the
+#: study of all families by success and violation, 1 % of the space, 25 % of the variation.
 MEASURES = (
     Measure("success", "success", "Success", 0.1, more=True),
     Measure("violation", "violation", "Violation", 0.1),
@@ -63,10 +59,10 @@ MEASURES = (
 
 
 class Conclusion(NamedTuple):
-    """One controller is better than another in the first condition; and the outcome in another
-    ``condition``.
+    """Conclusion that one controller is better than another in the first condition.
 
-    ``first`` and ``other`` compare the two in each of these conditions.
+    ``outcome`` is its outcome in another ``condition``. ``first`` and ``other`` compare the two
+    controllers in these conditions.
     """
 
     measure: Measure
@@ -79,7 +75,7 @@ class Conclusion(NamedTuple):
 
     @property
     def excluded(self) -> bool:
-        """Whether the interval excludes that the better one is worse by the margin or more."""
+        """True if the interval excludes a reversal by the margin or more."""
         return (
             self.other.low > -self.measure.margin
             if self.measure.more
@@ -87,20 +83,19 @@ class Conclusion(NamedTuple):
         )
 
     def as_data(self) -> dict[str, Any]:
-        """For files."""
+        """Return the conclusion as a dictionary for files."""
         more = {"reversal_excluded": self.excluded, "standard": "strict"}
         pairs = {"first": finite(self.first._asdict()), "other": finite(self.other._asdict())}
         return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
 
 
 class Power(NamedTuple):
-    """Which reversals would have been detected, by a measure in a condition with so many
-    conclusions.
+    """Reversals that would have been detected by a measure in a condition.
 
-    ``scenes`` are those on which a pair is compared: median over the conclusions. ``detectable`` is
-    the share of scenes by which the controller that was ahead must fall behind the other one, to be
-    detected with :data:`POWER` (:func:`.detectable`); of success and violation the difference of
-    rates. Infinite where none is.
+    ``scenes`` is the number of scenes on which a pair is compared: median over the conclusions.
+    ``detectable`` is the share of scenes by which the controller that was ahead must fall behind
+    the other one to be detected with :data:`POWER` (:func:`.detectable`); for success and violation
+    this is the difference of rates. It is infinite if no reversal would be detected.
     """
 
     measure: str
@@ -111,14 +106,15 @@ class Power(NamedTuple):
 
 
 def conclusions(dataset: Dataset) -> list[Conclusion]:
-    """All conclusions of the first condition in each of the others, in the families that both
-    have.
+    """Return all conclusions of the first condition with their outcome in each of the others.
+
+    Each pair of conditions is compared on their common families.
     """
     return dataset.once("robustness", lambda: _robustness(dataset))[0]
 
 
 def powers(dataset: Dataset) -> list[Power]:
-    """What each condition could have detected, measure by measure."""
+    """Return the detectable reversals of each condition and measure."""
     return dataset.once("robustness", lambda: _robustness(dataset))[1]
 
 
@@ -148,8 +144,9 @@ def _robustness(dataset: Dataset) -> tuple[list[Conclusion], list[Power]]:
 
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:
-    """Runs in a condition of the families that are in the other one too, of controllers that work
-    in both.
+    """Return the runs in a condition that can be compared with another one.
+
+    They are of families that both conditions have, and of controllers that work in both.
     """
     working = set(dataset.working(condition)) & set(dataset.working(other))
     runs = dataset.among(condition, dataset.families_of(condition, other))
@@ -157,15 +154,16 @@ def _runs(dataset: Dataset, condition: str, other: str) -> Any:
 
 
 def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
-    """As :func:`pairwise_verdicts`, once for the same runs."""
+    """Return :func:`pairwise_verdicts` of the runs comparable with another condition; cached."""
     runs = _runs(dataset, condition, other)
     key = "pairs", measure.name, condition, frozenset(runs["family"]), frozenset(runs["controller"])
     return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
 
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
-    """For each further condition, how many conclusions hold there, and which reversal of success is
-    detectable.
+    """Return a finding for each further condition on its conclusions.
+
+    It states how many hold there, and the detectable reversal of success.
     """
     several = []
     for condition in dataset.conditions[1:]:
@@ -189,8 +187,9 @@ def robustness_findings(dataset: Dataset) -> list[Finding]:
 
 
 def _counts(own: list[Conclusion]) -> dict[str, float]:
-    """How many conclusions have each outcome, and how many inconclusive ones exclude a reversal by
-    the margin.
+    """Count the conclusions with each outcome.
+
+    ``reversal_excluded`` counts the inconclusive ones that exclude a reversal by the margin.
     """
     excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
     return {
@@ -200,7 +199,7 @@ def _counts(own: list[Conclusion]) -> dict[str, float]:
 
 
 def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, float]:
-    """The same of the conclusions by a measure in a condition."""
+    """Count the outcomes of the conclusions by a measure in a condition."""
     return _counts(
         [
             one
@@ -211,9 +210,7 @@ def counts(dataset: Dataset, condition: str, measure: Measure) -> dict[str, floa
 
 
 def pairs(dataset: Dataset, measure: Measure) -> dict[tuple[str, str], dict[str, Conclusion]]:
-    """Every conclusion by a measure, by the better controller and the worse one, in the other
-    conditions.
-    """
+    """Return the conclusions by a measure, keyed by (better, worse) and other condition."""
     found: dict[tuple[str, str], dict[str, Conclusion]] = {}
     for one in conclusions(dataset):
         if one.measure == measure:

@@ -1,6 +1,4 @@
-"""The tables of the report of evidence: selection, success, quality, cost, failures, tuning and
-scenes.
-"""
+"""Tables of the report of evidence: selection, success, quality, cost, failures, tuning, scenes."""
 
 from __future__ import annotations
 
@@ -21,24 +19,24 @@ from .ranking import PairVerdicts, Ranking, Share, pairwise_verdicts
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Reasons in a cell.
+#: Most reasons in a cell.
 MAX_REASONS = 3
-#: What distinguishes controllers that succeed equally often, and the metric that measures it.
+#: Aims that distinguish controllers with equal success, and their metrics.
 AIMS = {
     "lowest command variation": "acceleration_variation",
     "shortest settling time": "settling_time_s",
     "highest utilization": "utilization",
 }
-LOSSES = ("second", "median", "worst")  #: Of the other controllers: those whose loss is reported.
+LOSSES = ("second", "median", "worst")  #: Other controllers whose loss is reported.
 
 
 def middle(runs: pd.DataFrame, column: str) -> float:
-    """The median of a column."""
+    """Return the median of a column."""
     return median(runs[column].astype(float).tolist())
 
 
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
-    """The unrounded numbers of the headline table's line of a controller."""
+    """Return the unrounded numbers of a controller's line of the headline table."""
     runs = dataset.of_law(law)
     clean = runs[(runs["condition"] == dataset.conditions[0]) & runs["success"]]
     return {
@@ -50,8 +48,9 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
 
 
 def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
-    """The unrounded numbers of a condition's line of the answer: the best controller and what other
-    choices lose.
+    """Return the unrounded numbers of a condition's line of the answer.
+
+    They describe the best controller and the loss with other choices.
     """
     first, *others = ranked.laws
     call = middle(dataset.of_law(first), "step_time_median_us")
@@ -65,7 +64,7 @@ def answer_numbers(dataset: Dataset, ranked: Ranking) -> dict[str, Any]:
 
 
 def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
-    """All pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
+    """Compare all pairs of controllers by each of :data:`AIMS`, on scenes in which both succeed."""
     runs = dataset.among(condition)
     return [
         pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()
@@ -73,8 +72,9 @@ def quality_verdicts(dataset: Dataset, condition: str) -> list[PairVerdicts]:
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
-    """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if
-    unreadable.
+    """Return the evaluations of the tuning, None without a tuning.
+
+    Raises ConfigurationError if they cannot be read.
     """
     import pandas as pd
 
@@ -92,14 +92,14 @@ def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
 
 
 def most_frequent(counts: Counter[str], most: int, least: float = 0.0) -> list[tuple[str, int]]:
-    """The most frequent, of at least so many, and how many others there are in all."""
+    """Return the most frequent names with at least ``least`` counts, and the sum of the others."""
     common = [(name, n) for name, n in counts.most_common(most) if n >= least]
     others = counts.total() - sum(n for _, n in common)
     return [*common, *[("others", others)] * bool(others)]
 
 
 def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
-    """The most frequent reasons for which attempts to draw scenes were rejected, and how often."""
+    """Return the main reasons for rejected attempts to draw scenes, with their counts."""
     reasons = Counter[str]()
     for text in scenes["rejected"]:
         reasons.update(json.loads(text or "{}"))
@@ -107,16 +107,20 @@ def rejected(scenes: pd.DataFrame) -> list[tuple[str, int]]:
 
 
 def beyond_limits(scenes: pd.DataFrame) -> str:
-    """The share of scenes in which the limits cannot satisfy the row where tracking alone meets it,
-    where known.
+    """Return the share of scenes in which limits of acceleration cannot hold a row.
+
+    The share is evaluated where the unconstrained baseline reaches the row, see ``share_to_hold``.
+    Only scenes in which it is known are counted.
     """
     known = scenes["share_to_hold"].astype(float).dropna()
     return Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else ""
 
 
 def scene_facts(dataset: Dataset) -> dict[str, Any]:
-    """Scenes that were not found, rows that tracking alone violates, and scenes that nobody can
-    finish in time.
+    """Return facts about the scenes.
+
+    These are scenes that were not found, rows that the unconstrained baseline violates, and scenes
+    that no controller can finish in time.
     """
     every = dataset.evidence.scenes
     kinds = Counter[str]()

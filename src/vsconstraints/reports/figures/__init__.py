@@ -1,4 +1,4 @@
-"""Figures of a report: one of a whole comparison, and the table of those of each scenario."""
+"""Figures of a report: one of the whole comparison, and the list of those of each scenario."""
 
 from ..plots import Figure
 from .overview import draw_trade_off
@@ -13,7 +13,7 @@ TRACKS = Figure.told("tracks", draw_tracks)
 PHI = Figure.told("phi", draw_phi)
 ERRORS = Figure.told("errors", draw_errors)
 ACCELERATION = Figure.told("acceleration", draw_acceleration)
-#: Of each scenario, in the order in which a report shows them; drawn from a :class:`View`.
+#: Figures of each scenario in the order of the report; drawn from a :class:`View`.
 FIGURES = (TRACKS, PHI, ERRORS, ACCELERATION)
-#: Of each scenario whose arm has a mass; drawn from a :class:`View`.
+#: Figure of each scenario whose arm has a mass; drawn from a :class:`View`.
 DISTURBANCE = Figure.told("disturbance", draw_disturbance)

@@ -12,19 +12,18 @@ from ..plots import Look, Sheet, darker, decades, line, logarithmic, looks, shor
 from ..plots.sheet import WIDTH
 from ..results import Line, Results
 
-# share of the allowed space left unused below which points are drawn at the edge
+# Share of unused space below which points are drawn at the edge.
 LEAST_UNUSED = 1e-4
-# ticks of utilization
+# Ticks of utilization.
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
 HEIGHT = 3.6
 GREY = "#666666"
-# sizes of markers [pt]
+# Sizes of markers [pt].
 SMALL = 5.0
 LARGE = 11.0
 RANGE: dict[str, Any] = {"linewidth": 0.9, "alpha": 0.55, "zorder": 2.5}
 LETTER = 5.6  # width of a bold letter of a name [pt]
-#: Where a name may stand, in steps of its size from its marker: right, left, above, below, and
-#: farther away.
+#: Offsets of a name from its marker in steps of its size, by preference: right, left, above, …
 OFFSETS = (
     *((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)),
     *(
@@ -42,14 +41,15 @@ OFFSETS = (
         (0, -3),
     ),
 )
-NEAR = 4  # of them are so near that a name needs no line to its marker
+NEAR = 4  # the first offsets are so near that a name needs no line to its marker
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 4.0}
 Box = tuple[float, float, float, float]
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
-    """By controller, lines of the runs that were held back and moved: the others have no place in
-    the figure.
+    """Return the runs that a row limited and that moved, by controller.
+
+    The other runs have no place in the figure.
     """
 
     def drawn(run: Line) -> bool:
@@ -63,7 +63,7 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
 
 
 class Centre(NamedTuple):
-    """Medians and ranges of a controller's converged runs, those of the report's first table."""
+    """Medians and ranges of a controller's converged runs, as in the first table of the report."""
 
     used: float  #: Median utilization.
     variation: float  #: Median acceleration variation [rad/s³].
@@ -72,7 +72,7 @@ class Centre(NamedTuple):
 
     @classmethod
     def of(cls, runs: Sequence[Line]) -> Centre:
-        """Of lines of results.csv."""
+        """Compute medians and ranges from lines of results.csv."""
         converged = [run for run in runs if run["status"] == "converged"]
         used = [run["utilization"] for run in converged if math.isfinite(run["utilization"])]
         variation = [
@@ -91,8 +91,9 @@ class Centre(NamedTuple):
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run; a large one, with the name and ranges, at the medians of each
-    controller.
+    """Draw each run as a small marker, and the medians of each controller as a large one.
+
+    Large markers have the controller's name and ranges.
     """
     every = shown_runs(results, results.competitors)
     found = {name: own for name, own in every.items() if own and name in controllers}
@@ -168,10 +169,10 @@ def _mark_centre(ax: Any, centre: Centre, look: Look) -> None:
 def name_centres(
     ax: Any, centres: Mapping[str, Centre], look: Mapping[str, Look], size: tuple[float, float]
 ) -> None:
-    """Write each controller's name beside its large marker, where it covers no other name and no
-    large marker.
+    """Write each controller's name beside its large marker.
 
-    ``size`` is that of the panel in points. A name that is not beside its marker has a line to it.
+    Names cover neither each other nor large markers. A name farther from its marker has a line to
+    it. ``size`` is the size of the panel [pt].
     """
     to_axes = ax.transScale + ax.transLimits
     places = {}
@@ -217,7 +218,7 @@ def name_centres(
 
 
 def _box(x: float, y: float, across: int, up: int, width: float, height: float) -> Box:
-    """Return left, bottom, right and top of a name that is so many steps away from its marker."""
+    """Return left, bottom, right and top of a name at an offset in steps from its marker."""
     away = 0.7 * LARGE
     left = x - 0.5 * width + across * (0.5 * width + away)
     bottom = y - 0.5 * height + up * (0.5 * height + away)
@@ -235,7 +236,5 @@ def _overlap(a: Box, b: Box) -> bool:
 
 
 def _drawn_utilization(utilization: float) -> float:
-    """Return the utilization at which a value is drawn: what is nearer to 1 than the axis reaches
-    is at its edge.
-    """
+    """Return the utilization at which a value is drawn, at most at the edge of the axis."""
     return min(utilization, 1.0 - LEAST_UNUSED)

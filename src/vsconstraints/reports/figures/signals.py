@@ -1,6 +1,4 @@
-"""Figures of a scenario over time: φ and activity of constraints, errors, commanded acceleration,
-disturbance.
-"""
+"""Figures of a scenario over time: φ and activity, errors, commanded acceleration, disturbance."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ from .view import View
 
 BINS = 300
 MEAN_BINS = 100
-#: Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in].
+#: Heights of a panel of φ and of a controller's bars; gap between bars of two constraints [in].
 PANEL = 1.0
 LANE = 0.075
 LANE_GAP = 0.09
@@ -41,7 +39,7 @@ ERROR_FLOOR = 1e-2  # errors are drawn down to this fraction of their tolerance
 
 
 def draw_phi(view: View) -> Sheet | None:
-    """One panel of φ / (T_s u⁺) for each row, and bars that show when each row is active."""
+    """Draw φ / (T_s u⁺) in one panel per row, and bars that show when each row is active."""
     if not view.phi_rows and not view.lane_rows:
         return None
     sheet = Sheet(left=1.85, right=0.2)
@@ -91,7 +89,7 @@ def draw_phi(view: View) -> Sheet | None:
 
 
 def _lanes(ax: Any, view: View, height: float) -> None:
-    """One thin lane of bars per controller in each row's band."""
+    """Draw one thin lane of bars per controller in the band of each row."""
     ax.set_title("when each constraint is active", loc="left", fontsize=8, color=FAINT, pad=2)
     ax.set(ylim=(height * len(view.lane_rows), 0.0), yticks=[])
     ax.grid(False)
@@ -111,8 +109,9 @@ def _lanes(ax: Any, view: View, height: float) -> None:
 
 
 def draw_errors(view: View) -> Sheet:
-    """One panel for each error, logarithmic, with the tolerance where it decides whether the goal
-    is reached.
+    """Draw each error in a logarithmic panel.
+
+    A line marks the tolerance if it decides whether the goal is reached.
     """
     setup = view.setup
     quantities = list[tuple[str, float, bool, dict[str, Array]]]()
@@ -161,15 +160,13 @@ def draw_errors(view: View) -> Sheet:
 
 
 def draw_acceleration(view: View) -> Sheet:
-    """Mean and range of q̈_c in short windows, all joints, with the same axis for every
-    controller.
-    """
+    """Draw mean and range of q̈_c of all joints in short windows, with equal axes."""
     commands = {
         name: (view.runs[name].trajectory.t, view.runs[name].trajectory.qdd_command)
         for name in view.shown
     }
     every = [np.abs(run.trajectory.qdd_command) for run in view.runs.values()]
-    # without the largest 0.05 % of the samples of each
+    # Without the largest 0.05 % of the samples of each run.
     sizes = [
         float(np.quantile(size[np.isfinite(size)], 0.9995))
         for size in every
@@ -186,8 +183,9 @@ def draw_acceleration(view: View) -> Sheet:
 
 
 def draw_disturbance(view: View) -> Sheet | None:
-    """Range of d_c of eq. (6) in short windows, with the same axis for every controller; nothing
-    without a plant.
+    """Draw the range of d_c of eq. (6) in short windows, with equal axes.
+
+    Return None without a plant.
     """
     if view.setup is None or view.setup.dynamics is None:
         return None
@@ -211,10 +209,10 @@ def _joint_panels(
     scale: tuple[float, float],
     above: float,
 ) -> tuple[Sheet, list[Any], list[Any]]:
-    """One panel per controller with the range of its joints' values (N, n) at t (N,) in short
-    windows; and colours.
+    """Draw the range of the joints' values (N, n) at t (N,) in one panel per controller.
 
-    Axes are linear between ± the first of ``scale``, logarithmic beyond, and end at ± the second.
+    Return the sheet, its panels and the colours of joints. Ranges are those of short windows. Axes
+    are linear between ± the first value of ``scale``, logarithmic beyond, and end at ± the second.
     """
     from matplotlib import colormaps
 
@@ -228,7 +226,7 @@ def _joint_panels(
     )
     for ax, (t, own) in zip(panels, values.values(), strict=True):
         middle, least, greatest, _ = extremes(t, own, BINS)
-        # joints that vary most lie below the others
+        # Joints that vary most lie below the others.
         order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
         for rank, k in enumerate(order):
             look: dict[str, Any] = {
@@ -239,7 +237,7 @@ def _joint_panels(
             }
             area(ax, middle, least[:, k], greatest[:, k], **look)
         view.time_axis(ax)
-        # few and short labels: those of neighbouring panels must not meet
+        # Few and short labels, so that those of neighbouring panels do not overlap.
         ax.locator_params(axis="x", nbins=5, steps=[1, 2, 5, 10])
         ax.set_ylim(-limit, limit)
         logarithmic(ax.yaxis, decades(-limit, limit, linear), linear, 0.7)

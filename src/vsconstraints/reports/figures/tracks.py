@@ -1,5 +1,6 @@
-"""The markers' tracks in the image, one panel per controller, with a close-up where controllers
-differ most.
+"""Tracks of the markers in the image, one panel per controller, with a close-up.
+
+The close-up shows the place where controllers differ most.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from ..plots.sheet import WIDTH, Sheet
 from ..plots.style import FAINT, INK, line, patch, symbol
 from .view import View
 
-#: Half the side of the close-up, more where a violation is deeper; and a violation that needs none,
-#: relative to the image's larger side.
+#: Half the side of the close-up, larger for a deeper violation, and the depth beyond which
+#: violations need no close-up, relative to the larger side of the image.
 SHARE = 0.025
 MAX_DEPTH = 0.05
-GRID = 33  # points in each direction at which it is asked whether a boundary passes
+GRID = 33  # points per direction at which a boundary is searched
 COLUMNS = 3
 LEFT = 0.62
 GAP = 0.16
 TITLE = 0.27
-# side of a close-up relative to the width of its panel, and the gap between them [in]
+# Side of a close-up relative to the width of its panel; gap between them [in].
 BESIDE = 0.5
 APART = 0.06
 EARLIER = symbol("*", "white", size=6.3)
@@ -36,16 +37,14 @@ VIOLATED: dict[str, Any] = {"color": OUTSIDE, "linewidth": 2.6}
 
 
 class CloseUp(NamedTuple):
-    """A square of the image: its centre (2,) and half its side [px]."""
+    """Square of the image: its centre (2,) and half its side [px]."""
 
     centre: Array
     half: float
 
 
 def draw_tracks(view: View) -> Sheet | None:
-    """Tracks of all markers, with the image's frame and the boundaries of the constraints in the
-    image.
-    """
+    """Draw the tracks of all markers, the frame of the image and the boundaries in the image."""
     if not any(run.trajectory.features_px.size for run in view.runs.values()):
         return None
     names = view.competitors or view.shown
@@ -57,7 +56,7 @@ def draw_tracks(view: View) -> Sheet | None:
         )
         plane = Plane(tuple(2.0 * np.nanmax(np.abs(seen), axis=0)))
     detail = close_up(view, plane)
-    # beside its close-up a panel takes half as much room again
+    # With its close-up a panel takes half as much room again.
     columns, share, apart = (
         (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
     )
@@ -71,20 +70,20 @@ def draw_tracks(view: View) -> Sheet | None:
     for ax, name in zip(panels, names, strict=True):
         plane.draw(ax, labels=False)
         draw_run(ax, view, name)
-        view.title(ax, name, fontsize=8)  # the status has room beside the longest
+        view.title(ax, name, fontsize=8)  # leaves room for the longest status
         ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
         if detail is not None:
             square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
             beside = sheet.beside_panel(ax, APART, BESIDE * width)
             plane.draw_part(beside, detail.centre, np.full(2, detail.half))
             draw_run(beside, view, name, 1.5)
-    # a legend stands in a free place of the grid, or below it
+    # The legend stands in a free place of the grid, or below it.
     entries = _entries(view, plane, names, detail)
     taken = (len(names) - 1) % columns + 1
     needed = 0.21 * len(entries)
     tall = TITLE + height
     if taken < columns and tall > needed:
-        # above that place are the numbers and the label of a panel
+        # The space above that place has the numbers and the label of a panel.
         left = LEFT + taken * (room + GAP) + 0.2
         sheet.legend(entries, 1, (left, sheet.at - 0.5 * (tall + needed)), labelspacing=0.7)
     else:
@@ -93,9 +92,7 @@ def draw_tracks(view: View) -> Sheet | None:
 
 
 def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
-    """Tracks of all markers with starts and goals, on those of tracking alone, and where a
-    constraint is violated.
-    """
+    """Draw the tracks of all markers with starts, goals and violations, above the baseline's."""
     run = view.runs[name]
     look = view.looks[name]
     pixels = run.trajectory.features_px
@@ -118,9 +115,7 @@ def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
 
 
 def _rows_in_image(run: RunRecord) -> Iterator[tuple[int, Array]]:
-    """Index of each row that is about a marker's place in the image, and where that is (N, 2)
-    [px].
-    """
+    """Yield the index of each row on a marker's place in the image, and that place (N, 2) [px]."""
     pixels = run.trajectory.features_px
     for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
         digits = label.rpartition("marker ")[2].rstrip("]")
@@ -152,7 +147,7 @@ def _entries(
 
 
 def _violations(run: RunRecord) -> Iterator[Array]:
-    """(N, 2) pixels of a marker where it is outside a row in the image, NaN elsewhere."""
+    """Yield pixels (N, 2) of a marker while it violates a row in the image, NaN otherwise."""
     for i, pixels in _rows_in_image(run):
         outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
         if outside.any():
@@ -160,10 +155,11 @@ def _violations(run: RunRecord) -> Iterator[Array]:
 
 
 def close_up(view: View, plane: Plane) -> CloseUp | None:
-    """The same close-up for all panels, or None where no row in the image matters.
+    """Return the same close-up for all panels, or None if no row in the image matters.
 
-    Where a competitor is deepest outside, or nearest to a boundary on which it acts, relative to
-    the row's L. It lies in the part of the plane that is shown, and a boundary passes through it.
+    It is centred where a competitor is deepest outside, or nearest to a boundary of an active row,
+    relative to the row's L. It lies in the shown part of the plane, and a boundary passes through
+    it.
     """
     size = max(plane.size)
     found = dict[tuple[float, int], CloseUp]()

@@ -1,4 +1,4 @@
-"""What the figures of one scenario are drawn from."""
+"""Data from which the figures of one scenario are drawn."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from ...rows import Array
 from ...simulation import Setup, Tolerances, Trajectory
 from ..plots import Look, darker, folded, line, looks, mark_of, shortened, time_axis, widths
 
-#: Axes end so much after the last run is at rest, and after the last row that is shown has acted.
+#: Ratio of the end of axes to the end of motion, and to the end of activity of shown rows.
 AFTER = 1.1
 AFTER_ROWS = 1.25
-MARKS = 4  # on each line
+MARKS = 4  # number on each line
 
 
 @dataclass(frozen=True)
 class View:
     """One trial of one scenario.
 
-    ``setup`` is None if it cannot be built any more; ``runs``, by controller, have at least two
-    samples and include those of other figures, for the same axes in all; ``controllers`` are those
-    of the figure, in order; φ is drawn of ``phi_rows``, and activity of ``lane_rows``.
+    ``setup`` is None if it can no longer be built. ``runs``, by controller, have at least two
+    samples and include those of other figures, so that all figures have the same axes.
+    ``controllers`` are those of the figure, in order. φ is drawn of ``phi_rows``, and activity of
+    ``lane_rows``.
     """
 
     setup: Setup | None
@@ -39,7 +40,7 @@ class View:
 
     @cached_property
     def looks(self) -> dict[str, Look]:
-        """How each controller is drawn."""
+        """Colour, line and marker of each controller."""
         return looks(self.controllers)
 
     @property
@@ -49,21 +50,20 @@ class View:
 
     @property
     def competitors(self) -> list[str]:
-        """The same without tracking alone."""
+        """Controllers of the figure that have a run, without the unconstrained baseline."""
         return [name for name in self.shown if name != BASELINE]
 
     @property
     def baseline(self) -> RunRecord | None:
-        """The run of tracking alone, if there is one."""
+        """Run of the unconstrained baseline, None if it was not run."""
         return self.runs.get(BASELINE)
 
     @cached_property
     def end(self) -> float:
-        """Where time axes end [s]: a little after the last run is at rest, or where the longest run
-        ends.
+        """End of time axes [s]: shortly after the last run is at rest, at most its longest run.
 
-        A run is at rest once its errors stay within a fifth of their tolerances from where they
-        end.
+        A run is at rest once its errors stay within a fifth of their tolerances from their final
+        values.
         """
         longest = max(float(run.trajectory.t[-1]) for run in self.runs.values())
         tolerances = Tolerances() if self.setup is None else self.setup.tolerances
@@ -72,8 +72,9 @@ class View:
 
     @cached_property
     def rows_end(self) -> float:
-        """Where axes of rows end [s]: a little after the last shown row acts or is violated, at
-        most ``end``.
+        """End of the axes of rows [s]: shortly after the last activity or violation of a shown row.
+
+        It is at most ``end``.
         """
         last = 0.0
         for name in self.shown:
@@ -87,7 +88,9 @@ class View:
         return min(self.end, AFTER_ROWS * last) if last > 0.0 else self.end
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
-        """Every run and how its line looks: tracking alone thin and below, later ones thinner than
+        """Yield every run with the style of its line.
+
+        The unconstrained baseline is thin and lies below the others; later lines are thinner than
         earlier ones.
         """
         width = {BASELINE: 1.0, **widths(self.competitors)}
@@ -103,7 +106,7 @@ class View:
             yield name, self.runs[name], style
 
     def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
-        """Legend entries of controllers, of all that are shown if None."""
+        """Return legend entries of these controllers, or of all shown ones."""
         entries = []
         for name in self.shown if names is None else names:
             look = self.looks[name]
@@ -112,11 +115,10 @@ class View:
         return entries
 
     def marks(self, name: str, t: Array, end: float) -> dict[str, Any]:
-        """Markers on a controller's line at times t (N,) [s], a few up to the end, at other times
-        than the others'.
+        """Return a few markers for a controller's line at times t (N,) [s], up to ``end``.
 
-        Colours alone do not tell lines apart for every reader. Tracking alone, which is thin, has
-        none.
+        Markers of different controllers stand at different times, because not every reader can
+        distinguish lines by colour. The unconstrained baseline has none.
         """
         if name == BASELINE or not len(t):
             return {}
@@ -126,7 +128,7 @@ class View:
         return mark_of(self.looks[name]) | {"markevery": places.tolist()}
 
     def time_axis(self, ax: Any, end: float = 0.0) -> None:
-        """From zero to an end, that of the view if none is given, with the changes of the goal."""
+        """Draw the time axis up to ``end``, by default that of the view, with the goal changes."""
         begins = {
             float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0
         }
@@ -138,7 +140,7 @@ class View:
         )
 
     def title(self, ax: Any, name: str, above: float = 4.0, **font: Any) -> None:
-        """A controller's name above its panel [pt], a long one on two lines."""
+        """Write a controller's name above its panel, with this distance [pt]; fold a long name."""
         colour = darker(self.looks[name].colour)
         ax.set_title(
             folded(name, 24), loc="left", color=colour, fontweight="bold", pad=above, **font
@@ -146,8 +148,10 @@ class View:
 
 
 def rest_time(trajectory: Trajectory, tolerances: Tolerances) -> float:
-    """Return when the errors of a run last differ from where they end by more than a fifth of their
-    tolerances [s].
+    """Return the time at which the errors of a run are at rest [s].
+
+    It is the last time at which an error differs from its final value by more than a fifth of its
+    tolerance.
     """
     errors = np.column_stack([trajectory.camera_error, trajectory.feature_error_px])
     limits = 0.2 * np.array(

@@ -1,5 +1,4 @@
-"""For notebooks and consoles: runs that show themselves, and laws compared as they are, in one line
-each.
+"""Functions for notebooks and consoles: run a law or compare laws in one line each.
 
 ``from vsconstraints import compare, run`` gives the two functions.
 """

@@ -1,4 +1,4 @@
-"""Compare laws from a session, and its result as tables, figures and runs."""
+"""Comparison of laws from a session, with its results as tables, figures and runs."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from .notebook_run import NotebookRun, Plots, ReplayPage, table_of
 if TYPE_CHECKING:
     import pandas as pd
 
-UPDATE = 0.2  # between two updates of how many runs are done [s]
-NAME = "session"  # what results call the suite of a session
+UPDATE = 0.2  # between two updates of the number of finished runs [s]
+NAME = "session"  # suite name of a session in results
 
 
 def compare(
@@ -48,25 +48,25 @@ def compare(
     out: str | Path | None = None,
     progress: bool = True,
 ) -> Comparison:
-    """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints
-    compare`` does.
+    """Run every law and the unconstrained baseline on every scenario, and score all runs.
 
-    ``laws`` are instances, classes, registered names, or ``module:Class``; a mapping names them, as
-    two of one class need. ``scenarios`` are names of shipped ones, paths, scenarios, or setups made
-    in Python. ``trials`` is how often each is run from starts or with noise that differ, drawn from
-    the ``seed``. ``workers`` is the number of processes at most, as many as make sense if None; 0
-    runs all in this process: a debugger then reaches a law, and a law that hangs or ends its
-    process does so with the session. ``limit`` is how long a run may take in another process [s],
-    by its number of samples if None. ``out`` is a folder to keep results in: the same call goes on
-    where it stopped, in another session too, unless a setup, or a law that cannot be copied, is
-    compared; what is not kept goes with the comparison. ``progress`` is whether to show how many
-    runs are done.
+    The scores are those of ``vsconstraints compare``. ``laws`` are instances, classes, registered
+    names, or ``module:Class``; a mapping names them, as two laws of one class require.
+    ``scenarios`` are names of shipped ones, paths, scenarios, or setups made in Python. ``trials``
+    is the number of runs of each law on each scenario, with starts or noise drawn from ``seed``.
+    ``workers`` is the greatest number of processes, chosen automatically if None. With 0 all runs
+    are made in this process: a debugger then reaches a law, and a law that hangs or ends its
+    process stops the session. ``limit`` is the longest time of a run in another process [s],
+    derived from its number of samples if None. ``out`` is a folder for results. The same call
+    continues there after an interruption, also in another session, unless a setup, or a law that
+    cannot be copied, is compared. Without ``out`` the results are deleted with the comparison.
+    ``progress`` shows the number of finished runs.
 
-    Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the
-    instance in a process of its own kind; what cannot be copied there runs in this process, and a
-    warning says so. A law that fails costs its own runs, whose status is then ``failed``. Raises
-    ConfigurationError if a law or a scenario cannot be used, two have the same name, or trials
-    would all be the same run.
+    Classes may be defined anywhere, also in a cell of a notebook. Every run uses a copy of the
+    instance in a separate process; a law that cannot be copied there runs in this process, with a
+    warning. If a law fails, only its runs get the status ``failed``. Raises ConfigurationError if a
+    law or a scenario cannot be used, if two have the same name, or if all trials would be the same
+    run.
     """
     specs, notes = specs_of(laws)
     suite = Suite(
@@ -93,7 +93,7 @@ def compare(
         if finished.interrupted:
             raise KeyboardInterrupt
         stored = StoredComparison.load(folder, trust=True)
-        stored.scenarios.update(own)  # a setup cannot be read back
+        stored.scenarios.update(own)  # a setup cannot be loaded from its files
         comparison = Comparison(stored, (*notes, *stored.notes))
     except FolderTaken as error:
         another = "give another folder as out=…, or delete this one"
@@ -109,10 +109,9 @@ def compare(
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Laws on scenarios, tracking alone among them: a ``stored`` folder as ``vsconstraints
-    compare`` writes it.
+    """Laws on scenarios, including the baseline, in a folder written by ``vsconstraints compare``.
 
-    ``notes`` are what a reader should know.
+    ``stored`` is the comparison in this folder. ``notes`` are remarks for the reader.
     """
 
     stored: StoredComparison
@@ -120,11 +119,11 @@ class Comparison:
 
     @classmethod
     def load(cls, folder: str | Path, trust: bool = False) -> Comparison:
-        """A comparison that is stored in a folder; raises ConfigurationError if there is none, or
-        it was changed.
+        """Load a comparison from a folder.
 
-        Own constraints that it names as ``module:Class`` run only with ``trust``; without,
-        scenarios that need them cannot be drawn.
+        Custom constraints that it names as ``module:Class`` run only with ``trust``; without it,
+        scenarios that need them cannot be drawn. Raises ConfigurationError if the folder has no
+        comparison or its files were changed.
         """
         stored = StoredComparison.load(Path(folder), trust)
         return cls(stored, (*stored.remarks, *stored.notes))
@@ -140,7 +139,7 @@ class Comparison:
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Names of the laws, tracking alone first."""
+        """Names of the laws, the unconstrained baseline first."""
         return self._lines.controllers
 
     @cached_property
@@ -154,13 +153,14 @@ class Comparison:
         return table_of(self.stored.constraints)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The same as :attr:`results`."""
+        """Return :attr:`results`."""
         return self.results
 
     def run(self, law: str, scenario: str | None = None, trial: int = 0) -> NotebookRun:
-        """A run by the name of its law, on a scenario that need not be named if there is but one.
+        """Return the run of a law on a scenario.
 
-        Raises ConfigurationError if there is none, with candidates.
+        The scenario may be omitted if only one was compared. Raises ConfigurationError if the run
+        does not exist; the message names candidates.
         """
         if law not in self.laws:
             raise unknown_name("law", law, self.laws)
@@ -184,8 +184,9 @@ class Comparison:
         return NotebookRun(setup, records[0], law, name, found.title, found.folder, records[1])
 
     def plot(self, scenario: str | None = None) -> Plots:
-        """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the
-        first trial.
+        """Return the figures of a scenario with all laws, from the first trial.
+
+        Example: ``comparison.plot("ur5-fov").rows()``.
         """
         name = self._scenario(scenario)
         runs = {
@@ -212,8 +213,9 @@ class Comparison:
         trial: int = 0,
         path: str | Path | None = None,
     ) -> ReplayPage | Path:
-        """Laws on one scenario in motion, see :meth:`.NotebookRun.replay`; all but tracking alone
-        if none is named.
+        """Replay laws on one scenario, see :meth:`.NotebookRun.replay`.
+
+        By default all laws except the unconstrained baseline are shown.
         """
         chosen = laws or [law for law in self.laws if law != BASELINE]
         first, *others = (self.run(law, scenario, trial) for law in chosen)
@@ -240,7 +242,7 @@ class Comparison:
         return f"<Comparison of {what}, {counted(results.trials, 'trial')}: {clean}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: how each law ended on each scenario, and its first scores."""
+        """Return the HTML for a notebook: outcomes of laws on scenarios, and main scores."""
         metrics = [one for one in METRICS if one.column in FIRST]
         results = self._lines
         lines = []
@@ -258,13 +260,14 @@ class Comparison:
         )
 
 
-# --- progress ---
+# --- Progress ---
 
 
 @contextmanager
 def progress_shown(total: int) -> Iterator[Callable[[], None]]:
-    """Show how many of ``total`` runs are done, in a terminal or a notebook; the function that it
-    gives counts them.
+    """Show the number of finished runs out of ``total`` in a terminal or a notebook.
+
+    The context yields a function that counts a finished run.
     """
     console = Console(stderr=True)
     begun = time.monotonic()

@@ -15,8 +15,8 @@ from typing import Any
 from ...controllers import Controller
 from ...plugins.classes import IN_SESSION
 
-#: Texts in a packed class that differ in each session: cloudpickle's number of the class, the name
-#: of a cell's file.
+#: Texts in a packed class that differ between sessions: cloudpickle's number of the class, and
+#: the file name of a cell.
 _OF_SESSION = re.compile(
     r"[0-9a-f]{12}4[0-9a-f]{3}[89ab][0-9a-f]{15}|.*ipykernel_\d+\W\d+\.py|<ipython-input-.*>"
 )
@@ -38,17 +38,17 @@ Shared = type | FunctionType | BuiltinFunctionType | ModuleType
 
 
 def packed(law: Controller) -> tuple[bytes, str]:
-    """Return bytes from which any process makes the law; empty bytes, and the reason, if none can.
+    """Return bytes from which any process makes the law, or empty bytes and the reason.
 
-    They are not read back here: that would replace the global variables of a class that is defined
-    in this session by those of the moment, for as long as the session lasts.
+    The bytes are not unpickled here: that would replace the global variables of a class defined in
+    this session with their current values for the rest of the session.
     """
     by_value = find_spec("cloudpickle") is not None
     try:
         pickler: Any = import_module("cloudpickle") if by_value else pickle
         data = bytes(pickler.dumps(law))
         copied(law)
-    except (Exception, SystemExit) as error:  # an own law may hold anything
+    except (Exception, SystemExit) as error:  # a custom law may hold any object
         return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
     if not by_value and IN_SESSION.encode() in data:
         return (
@@ -60,9 +60,7 @@ def packed(law: Controller) -> tuple[bytes, str]:
 
 
 def copied(law: Controller) -> Controller:
-    """Return a copy for this process, which shares classes, functions and modules with the
-    original.
-    """
+    """Return a copy for this process that shares classes, functions and modules with the law."""
     shared: list[Shared] = []
 
     def number(value: object) -> int | None:
@@ -83,9 +81,9 @@ def copied(law: Controller) -> Controller:
 
 
 def stable_digest(data: bytes) -> str:
-    """Return a hash of what was packed that is the same in every session.
+    """Return a hash of a packed law that is the same in every session.
 
-    It leaves out what differs from session to session: numbers of classes, names of cells, and the
+    It omits everything that differs between sessions: numbers of classes, names of cells, and the
     order of sets.
     """
     groups: list[list[str]] = [[]]

@@ -1,5 +1,6 @@
-"""Laws and scenarios as a session has them, described so that any process can make them where that
-is possible.
+"""Laws and scenarios of a session as specifications from which other processes make them.
+
+Laws and setups that cannot be specified in this way stay in the session.
 """
 
 from __future__ import annotations
@@ -25,18 +26,18 @@ from ...scenarios import Scenario
 from ...simulation import Setup
 from .copies import copied, packed, stable_digest
 
-#: An instance, a class that needs no options, the name of a registered one, or ``module:Class``.
+#: Instance, class that needs no options, name of a registered law, or ``module:Class``.
 AnyLaw = Controller | type[Controller] | str
-#: One, several, or several by names of one's own.
+#: One law, several, or several with names chosen by the user.
 Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 
 
 @dataclass(frozen=True)
 class InstanceSpec(ControllerSpec):
-    """A law that is given as an ``instance``: ``packed`` is what other processes make it of, empty
-    if none can.
+    """Law that is given as an ``instance``.
 
-    ``files`` is the one that its class is defined in, if there is one.
+    ``packed`` are the bytes from which other processes make it, empty if that is impossible.
+    ``files`` has the file that defines its class, if that exists.
     """
 
     packed: bytes = b""
@@ -45,11 +46,11 @@ class InstanceSpec(ControllerSpec):
 
     @property
     def here(self) -> bool:
-        """See :class:`.ControllerSpec`."""
+        """True if only this process can make the law; see :class:`.ControllerSpec`."""
         return not self.packed
 
     def make(self) -> Controller:
-        """A copy of the instance; the instance itself where it cannot be copied."""
+        """Return a copy of the instance, or the instance itself if it cannot be copied."""
         if self.instance is not None:
             return copied(self.instance) if self.packed else self.instance
         with noted_import(self.law.partition(":")[0]):
@@ -57,14 +58,14 @@ class InstanceSpec(ControllerSpec):
         return law
 
     def __getstate__(self) -> dict[str, Any]:
-        """What other processes get: they make the law of what is packed."""
+        """Return the state for other processes, which make the law from the packed bytes."""
         return {**vars(self), "instance": None}
 
 
 def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
-    """Laws as a comparison takes them, and sentences about those that only this process can run.
+    """Return the specifications of laws, and sentences about laws that only this process can run.
 
-    Raises ConfigurationError if one is no law, has no name, or two have the same.
+    Raises ConfigurationError if a value is no law, a law has no name, or two have the same name.
     """
     if isinstance(laws, Controller | str | type):
         laws = [laws]
@@ -82,10 +83,10 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
 
 
 def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
-    """One law, and why only this process can run it if that is so.
+    """Return the specification of a law, and why only this process can run it, if so.
 
-    Laws of this package are described by their names and options, as in a file; all others by what
-    they hold.
+    Laws of this package are described by their names and options, as in a file; all others by their
+    packed instance.
     """
     if isinstance(law, str):
         return ControllerSpec.called(law, name, Path()), ""
@@ -102,11 +103,11 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
 
 
 def instance_of(law: Controller | type[Controller]) -> Controller:
-    """An instance as it is, or one of a class, made without options."""
+    """Return an instance unchanged, or an instance of a class made without options."""
     if isinstance(law, type) and issubclass(law, Controller):
         try:
             return law()
-        except (Exception, SystemExit) as error:  # an own law may fail in any way
+        except (Exception, SystemExit) as error:  # a custom law may fail in any way
             raise ConfigurationError(
                 f"{law.__name__}() cannot be made: {described(error)}"
             ) from error
@@ -116,10 +117,10 @@ def instance_of(law: Controller | type[Controller]) -> Controller:
 
 
 def own_spec(law: Controller, name: str, data: bytes = b"") -> InstanceSpec:
-    """An instance, from what any process makes it of, or as it is."""
+    """Return the specification of an instance, from packed bytes or as it is."""
     kind = type(law)
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
-    # what is used as it is may be another one each time
+    # An instance that is not packed may differ from call to call, so it gets a random identity.
     options = {"instance": stable_digest(data) if data else uuid.uuid4().hex}
     files = (Path(file),) if file else ()
     law_name = f"{kind.__module__}:{kind.__qualname__}"
@@ -132,7 +133,7 @@ def _no_law(value: object) -> ConfigurationError:
 
 
 def _wrappers(law: Controller) -> list[Wrapper]:
-    """What stands around the law of a registered class; the outermost first."""
+    """Return the wrappers around the law of a registered class, outermost first."""
     found = []
     while isinstance(law, Wrapper) and type(law) not in CONTROLLERS.values():
         found.append(law)
@@ -141,13 +142,13 @@ def _wrappers(law: Controller) -> list[Wrapper]:
 
 
 def _named(law: Controller) -> Controller:
-    """The law of a registered class: this one, or the one that wrappers are around."""
+    """Return the law of a registered class: this law, or the one inside its wrappers."""
     wrappers = _wrappers(law)
     return wrappers[-1].law if wrappers else law
 
 
 def _options(law: Controller) -> dict[str, Any] | None:
-    """The options with which a file would name this law; None if it cannot."""
+    """Return the options with which a file would specify this law, None if that is impossible."""
     inner = innermost(law)
     named = _named(law)
     wrappers = _wrappers(law)
@@ -181,16 +182,17 @@ def _options(law: Controller) -> dict[str, Any] | None:
         return None
 
 
-# --- scenarios ---
+# --- Scenarios ---
 
-#: A scenario, a setup made in Python, the name of a shipped scenario, or the path of a file.
+#: Scenario, setup made in Python, name of a shipped scenario, or path of a file.
 AnyScenario = Scenario | Setup | str | Path
 
 
 @dataclass(frozen=True)
 class SetupScenario(Scenario):
-    """A setup made in Python, where a scenario is asked for; it has no trials, and no other process
-    can make it.
+    """Setup made in Python, used as a scenario.
+
+    It has only one trial, and no other process can make it.
     """
 
     made: Setup | None = None
@@ -199,16 +201,16 @@ class SetupScenario(Scenario):
 
     @classmethod
     def of(cls, setup: Setup) -> SetupScenario:
-        """A setup under the name of its robot."""
+        """Return a setup as a scenario under the name of its robot."""
         name = re.sub(r"[^\w]+", "-", setup.scene.robot.name).strip("-") or "setup"
-        # a number of its own keeps the stored runs of two setups apart
+        # The random number keeps the stored runs of two setups apart.
         times = {"sampling_time": setup.Ts, "duration": setup.duration}
         return cls(
             name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup
         )
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
-        """The setup; raises ConfigurationError for other trials than the first."""
+        """Return the setup; raises ConfigurationError for any trial except the first."""
         assert self.made is not None
         if trial:
             raise ConfigurationError(
@@ -218,7 +220,10 @@ class SetupScenario(Scenario):
 
 
 def scenarios_of(scenarios: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenario, ...]:
-    """One or several; raises ConfigurationError, with candidates, if there is no such scenario."""
+    """Return one or several scenarios as a tuple.
+
+    Raises ConfigurationError, with candidates, if a scenario does not exist.
+    """
     if isinstance(scenarios, Scenario | Setup | str | Path) or not isinstance(scenarios, Iterable):
         scenarios = [scenarios]
     found: list[Scenario] = []

@@ -1,4 +1,4 @@
-"""One run, made in a line and looked at in another."""
+"""Single run in a notebook, with its figures, scores and replay."""
 
 from __future__ import annotations
 
@@ -34,32 +34,31 @@ from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenarios_of, sp
 if TYPE_CHECKING:
     import pandas as pd
 
-SHOWN = ("outcome", "task", "chattering")  # groups of metrics that a run shows of itself
-#: Of a small picture, as wide as a notebook's column with some 50 kB; and height of a page within
-#: another one [px].
+SHOWN = ("outcome", "task", "chattering")  # groups of metrics in the display of a run
+#: Resolution of a picture as wide as a notebook's column, of about 50 kB; height of an embedded
+#: page [px].
 PICTURE_DPI = 75
 PAGE_HEIGHT = 640
 
 
 @dataclass(frozen=True)
 class Plots:
-    """What can be drawn of runs of one scenario, each a figure of matplotlib.
+    """Figures of runs of one scenario, drawn with matplotlib.
 
-    All raise ConfigurationError if there is nothing to draw.
+    All methods raise ConfigurationError if no run or row can be drawn.
     """
 
     view: View
 
     def tracks(self) -> Any:
-        """The markers' tracks in the image, with the boundaries of constraints in it."""
+        """Draw the markers' tracks in the image, with the boundaries of constraints in it."""
         return self._drawn(TRACKS)
 
     def rows(self, *labels: str) -> Any:
-        """φ of rows over time, relative to one switching step T_s u⁺, and when rows hold the arm
-        back.
+        """Draw φ of rows over time, relative to one switching step T_s u⁺, and their activity.
 
-        Of the rows of these labels, or those that are challenged or violated; ConfigurationError
-        for unknown ones.
+        By default the rows that are challenged or violated are drawn. Raises ConfigurationError for
+        unknown labels.
         """
         known = dict.fromkeys(
             label for run in self.view.runs.values() for label in run.trajectory.labels
@@ -71,11 +70,11 @@ class Plots:
         return self._drawn(PHI, view)
 
     def errors(self) -> Any:
-        """Errors of the camera's pose or of the markers over time."""
+        """Draw the errors of the camera's pose or of the markers over time."""
         return self._drawn(ERRORS)
 
     def command(self) -> Any:
-        """Commanded joint accelerations over time, their means and ranges in short windows."""
+        """Draw commanded joint accelerations over time, with means and ranges in short windows."""
         return self._drawn(ACCELERATION)
 
     def _drawn(self, figure: Figure, view: View | None = None) -> Any:
@@ -97,11 +96,12 @@ class Plots:
 
 @dataclass(frozen=True, repr=False)
 class NotebookRun(Run):
-    """A run that draws, scores and replays itself.
+    """Run with figures, scores and replay.
 
-    ``setup`` and ``record`` are what was run and what it left; ``law`` and ``scenario`` what
-    figures and tables call them; ``folder`` is where own parts of the scenario lie, if that is
-    known; ``stored_baseline`` is tracking alone, where it has been run already.
+    ``setup`` is the setup that was run, ``record`` the recorded run. ``law`` and ``scenario`` are
+    their names in figures and tables. ``folder`` is the folder of custom parts of the scenario,
+    None if unknown. ``stored_baseline`` is the run of the unconstrained baseline, if it exists
+    already.
     """
 
     law: str = ""
@@ -112,56 +112,53 @@ class NotebookRun(Run):
 
     @cached_property
     def baseline(self) -> RunRecord:
-        """Tracking alone in the same setup, which tells what is challenged; run when first asked
-        for.
+        """Run of the unconstrained baseline in the same setup, which defines the challenged rows.
+
+        It is simulated on first access.
         """
         if self.law == BASELINE:
             return self.record
         if self.stored_baseline is not None:
             return self.stored_baseline
-        with chdir("."), beside(self.folder):  # own parts may do as they like
+        with chdir("."), beside(self.folder):  # custom parts may change the working directory
             return RunRecord.of(
                 self.setup, simulate(self.setup, Tracking(), by_public_call=True), ""
             )
 
     @cached_property
     def score(self) -> Score:
-        """Its scores, as a comparison has them: its line of results.csv, and those of its rows in
-        constraints.csv.
-        """
+        """Scores as in a comparison: its lines of results.csv and constraints.csv."""
         return score(self.record, self.baseline)
 
     def scores(self) -> dict[str, Any]:
-        """Its line of results.csv by the names of the columns, defined in the documentation of
-        metrics.
-        """
+        """Return its line of results.csv by column name; see the documentation of metrics."""
         values = self.score.result.items()
         return {
             name: value.item() if isinstance(value, np.generic) else value for name, value in values
         }
 
     def row_scores(self) -> pd.DataFrame:
-        """The lines of its rows in constraints.csv, by their labels; needs pandas."""
+        """Return the lines of its rows in constraints.csv, indexed by label; needs pandas."""
         return table_of(self.score.constraints).set_index("constraint")
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Its samples, one line each, by their time."""
+        """Return its samples, one line each, indexed by time."""
         return frame_of(self.trajectory)
 
     @property
     def plot(self) -> Plots:
-        """Its figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
+        """Figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
         known = {BASELINE: self.baseline, self.law: self.record}
         runs = {name: record for name, record in known.items() if len(record.trajectory.t) > 1}
         rows = RowsShown.of(self.score.constraints)
         return Plots(View(self.setup, runs, tuple(known), rows.phi, rows.lanes))
 
     def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
-        """The run in motion, with others of the same scene: shown in a notebook or, with a path,
-        written to a file.
+        """Replay the run together with others of the same scene.
 
-        Raises ConfigurationError if the extra ``replay`` is not installed, or the runs are not of
-        the same scene.
+        The replay is shown in a notebook or, with ``path``, written to a file. Raises
+        ConfigurationError if the extra ``replay`` is not installed, or if the runs are of different
+        scenes.
         """
         from ..replay import ReplayRun, replay_html, write_replay
 
@@ -173,7 +170,7 @@ class NotebookRun(Run):
 
     @in_one_line
     def __repr__(self) -> str:
-        # what is said here needs no baseline
+        # This text needs no baseline, so it costs no simulation.
         t = self.t
         result = score(self.record, None).result
         lasts = f"{amount(t[-1])} s in {counted(len(t), 'sample')}, " if len(t) else ""
@@ -185,7 +182,7 @@ class NotebookRun(Run):
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a picture of the tracks, and the scores."""
+        """Return the HTML for a notebook: a picture of the tracks, and the scores."""
         result = self.score.result
         file = BytesIO()
         if len(self.t) > 1 and self.trajectory.features_px.size:
@@ -199,7 +196,7 @@ class NotebookRun(Run):
 
 @dataclass(frozen=True)
 class ReplayPage:
-    """A replay as a page of its own, which needs no network."""
+    """Replay as a self-contained page that needs no network."""
 
     html: str
 
@@ -207,26 +204,26 @@ class ReplayPage:
         return f"<Replay: a page of {len(self.html) / 1e6:.1f} MB; write it with .save(path)>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the page itself."""
+        """Return the page for a notebook."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" '
             f'style="width:100%;height:{PAGE_HEIGHT}px;border:0"></iframe>'
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write it to a file for any browser."""
+        """Write the page to a file for any browser."""
         Path(path).write_text(self.html, encoding="utf-8")
         return Path(path)
 
 
 def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) -> NotebookRun:
-    """Simulate a law on a scenario, in this process.
+    """Simulate a law on a scenario in this process.
 
     ``scenario`` is the name of a shipped one, a path, a :class:`.Scenario`, or a :class:`.Setup`
-    made in Python; ``law`` an instance, a class, a registered name, or ``module:Class``; ``trial``
-    and ``seed`` say where it starts, see :meth:`.Scenario.setup`, which a setup says itself. Raises
-    ConfigurationError if there is no such scenario or law, or the robot cannot start. A law that
-    fails ends the run, whose status is then ``failed``.
+    made in Python. ``law`` is an instance, a class, a registered name, or ``module:Class``.
+    ``trial`` and ``seed`` define the start, see :meth:`.Scenario.setup`; a setup defines its start
+    directly. Raises ConfigurationError if the scenario or the law does not exist, or if the robot
+    cannot start. A law that fails ends the run with the status ``failed``.
     """
     if not isinstance(law, str):
         law = instance_of(law)
@@ -242,16 +239,16 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     )
 
 
-# --- data frames and tables ---
+# --- Data frames and tables ---
 
 
 def frame_of(trajectory: Trajectory) -> pd.DataFrame:
-    """A trajectory as a data frame with one line per sample, by its time [s]; units are those of
-    the trajectory.
+    """Return a trajectory as a data frame with one line per sample, indexed by time [s].
 
-    Columns have two levels: what, and of what. ``frame["phi"]["fov[marker 2]"]`` is a row's φ,
-    ``frame["q"]`` has columns ``joint 1``, ``joint 2``, …; what there is one of in a sample has an
-    empty second level. Raises ConfigurationError if pandas is not installed.
+    Units are those of the trajectory. Columns have two levels: the quantity and its element.
+    ``frame["phi"]["fov[marker 2]"]`` is a row's φ. ``frame["q"]`` has columns ``joint 1``,
+    ``joint 2``, …. A scalar quantity has an empty second level. Raises ConfigurationError if pandas
+    is not installed.
     """
     demand("pandas")
     import pandas as pd
@@ -294,7 +291,10 @@ def frame_of(trajectory: Trajectory) -> pd.DataFrame:
 
 
 def table_of(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Lines of a table as a data frame; raises ConfigurationError if pandas is not installed."""
+    """Return lines of a table as a data frame.
+
+    Raises ConfigurationError if pandas is not installed.
+    """
     demand("pandas")
     import pandas as pd
 

@@ -1,7 +1,6 @@
-"""The figure kit: sheets with panels, legends, colours and scales, and how a figure is declared and
-written.
+"""Drawing kit: sheets with panels, legends, colours and scales, and declared figures.
 
-Matplotlib is loaded when a sheet is made, not before: tables of figures cost nothing to look at.
+Matplotlib is imported when a sheet is made, not before: reading the lists of figures is cheap.
 """
 
 from .sheet import FORMATS as FORMATS

@@ -1,6 +1,4 @@
-"""The image plane: its frame, the boundaries and forbidden sides of constraints in it, and marks of
-markers.
-"""
+"""Image plane: its frame, the boundaries and forbidden sides of constraints, and markers."""
 
 from __future__ import annotations
 
@@ -20,28 +18,27 @@ from ...vision.camera import Camera
 from ...vision.motion import Motion
 from .style import FAINT, INK, line, patch, symbol
 
-# how much of the image plane figures show, relative to the image; what lies beyond is cut off
+# Size of the shown part of the image plane, relative to the image; the rest is cut off.
 AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
-LABELLED = 0.93  # how far from the centre a time may stand, relative to the half of what is shown
-#: How often a boundary that moves is drawn, and at how many instants it is asked whether it is in
-#: the image.
+LABELLED = 0.93  # farthest place of a time from the centre, relative to half of the shown part
+#: Most drawings of a moving boundary; instants at which its presence in the image is checked.
 MOMENTS = 5
 INSTANTS = 200
-# of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is
-# exact
+# Step of the grid on which the forbidden side is found [px]; the boundary line drawn on top of
+# its edge is exact.
 GRID_STEP = 2.0
 
 
 @dataclass
 class Plane:
-    """The image plane of a camera, and what constrains markers in it.
+    """Image plane of a camera, with the constraints on markers in it.
 
-    ``size`` is the image's width and height [px]; ``constraints`` stand still, ``drifting`` move,
-    each with its motion and polylines (p, 2) at the start [px], drawn at ``times`` [s]; ``outline``
-    (p, 2) is the sensor's edge where the lens bends it [px].
+    ``size`` is the image's width and height [px]. ``constraints`` are fixed, ``drifting`` move,
+    each with its motion and polylines (p, 2) at the start [px], drawn at ``times`` [s]. ``outline``
+    (p, 2) is the sensor's edge in ideal pixels, None without distortion [px].
     """
 
     size: tuple[float, float]
@@ -52,8 +49,9 @@ class Plane:
 
     @classmethod
     def of(cls, setup: Setup) -> Plane:
-        """That of a setup; what moves is shown from when it is first in the image to when it is
-        last.
+        """Return the image plane of a setup.
+
+        Moving boundaries are shown from their first to their last time in the image.
         """
         width, height = map(float, setup.scene.camera.size)
         image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
@@ -75,43 +73,44 @@ class Plane:
         return plane
 
     def moved(self, t: float) -> list[Array]:
-        """Polylines (p, 2) of the boundaries that move, at a time [px]."""
+        """Return polylines (p, 2) of the moving boundaries at a time [px]."""
         return [
             line + motion.displacement(t) for _, motion, lines in self.drifting for line in lines
         ]
 
     @property
     def moving(self) -> tuple[tuple[float, list[Array]], ...]:
-        """Time [s] and polylines of the boundaries that move, as they are drawn."""
+        """Times [s] and polylines of the moving boundaries, as they are drawn."""
         return tuple((t, lines) for t in self.times if (lines := self.moved(t)))
 
     @cached_property
     def lines(self) -> list[Array]:
-        """Polylines (p, 2) along the boundaries that stand still [px]."""
+        """Polylines (p, 2) along the fixed boundaries [px]."""
         return [points for c in self.constraints for points in c.boundary(self.size)]
 
     @property
     def edge(self) -> Array:
-        """(p, 2) the sensor's edge, a closed line: the rectangle of its size where no lens bends it
-        [px].
+        """Edge of the sensor (p, 2) as a closed line [px].
+
+        It is the rectangle of the image's size if there is no distortion.
         """
         corners = 0.5 * np.asarray(self.size) * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
         return corners if self.outline is None else self.outline
 
     @property
     def half(self) -> Array:
-        """(2,) half the size of the part that is shown [px]."""
+        """Half the size (2,) of the shown part [px]."""
         return np.asarray(
             AROUND * np.maximum(0.5 * np.asarray(self.size), np.abs(self.edge).max(axis=0))
         )
 
     @cached_property
     def forbidden(self) -> list[Array]:
-        """Outlines (p, 2) of what is forbidden in the part that is shown, holes among them [px]."""
+        """Outlines (p, 2) of the forbidden areas in the shown part, including holes [px]."""
         return self.forbidden_within(np.zeros(2), self.half)
 
     def forbidden_within(self, centre: Array, half: Array) -> list[Array]:
-        """The same within ``half`` (2,) of a centre (2,) [px]."""
+        """Return outlines (p, 2) of forbidden areas within ``half`` (2,) of a centre (2,) [px]."""
         if not self.constraints:
             return []
         count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
@@ -124,12 +123,12 @@ class Plane:
         ]
 
     def depth(self, u: Array, v: Array) -> Array:
-        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,)
-        and v (b,) [px].
+        """Return the greatest σ (b, a) of fixed constraints on a grid of u (a,) and v (b,) [px].
+
+        Values are clipped at ±0.1.
         """
         grid = np.stack(np.meshgrid(u, v), axis=-1)
-        # only the sign is wanted: far from a boundary values may be huge, which spoils
-        # interpolation
+        # Only the sign is needed; huge values far from a boundary would spoil interpolation.
         return np.asarray(
             np.max(
                 [np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0, initial=-0.1
@@ -137,14 +136,14 @@ class Plane:
         )
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
-        """The whole plane; ``v`` points down, as in an image, or upwards."""
+        """Draw the whole plane; ``v`` points down, as in an image, or up with ``upwards``."""
         from matplotlib.ticker import MaxNLocator
 
         self.draw_part(ax, np.zeros(2), self.half, self.forbidden)
         for t, lines in self.moving:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-                if (np.abs(middle) <= LABELLED * self.half).all():  # else its time would be cut off
+                if (np.abs(middle) <= LABELLED * self.half).all():  # a time beyond would be cut off
                     place: dict[str, Any] = {
                         "ha": "center",
                         "va": "center",
@@ -166,7 +165,8 @@ class Plane:
     def draw_part(
         self, ax: Any, centre: Array, half: Array, forbidden: list[Array] | None = None
     ) -> None:
-        """What lies within ``half`` (2,) of a centre (2,): the forbidden side and the boundaries;
+        """Draw the forbidden side and the boundaries within ``half`` (2,) of a centre (2,).
+
         ``v`` points down.
         """
         from matplotlib.patches import PathPatch
@@ -185,9 +185,7 @@ class Plane:
         ax.grid(False)
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
-        """Legend entries of the image and of what is drawn in it; of the boundary if it has a
-        name.
-        """
+        """Return legend entries of the image and its contents; of the boundary if it has a name."""
         when = "these times" if len(self.times) > 1 else "that time"
         return [
             patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"]),
@@ -198,7 +196,7 @@ class Plane:
 
 
 def _moving(moment: int, of: int) -> dict[str, Any]:
-    """How a moving boundary is drawn at one of its moments: later ones are darker."""
+    """Return the style of a moving boundary at one of its moments; later ones are darker."""
     return {
         **BOUNDARY,
         "linestyle": "--",
@@ -209,26 +207,27 @@ def _moving(moment: int, of: int) -> dict[str, Any]:
 def square(
     ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any
 ) -> None:
-    """The outline of a part of the image [px]."""
+    """Draw the outline of a part of the image [px]."""
     u, v = centre
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
     ax.plot([u + i * half_u for i, _ in signs], [v + j * half_v for _, j in signs], **look)
 
 
 def tracks(ax: Any, pixels: Array, **look: Any) -> None:
-    """Paths (N, M, 2) of markers in the image."""
+    """Draw the paths (N, M, 2) of markers in the image."""
     for i in range(pixels.shape[1]):
         ax.plot(*pixels[:, i].T, **look)
 
 
-#: Of markers with their numbers, and the colour of what is violated or beyond.
+#: Symbol of markers with numbers; colour of violations and of markers beyond the shown part.
 START = symbol("o", "white", size=10.5)
 OUTSIDE = "#B00020"
 
 
 def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
-    """Discs at markers (M, 2) with their numbers; those beyond ``within`` (2,) stand at its edge,
-    in red.
+    """Draw discs with numbers at markers (M, 2).
+
+    Markers beyond ``within`` (2,) are drawn at its edge, in red.
     """
     for i, marker in enumerate(pixels):
         if np.isfinite(marker).all():
@@ -242,8 +241,9 @@ def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
 
 
 def _outline(camera: Camera) -> Array | None:
-    """(p, 2) the sensor's edge in ideal pixels; None without distortion, or where the lens cannot
-    be inverted there.
+    """Return the sensor's edge (p, 2) in ideal pixels.
+
+    Return None without distortion, or if the lens cannot be inverted there.
     """
     if camera.distortion is None:
         return None

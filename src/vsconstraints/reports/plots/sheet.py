@@ -1,6 +1,4 @@
-"""A figure: what it is drawn from, the sheet whose parts are placed in inches from top to bottom,
-and its files.
-"""
+"""Figures: their declaration, the sheet on which they are drawn in inches, and their files."""
 
 from __future__ import annotations
 
@@ -19,30 +17,29 @@ import numpy as np
 from ...errors import unknown_name
 from .style import FORMULAS, STYLE_SHEET
 
-Formats = tuple[str, ...]  #: Of a figure's files, by their suffixes; pages show the first.
+Formats = tuple[str, ...]  #: Suffixes of a figure's files; pages show the first.
 PNG: Formats = ("png",)
-#: Formats that stay sharp at any size, and what leaves the day out of their files: the same figure,
-#: the same bytes.
+#: Vector formats, with the metadata that removes the date from files: the same figure gives the
+#: same bytes.
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 FORMATS = (*PNG, *VECTOR)
 WIDTH = 8.0  # width of every figure [in]: at this width the smallest text is 8 pt
 DPI = 150
 SCREEN_DPI = 100
-#: Between what is drawn and the left edge, at least; and below a row of panels for its numbers and
-#: label [in].
+#: Least distance from the left edge; space below a row of panels for its numbers and label [in].
 EDGE = 0.03
 FOOT = 0.45
-#: By the names of figures, their texts.
+#: Texts of figures, by the names of figures.
 TEXTS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("figures.toml").read_text(encoding="utf-8")
 )
 
 
 def formats_of(names: Sequence[str]) -> Formats:
-    """The formats of these names; one that pages show comes first, PNG if none of them is (no page
-    shows a PDF).
+    """Return these formats with one that pages show first.
 
-    Raises ConfigurationError for a name that is none of :data:`FORMATS`.
+    Pages show no PDF: if no other format is given, PNG is added. Raises ConfigurationError for a
+    name that is not in :data:`FORMATS`.
     """
     for name in names:
         if name not in FORMATS:
@@ -52,11 +49,11 @@ def formats_of(names: Sequence[str]) -> Formats:
 
 
 class Sheet:
-    """A figure of the common width that grows downwards; places are inches from its top left
-    corner.
+    """Figure of the common width that grows downwards.
 
-    ``left`` and ``right`` are the margins of what stands in rows, ``at`` is how far down it is
-    filled, and ``beside`` where a legend finds room right of the last row of views.
+    Places are measured in inches from its top left corner. ``left`` and ``right`` are the margins
+    of rows, ``at`` is the height that is filled so far, and ``beside`` the place for a legend right
+    of the last row of views.
     """
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
@@ -76,7 +73,7 @@ class Sheet:
         self._places: dict[Any, tuple[float, float, float, float]] = {}
 
     def axes(self, left: float, top: float, width: float, height: float, **options: Any) -> Any:
-        """Axes whose frame is at this place."""
+        """Add axes whose frame is at this place."""
         ax = self.figure.add_axes((0.0, 0.0, 1.0, 1.0), **options)
         self._places[ax] = left, top, width, height
         self.at = max(self.at, top + height)
@@ -94,12 +91,12 @@ class Sheet:
         labels: tuple[str, str] = ("", ""),
         same_y: bool = False,
     ) -> list[Any]:
-        """A grid of panels that share their horizontal axis, row by row.
+        """Add a grid of panels that share their horizontal axis, row by row.
 
-        ``height`` is that of each panel or of each row, ``width`` as there is room if 0, ``gap``
-        between columns and ``above`` each row for titles [in]; ``labels`` are those of the
-        horizontal axis, below, and of the vertical one, at the left; with ``same_y`` only panels at
-        the left have vertical numbers.
+        ``height`` is the height of each panel or of each row. ``width`` is the width of a panel, or
+        as much as fits if 0. ``gap`` separates columns, and ``above`` is the space for titles above
+        each row [in]. ``labels`` are those of the horizontal axis, below, and of the vertical one,
+        at the left. With ``same_y`` only panels at the left have vertical numbers.
         """
         columns = max(min(columns, count), 1)
         width = width or (WIDTH - self.left - self.right - gap * (columns - 1)) / columns
@@ -119,8 +116,9 @@ class Sheet:
         return made
 
     def views(self, *sizes: tuple[float, float], gap: float = 0.62) -> list[Any]:
-        """Axes of given sizes (width, height) side by side [in]; right of them a legend finds
-        room.
+        """Add axes of given sizes (width, height) side by side [in].
+
+        A legend can be placed right of them.
         """
         left = self.left
         top = self.at
@@ -133,7 +131,7 @@ class Sheet:
         return made
 
     def beside_panel(self, panel: Any, gap: float, side: float) -> Any:
-        """Square axes without numbers right of a panel, level with its upper edge [in]."""
+        """Add square axes without numbers right of a panel, aligned with its upper edge [in]."""
         left, top, width, _ = self._places[panel]
         ax = self.axes(left + width + gap, top, side, side)
         for axis in (ax.xaxis, ax.yaxis):
@@ -141,11 +139,11 @@ class Sheet:
         return ax
 
     def text(self, left: float, top: float, text: str, **options: Any) -> None:
-        """Text at a place."""
+        """Write text at a place [in]."""
         self.figure.text(left, top, text, transform=self.inches, **options)
 
     def name(self, ax: Any, text: str, height: float = 0.5, **options: Any) -> None:
-        """Text in the left margin, beside a panel at a height in it (0 to 1)."""
+        """Write text in the left margin, beside a panel at a relative height in it (0 to 1)."""
         away: dict[str, Any] = {
             "xytext": (72.0 * (0.08 - self.left), 0.0),
             "textcoords": "offset points",
@@ -159,8 +157,9 @@ class Sheet:
         at: tuple[float, float] | None = None,
         **look: Any,
     ) -> None:
-        """A legend of :func:`.line`, :func:`.patch` and :func:`.symbol` below what is there, or at
-        left, top [in].
+        """Add a legend below the present content, or at left, top [in].
+
+        Entries are those of :func:`.line`, :func:`.patch` and :func:`.symbol`.
         """
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
@@ -179,18 +178,18 @@ class Sheet:
             self.at += 0.18 * -(-len(entries) // columns) + 0.06
 
     def side_legend(self, entries: Sequence[Mapping[str, Any]]) -> None:
-        """A legend right of the views."""
+        """Add a legend right of the views."""
         self.legend(entries, 1, self.beside, labelspacing=0.75)
 
     def placed(self) -> Any:
-        """The figure of matplotlib, with its size and everything where it belongs."""
+        """Return the figure of matplotlib with its final size and all parts in place."""
         self.figure.set_size_inches(WIDTH, self.at)
         self._place()
         for axis in (axis for ax in self.figure.axes for axis in (ax.xaxis, ax.yaxis)):
             if not axis.get_label_text():
-                axis.set_label_coords(0.0, 0.0)  # else room is sought for it, beside all numbers
+                axis.set_label_coords(0.0, 0.0)  # avoids a search for its place
         self.canvas.draw()
-        # labels of vertical axes whose numbers are longer than expected would be cut
+        # Labels of vertical axes would be cut off if their numbers are longer than expected.
         labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
         beyond = [EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI for ax in labelled]
         cut = max(
@@ -203,9 +202,7 @@ class Sheet:
         return self.figure
 
     def _place(self, margin: float = 0.0) -> None:
-        """Put axes where they belong, all so much narrower that there is a margin at the left
-        [in].
-        """
+        """Place all axes, with an additional margin at the left that makes all narrower [in]."""
         narrower = 1.0 - margin / WIDTH
         for ax, (left, top, width, height) in self._places.items():
             bottom = self.at - top - height
@@ -218,7 +215,7 @@ class Sheet:
             ax.set_position(place)
 
     def save(self, *paths: Path) -> None:
-        """Write files, each whole or not at all; their suffixes are of :data:`FORMATS`."""
+        """Write files atomically; their suffixes are in :data:`FORMATS`."""
         from PIL import Image
 
         from ...comparisons.runs.files import replaced
@@ -229,20 +226,20 @@ class Sheet:
             with replaced(path) as part:
                 if kind in VECTOR:
                     self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
-                else:  # what is drawn already
+                else:  # already drawn
                     pixels = Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
                     pixels.save(part, format="PNG", dpi=(DPI, DPI))
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One line of a table of figures.
+    """Declaration of a figure.
 
-    ``name`` is that of its file, ``title`` what it shows in a few words, ``caption`` what is to be
-    seen; ``draw`` makes the sheet from what the figure needs, None if there is nothing to show;
-    ``needs`` is what it is drawn from where that differs from figure to figure; ``reading`` says
-    how to read it, once where it is shown several times; with ``formulas`` its texts hold formulas
-    between dollars, and none that a user gives.
+    ``name`` is the name of its file, ``title`` a short description, ``caption`` a description of
+    its contents. ``draw`` makes the sheet from the data of the figure, or None if the figure would
+    be empty. ``needs`` are these data where they differ between figures. ``reading`` explains how
+    to read it, once if it is shown several times. With ``formulas`` its texts contain formulas
+    between dollar signs, none of which come from a user.
     """
 
     name: str
@@ -255,18 +252,17 @@ class Figure:
 
     @classmethod
     def told(cls, name: str, draw: Callable[..., Sheet | None]) -> Figure:
-        """The figure of this name in ``figures.toml``, where its texts are."""
+        """Return the figure of this name with its texts from ``figures.toml``."""
         return cls(name, draw=draw, **TEXTS[name])
 
     def file_in(self, formats: Formats = PNG, suffix: str = "") -> str:
-        """The name of the file that pages show; ``suffix`` stands behind its own name."""
+        """Return the name of the file that pages show; ``suffix`` follows the figure's name."""
         return f"{self.name}{suffix}.{formats[0]}"
 
     def write(self, path: Path, *needed: object, formats: Formats = ()) -> bool:
-        """Draw it from what it needs into ``path``, and beside it in further formats; each file
-        whole or not at all.
+        """Draw the figure into ``path`` and beside it in further formats; files are atomic.
 
-        Returns whether there was anything to show; raises whatever goes wrong.
+        Return False if the figure would be empty. Any exception is passed on.
         """
         with self._sheet(*needed) as sheet:
             if sheet is not None:
@@ -276,8 +272,9 @@ class Figure:
             return sheet is not None
 
     def drawn(self, *needed: object) -> Any:
-        """Draw it, and return the figure of matplotlib, which notebooks show; None if there is
-        nothing to show.
+        """Draw the figure and return it as a figure of matplotlib, which notebooks show.
+
+        Return None if the figure would be empty.
         """
         with self._sheet(*needed) as sheet:
             if sheet is None:
@@ -296,8 +293,9 @@ class Figure:
 
 
 def _notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
-    """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it
-    is sharp.
+    """Return a figure of matplotlib as PNG, and its size in pixels of the screen.
+
+    The image has more pixels than that, so that it is sharp.
     """
     file = BytesIO()
     figure.savefig(file, format="png")

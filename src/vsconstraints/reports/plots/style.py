@@ -1,6 +1,4 @@
-"""How figures look: one colour, marker and line style for each law wherever it appears, and what
-panels share.
-"""
+"""Style of figures: colour, marker and line style of each law, and common parts of panels."""
 
 from __future__ import annotations
 
@@ -19,18 +17,18 @@ from ...rows import Array
 
 INK = "#222222"
 FAINT = "#444444"
-#: How bounds and references are drawn.
+#: Style of bounds and references.
 REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 STYLE_SHEET = Path(__file__).with_name("figures.mplstyle")
-#: Settings of figures whose texts hold formulas, none of which comes from a user.
+#: Settings of figures whose texts contain formulas, none of which come from a user.
 FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
 _TABLE = tomllib.loads(Path(__file__).with_name("looks.toml").read_text(encoding="utf-8"))
 COLOURS: dict[str, str] = _TABLE["colours"]
-#: Preferred by laws of other names: none of the default comparison has them.
+#: Preferred colours of custom laws: no law of the default comparison has them.
 FREE_COLOURS = [COLOURS[name] for name in ("brown", "teal", "wine", "purple", "vermillion")]
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
-TUNED = "-tuned"  # how the name of a tuned law ends, after that of the law it was tuned from
+TUNED = "-tuned"  # suffix of a tuned law, after the name of the original law
 
 
 @dataclass(frozen=True)
@@ -49,10 +47,10 @@ LOOKS = {
 
 
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
-    """A look for each controller: that of its name in ``looks.toml``, or a preferred one unless
-    another has it.
+    """Return a look for each controller.
 
-    A tuned law has the colour of the law it was tuned from, dashed.
+    It is that of its name in ``looks.toml``, or else a preferred one that no other controller has.
+    A tuned law has the colour of the law from which it was tuned, dashed.
     """
     result = {name: LOOKS[name] for name in controllers if name in LOOKS}
     for name in sorted(dict.fromkeys(controllers), key=lambda name: name.endswith(TUNED)):
@@ -68,7 +66,7 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
 
 
 def _free_look(name: str, taken: Sequence[Look]) -> Look:
-    """The preferred look of a name, as far as no other law has it."""
+    """Return the preferred look of a name, as far as no other law has it."""
     number = crc32(name.encode())
     colours = {look.colour for look in taken}
     pairs = {(x.line, x.colour) for x in taken}
@@ -81,7 +79,7 @@ def _free_look(name: str, taken: Sequence[Look]) -> Look:
 
 
 def _free_marker(start: int, taken: Sequence[Look]) -> str:
-    """The first marker from ``start`` on that no other law has; that one if all are taken."""
+    """Return the first marker from ``start`` on that no other law has, or that at ``start``."""
     k = start % len(MARKERS)
     used = {look.marker for look in taken}
     ordered = MARKERS[k:] + MARKERS[:k]
@@ -89,30 +87,28 @@ def _free_marker(start: int, taken: Sequence[Look]) -> str:
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue, up to 255, of ``#RRGGBB``."""
+    """Return red, green and blue, from 0 to 255, of ``#RRGGBB``."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def darker(colour: str, share: float = 0.8) -> str:
-    """A shade of a colour ``#RRGGBB``, dark enough for text on white."""
+    """Return a shade of a colour ``#RRGGBB`` that is dark enough for text on white."""
     return "#" + "".join(f"{int(share * part):02X}" for part in rgb(colour))
 
 
 def paler(colour: str, white: float = 0.45) -> str:
-    """A colour ``#RRGGBB`` mixed with white."""
+    """Return a colour ``#RRGGBB`` mixed with white."""
     return "#" + "".join(f"{int((1.0 - white) * part + white * 255):02X}" for part in rgb(colour))
 
 
 def shortened(name: str, most: int = 40) -> str:
-    """A name that fits into a title or legend: a long one loses its middle."""
+    """Shorten a long name in its middle so that it fits into a title or legend."""
     half = (most - 1) // 2
     return name if len(name) <= most else f"{name[:half]}…{name[-half:]}"
 
 
 def folded(name: str, most: int) -> str:
-    """A name on two lines, broken behind a hyphen, if it is longer; one that has no place to break
-    loses its middle.
-    """
+    """Fold a long name after a hyphen into two lines, or shorten it in its middle."""
     if len(name) <= most:
         return name
     breaks = [
@@ -126,23 +122,23 @@ def folded(name: str, most: int) -> str:
     return f"{name[:middle]}\n{name[middle:]}"
 
 
-# --- what panels share ---
+# --- Common parts of panels ---
 
 
 def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
-    """Legend entry of a line."""
+    """Return the legend entry of a line."""
     return {"label": label, "color": color, "linestyle": linestyle, "linewidth": 2.0, **look}
 
 
 def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
-    """Legend entry of an area."""
+    """Return the legend entry of an area."""
     return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
 
 
 def symbol(
     marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any
 ) -> dict[str, Any]:
-    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
+    """Return the style of a symbol, as a mark or, with ``label``, as a legend entry."""
     size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
     colours = {
         "markerfacecolor": face,
@@ -153,14 +149,14 @@ def symbol(
 
 
 def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
-    """A signal (N,) over time (N,) [s]: matplotlib simplifies long lines without losing a peak."""
+    """Draw a signal (N,) over time (N,) [s]; matplotlib simplifies long lines but keeps peaks."""
     ax.plot(t, values, **{"linewidth": 1.5, **look})
 
 
 def time_axis(
     ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any
 ) -> None:
-    """From zero to the end [s], with a dashed line at each event, and a label of what is drawn."""
+    """Set the time axis from zero to the end [s], with dashed lines at events and a label."""
     ax.set_xlim(0.0, end)
     for time in events:
         ax.axvline(
@@ -172,16 +168,18 @@ def time_axis(
 
 
 def mark_of(look: Look) -> dict[str, Any]:
-    """How the marker on a law's line looks: colours alone do not tell lines apart for every
-    reader.
+    """Return the style of the marker on a law's line.
+
+    Markers are needed because not every reader can distinguish lines by colour.
     """
     edge = {"markeredgecolor": "white", "markeredgewidth": 0.6}
     return {"marker": look.marker, "markersize": 5.5, "markerfacecolor": look.colour, **edge}
 
 
 def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[str, Any]:
-    """A few markers on a law's line of so many points, at other places than those of the other
-    laws.
+    """Return a few markers on a law's line of ``count`` points.
+
+    Markers of different laws stand at different places.
     """
     share = (list(laws).index(law) + 0.5) / len(laws)
     places = [int(count * (k + share) / most) for k in range(most)]
@@ -192,50 +190,48 @@ def markers(law: str, laws: Sequence[str], count: int, most: int = 4) -> dict[st
 
 
 def zero_line(ax: Any) -> None:
-    """Where a value is zero."""
+    """Draw a line at zero."""
     ax.axhline(0.0, color=INK, linewidth=0.9, zorder=1.6)
 
 
 def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any) -> None:
-    """A shaded range of values."""
+    """Shade a range of values."""
     ax.axhspan(low, high, **{"color": colour, "linewidth": 0.0, "zorder": 0.5, **look})
 
 
 def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
-    """What lies between two signals (N,) over time (N,), without a change of the axes' limits."""
+    """Fill the area between two signals (N,) over time (N,) without changing the axes' limits."""
     limits = ax.dataLim.frozen()
     ax.fill_between(t, low, high, where=np.isfinite(low) & np.isfinite(high), **look)
     ax.dataLim.set(limits)
 
 
 def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = True) -> None:
-    """A small text at a value, above or below it, so far across the panel (0 to 1)."""
+    """Write a small text above or below a value, at a relative place across the panel (0 to 1)."""
     away, aligned = ((4, 2), "bottom") if above else ((4, -2), "top")
     place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": aligned}
     ax.annotate(text, (across, height), away, **place, fontsize=8, color=INK)
 
 
 def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
-    """A legend of what a panel shows, within it, on a white ground so that lines do not cross
-    it.
-    """
+    """Add a legend within a panel, on a white background that hides crossing lines."""
     spaces = {"borderpad": 0.35, "borderaxespad": 0.4, "labelspacing": 0.3, "columnspacing": 1.2}
     ground = {"frameon": True, "framealpha": 0.92, "edgecolor": "none", "facecolor": "white"}
     ax.legend(loc=place, ncols=columns, fontsize=8.0, **spaces, **ground)
 
 
 def above_legend(ax: Any, columns: int) -> None:
-    """A legend of what a panel shows, above its right corner."""
+    """Add a legend above the right corner of a panel."""
     place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.02), "ncols": columns}
     ax.legend(**place, handlelength=1.5, columnspacing=1.2, fontsize=8.5)
 
 
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
-    """Powers of ten within limits; where zero is within them, zero and powers of either sign from
-    ``least`` on.
+    """Return powers of ten within limits.
 
-    Some are left out, evenly, where there would be more than ``most``, and those next to zero,
-    whose numbers overlap.
+    If zero is within the limits, these are zero and powers of either sign from ``least`` on. Powers
+    are left out evenly if there would be more than ``most``, and next to zero, where numbers
+    overlap.
     """
     least, both = (low, 1) if low > 0.0 else (least, 2)
     first = math.ceil(math.log10(least))
@@ -251,11 +247,10 @@ def logarithmic(
     linear_below: float | None = None,
     linear_size: float = 0.6,
 ) -> None:
-    """Make an axis logarithmic with plain numbers, once all is drawn; at ``ticks``, or where
-    matplotlib has them.
+    """Make an axis logarithmic with plain numbers; call it after drawing.
 
-    ``linear_below`` this value it is linear, for data that may be zero, in a part of
-    ``linear_size`` decades.
+    Ticks are at ``ticks``, or chosen by matplotlib. Below ``linear_below`` the axis is linear, for
+    data that may be zero, over a length of ``linear_size`` decades.
     """
     setter = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale
     if linear_below is not None:
@@ -263,7 +258,7 @@ def logarithmic(
     elif math.isfinite(axis.get_minpos()):
         setter("log")
     else:
-        return  # nothing that a logarithmic axis could show
+        return  # no positive values
     axis.set_major_formatter(lambda value, _: plain(value))
     axis.set_minor_formatter("")
     if ticks is not None:
@@ -272,7 +267,7 @@ def logarithmic(
 
 
 def plain(value: float) -> str:
-    """A tick's number: plain digits, or a power of ten where they would be long."""
+    """Format the number of a tick: plain digits, or a power of ten where they would be long."""
     if value == 0.0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:g}".replace("-", "−")
     mantissa, exponent = f"{value:.0e}".split("e")
@@ -281,16 +276,15 @@ def plain(value: float) -> str:
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
-    """Line widths for lines that may coincide: those drawn first are wider, so that each remains
-    visible.
-    """
+    """Return line widths for lines that may coincide: earlier lines are wider and stay visible."""
     step = (thickest - thinnest) / max(len(names) - 1, 1)
     return {name: thickest - step * i for i, name in enumerate(names)}
 
 
 def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]:
-    """(B,) middle time and (B, …) least, greatest and mean value of y (N, …) in up to ``bins``
-    windows; NaN: none.
+    """Return middle time (B,) and least, greatest and mean value (B, …) of y (N, …) in windows.
+
+    There are at most ``bins`` windows. Values are NaN in a window without finite ones.
     """
     starts = np.unique(np.linspace(0, len(t), min(bins, len(t)), endpoint=False).astype(np.int64))
     middle = 0.5 * (t[starts] + t[np.append(starts[1:], len(t)) - 1])

@@ -1,6 +1,4 @@
-"""Start and goals of a scenario before anything is simulated: image, arm, and constraints near
-their boundary.
-"""
+"""Preview of a scenario without simulation: start and goals, image, arm and nearest rows."""
 
 from ...scenarios.moments import Moment, goal_configuration
 from .figure import FIGURE, lines

@@ -1,6 +1,4 @@
-"""How a preview is shown: lines of a terminal, and a figure with image, space and the nearest
-rows.
-"""
+"""Presentation of a preview: lines for a terminal, and a figure with image, arm and rows."""
 
 from __future__ import annotations
 
@@ -16,33 +14,32 @@ from ..plots.style import INK, shortened, symbol
 from ..setup_scene import draw_setup, viewpoint_of
 from .preview import NEAR, Preview, Row
 
-MAX_LISTED = 15  # rows that a terminal lists, unless more are near
+MAX_LISTED = 15  # rows listed in a terminal, unless more are near
 COLUMNS = 3
 LEFT = 0.62
 GAP = 0.16
 TITLE = 0.3
-#: Rows that are shown: up to the first, but of those far from their boundary no more than the
-#: second.
+#: Most rows that are shown, and most rows that are shown far from their boundary.
 MAX_ROWS = 12
 MIN_ROWS = 4
-UNKNOWN_HEIGHT = 0.35  # height of a row of views in which no moment's configuration is known [in]
-# of the warnings in the figure
+UNKNOWN_HEIGHT = 0.35  # height of a row of views without a known configuration [in]
+# Characters per line and lines of the warnings in the figure.
 CHARACTERS = 115
 LINES = 12
-#: Height of a row, and room for the rows' labels, for what a column says of them, and where they
-#: are nearest [in].
+#: Height of a row; widths of the labels, of a cell of a moment, and of a cell of the nearest
+#: moment [in].
 ROW = 0.19
 LABELS = 1.95
 CELL = 1.36
 NEAREST = 1.8
-MAX_USAGE = 1.15  # greatest usage that is shown; what is beyond stands at the edge
+MAX_USAGE = 1.15  # greatest usage that is shown; larger values are drawn at the edge
 STARTED = symbol("o", "white", size=8.5)
 GOAL = symbol("*", INK, size=5.2)
 EARLIER = symbol("*", "white", size=5.2)
 
 
 def lines(preview: Preview) -> Iterator[str]:
-    """What a terminal shows, line by line, without the warnings."""
+    """Yield the lines for a terminal, without the warnings."""
     setup = preview.setup
     moments = preview.moments
     robot = setup.scene.robot
@@ -68,9 +65,7 @@ def lines(preview: Preview) -> Iterator[str]:
 
 
 def draw_preview(preview: Preview) -> Sheet:
-    """Image and arm at the start and at each goal, then the rows nearest to their boundary, and
-    what is wrong.
-    """
+    """Draw image and arm at the start and at each goal, the nearest rows, and the warnings."""
     sheet = Sheet(left=LEFT)
     columns = min(len(preview.moments), COLUMNS)
     width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
@@ -152,7 +147,7 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
 
 
 def _rows(sheet: Sheet, preview: Preview) -> None:
-    """Usage of the nearest rows in each moment, with distances and φ in their own units."""
+    """Draw the usage of the nearest rows in each moment, with distances and φ in their units."""
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
     shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
@@ -190,7 +185,7 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
 
 
 def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
-    """How much of the allowed range rows use in each moment, which has a mark."""
+    """Draw the used share of the allowed range of rows, with one mark for each moment."""
     end = MAX_USAGE + 0.03
     ax.set_xlim(-0.04, end)
     ax.set_ylim(len(shown) - 0.5, -0.5)

@@ -1,6 +1,4 @@
-"""A preview: start and goals, and the distance of each row to its boundary there; nothing is
-simulated.
-"""
+"""Preview: start and goals, and the distance of each row to its boundary, without simulation."""
 
 from __future__ import annotations
 
@@ -17,16 +15,16 @@ from ...scenarios import Scenario
 from ...scenarios.moments import Moment, moment_at, moments_at_goals, named_goals, nowhere
 from ...simulation import Setup
 
-NEAR = 0.9  # usage 1 − clearance/L from which a row counts as near: 1 is on its boundary
-OF_GOALS = "performance-funnel"  # constraints that are about the goals
+NEAR = 0.9  # usage 1 − clearance/L from which a row counts as near; 1 is on its boundary
+OF_GOALS = "performance-funnel"  # type of constraints that depend on the goals
 
 
 @dataclass(frozen=True)
 class Row:
-    """How near a row, or a joint's own limit, is to its boundary in each of k moments, in its unit.
+    """Distance of a row, or of a joint's limit, to its boundary in each of k moments.
 
-    ``phi`` (k,) is NaN of a limit that is no row; ``usage`` (k,) is 1 − clearance/L: 1 is on the
-    boundary.
+    ``clearance`` (k,) is in the unit of the row. ``phi`` (k,) is NaN for a limit without a row.
+    ``usage`` (k,) is 1 − clearance/L: 1 is on the boundary.
     """
 
     label: str
@@ -37,16 +35,16 @@ class Row:
 
     @property
     def limit(self) -> bool:
-        """Whether it is no row, but a limit of a joint."""
+        """True for a limit of a joint without a row."""
         return bool(np.isnan(self.phi).all() and self.label.startswith("limit["))
 
     @property
     def greatest(self) -> float:
-        """The usage where it is greatest; minus infinity where it is not known."""
+        """Greatest usage over the moments, minus infinity if unknown."""
         return float(np.nan_to_num(self.usage, nan=-np.inf).max())
 
     def text(self, k: int) -> str:
-        """The distance to the boundary in a moment, and φ in brackets."""
+        """Format the distance to the boundary in a moment, with φ in brackets."""
         if np.isnan(self.clearance[k]):
             return "not known"
         phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
@@ -54,9 +52,7 @@ class Row:
 
 
 def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
-    """All rows, and the limits of joints that no row is about; those nearest to their boundary
-    first.
-    """
+    """Return all rows and the limits of joints without a row, nearest to their boundary first."""
     constraints = setup.constraints
     robot = setup.scene.robot
     phi, clearance = (
@@ -77,7 +73,7 @@ def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
     half = 0.5 * (robot.q_max - robot.q_min)
     q = np.array([unknown if moment.q is None else moment.q for moment in moments])
     for side, limits in (("lower", q - robot.q_min), ("upper", robot.q_max - q)):
-        # a joint that cannot move is a doubt
+        # A joint that cannot move is reported as a warning.
         for j in np.flatnonzero(np.isfinite(half) & (half > 0.0)):
             if f"range[joint {j + 1}].{side}" not in constraints.labels:
                 label = f"limit[joint {j + 1}].{side}"
@@ -96,12 +92,12 @@ def rows_of(setup: Setup, moments: Sequence[Moment]) -> tuple[Row, ...]:
 
 @dataclass(frozen=True)
 class Preview:
-    """What is to be seen of a scenario's setup before it is simulated.
+    """Preview of a scenario's setup.
 
-    ``moments`` are the start, then the goals: each as it is at its end, when the next one begins or
-    the run is over; ``rows`` all rows and the joints' own limits that no row is about, those
-    nearest to their boundary first; ``refusal`` says why a run would not start; ``doubts`` name
-    numbers that suggest another unit, and markers that no law can bring to their goals.
+    ``moments`` are the start, then the goals: each at its end, when the next one begins or the run
+    is over. ``rows`` are all rows and the joints' limits without a row, nearest to their boundary
+    first. ``refusal`` states why a run would not start. ``doubts`` name numbers that suggest
+    another unit, and markers that no law can bring to their goals.
     """
 
     name: str
@@ -113,7 +109,7 @@ class Preview:
 
     @classmethod
     def of(cls, name: str, setup: Setup) -> Self:
-        """The preview of a setup; nothing is simulated."""
+        """Return the preview of a setup without simulating it."""
         moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *moments_at_goals(setup))
         doubts = list(setup.doubts)
         refusal = ""
@@ -126,8 +122,9 @@ class Preview:
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
-        """The preview of a trial; what of its goals cannot be built is a warning. Raises
-        VsconstraintsError.
+        """Return the preview of a trial; goals that cannot be built become a warning.
+
+        Raises VsconstraintsError.
         """
         try:
             return cls.of(scenario.name, scenario.setup(trial, seed))
@@ -147,7 +144,7 @@ class Preview:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Everything that is wrong, with the moment it is wrong in."""
+        """All warnings, with the moments to which they apply."""
         problems = [
             f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems
         ]
@@ -159,15 +156,16 @@ class Preview:
 
 
 def _without(refusal: str, doubts: Sequence[str]) -> str:
-    """Why a run would not start, without the doubts that stand beside it."""
+    """Return why a run would not start, without the doubts that are listed separately."""
     for doubt in doubts:
         refusal = refusal.replace(f"; {doubt}", "")
     return refusal
 
 
 def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
-    """The setup with another goal, without what is about goals; None if it cannot be built
-    either.
+    """Return the setup with another goal and without constraints that depend on goals.
+
+    Return None if this cannot be built either.
     """
     tables = scenario.tables
     task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
@@ -188,9 +186,7 @@ def _without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
 
 
 def _moments_without(setup: Setup, scenario: Scenario) -> tuple[Moment, ...]:
-    """The start, and those goals that are given by joint coordinates, as far as they can be
-    seen.
-    """
+    """Return the start, and the goals that are given by joint coordinates, as far as possible."""
     moments = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)]
     goals = scenario.tables["task"].get("goals", [])
     nothing = np.full((len(setup.scene.markers), 2), np.nan)

@@ -1,4 +1,4 @@
-"""Runs seen in motion: a page for any browser, or a film."""
+"""Replays of runs: as a page for any browser, or as a film."""
 
 from .film import write_film
 from .page import replay_html, write_replay

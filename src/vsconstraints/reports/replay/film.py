@@ -1,4 +1,4 @@
-"""A film of runs: image and arm of each, for pages that show pictures, talks and papers."""
+"""Film of runs with image and arm of each, for web pages, talks and papers."""
 
 from __future__ import annotations
 
@@ -30,26 +30,25 @@ from .runs import (
 from .space import common_viewpoint
 
 FILMS = (".gif", ".mp4")
-#: Frames a second, how long a film lasts at most (what takes longer is seen faster), and its last
-#: frame stands [s].
+#: Frames per second, longest duration of a film (longer runs are shown faster), and additional
+#: time of its last frame [s].
 RATE = 12.0
 MAX_TIME = 8.0
 REST = 1.0
-# of a film, dots per inch; and of a GIF
+# Dots per inch of a film, and colours of a GIF.
 DPI = 100
 COLOURS = 96
-BITS = 5  # of each channel, by which colours are alike when a GIF's are chosen
-LETTERS = 12.0  # of the text below an image, on an inch of it
+BITS = 5  # of each channel that are compared when the colours of a GIF are chosen
+LETTERS = 12.0  # of the text below an image, per inch of its width
 GOAL = symbol("*", INK, "white", 8.0)
 
 
 def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
-    """Write a film of up to four runs of one scene; returns what a reader should know, sentence by
-    sentence.
+    """Write a film of up to four runs of one scene; return remarks for the reader.
 
-    ``path`` ends in ``.gif`` or ``.mp4``; the scenario's title stands above if none is given.
-    Raises ConfigurationError if the runs cannot be shown together, the ending is another one, or an
-    MP4 is asked for without the extra ``replay``; and OSError.
+    ``path`` ends in ``.gif`` or ``.mp4``. The title is that of the scenario if none is given.
+    Raises ConfigurationError if the runs cannot be shown together, if the suffix is another one, or
+    if an MP4 is requested without the extra ``replay``; and OSError.
     """
     film_kind(path := Path(path))
     check_same_scene(runs)
@@ -59,8 +58,9 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
 
 
 def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[Array]:
-    """Each frame (height, width, 3) as bytes: for each run a column with the image above and the
-    arm below.
+    """Yield each frame (height, width, 3) as bytes.
+
+    Each run has a column with the image above and the arm below.
     """
     plane = Plane.of(runs[0].setup)
     viewpoint = common_viewpoint(runs)
@@ -88,7 +88,7 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
         drawn.append(
             (run, colour, image, space, frames.samples(run), frames.states(run), things_of(run))
         )
-    # sides of films are even numbers of pixels
+    # Films need even numbers of pixels.
     sheet.at = 2.0 * round(0.5 * DPI * (1.05 + tall + (arm if several else 0.0))) / DPI
     sheet.figure.set_dpi(DPI)
     sheet.placed()
@@ -119,8 +119,9 @@ def pictures(runs: Sequence[ReplayRun], frames: Frames, title: str) -> Iterator[
 def _draw_run(
     ax: Any, run: ReplayRun, colour: str, sample: int, rows: Sequence[tuple[str, int, Thing]]
 ) -> None:
-    """A run in the image plane up to a sample; ``rows`` are labels and states of its rows, and what
-    they are about.
+    """Draw a run in the image plane up to a sample.
+
+    ``rows`` are labels and states of its rows, and the objects to which they apply.
     """
     pixels = run.trajectory.features_px
     t = float(run.trajectory.t[sample])
@@ -157,8 +158,9 @@ def _draw_run(
 
 
 def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str:
-    """How the path of a film ends, in .gif or .mp4, or in one of ``other``; raises
-    ConfigurationError otherwise.
+    """Return the suffix of a film, .gif or .mp4 or one of ``other``.
+
+    Raises ConfigurationError for any other suffix.
     """
     kind = path.suffix.lower()
     if kind not in (*FILMS, *other):
@@ -173,8 +175,9 @@ def film_kind(path: Path, other: tuple[str, ...] = (), or_else: str = "") -> str
 def write_pictures(
     frames: Sequence[Any], path: Path, rate: float, rest: float = 0.0, colours: int = COLOURS
 ) -> None:
-    """Write pictures (height, width, 3) as a film, so many a second; the last one stands longer by
-    ``rest`` [s].
+    """Write pictures (height, width, 3) as a film at ``rate`` frames per second.
+
+    The last picture is shown longer by ``rest`` [s].
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
@@ -182,8 +185,7 @@ def write_pictures(
             from PIL import Image
 
             images = [Image.fromarray(pixels) for pixels in frames]
-            # one palette for all, without dithering: what stands still is the same from frame to
-            # frame: no room
+            # One palette for all frames, without dithering: unchanged pixels then take no space.
             palette = common_palette(frames, colours)
             first, *others = (
                 image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
@@ -215,12 +217,12 @@ def write_pictures(
 
 
 def common_palette(frames: Sequence[Array], colours: int) -> Any:
-    """Return an image whose palette has so many colours for all frames (height, width, 3).
+    """Return an image whose palette has ``colours`` colours for all frames (height, width, 3).
 
     The first quarter are the colours that cover most in any one frame. Each further one is the
-    colour that the others show worst: its squared distance to the nearest of them, times the square
-    root of what it covers, is the largest. So a colour that is seen for a moment, on a thin line,
-    is there if no other is like it.
+    colour that the chosen ones represent worst: its squared distance to the nearest of them, times
+    the square root of its covered area, is the largest. A colour that is visible for a moment on a
+    thin line is therefore included if no other is similar to it.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""The page of a replay: arm and image side by side, one file that needs no network."""
+"""Page of a replay: arm and image side by side, in one file that needs no network."""
 
 from __future__ import annotations
 
@@ -23,16 +23,14 @@ from ..setup_scene import draw_setup
 from .runs import Frames, ReplayRun, States, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
 
-PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot draw it [in]
-MAX_ROWS = 14  # rows that are listed for a run: those that are highlighted longest
-# of the data, what the page's script needs
+PICTURE = (6.4, 4.8)  # of the arm, for browsers that cannot render it [in]
+MAX_ROWS = 14  # rows that are listed for a run: those highlighted longest
+# Parts of the data that the script of the page needs.
 PLAYED = ("period", "frames", "half", "moving", "goals", "runs")
 
 
 def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
-    """Write the page of :func:`replay_html` to a file; returns what a reader should know, sentence
-    by sentence.
-    """
+    """Write the page of :func:`replay_html` to a file; return remarks for the reader."""
     html, remarks = _page(runs, title)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,12 +40,11 @@ def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -
 
 
 def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
-    """One HTML file in which up to four runs of one scene are seen in motion, in any browser and
-    without network.
+    """Return one HTML file that plays up to four runs of one scene in any browser.
 
-    ``#t=3.2`` behind the file's address opens it at that time. The scenario's title stands above if
-    none is given. Raises ConfigurationError if the extra ``replay`` is not installed, or the runs
-    cannot be shown together.
+    It needs no network. ``#t=3.2`` after the file's address opens it at that time. The title is
+    that of the scenario if none is given. Raises ConfigurationError if the extra ``replay`` is not
+    installed, or if the runs cannot be shown together.
     """
     return _page(runs, title)[0]
 
@@ -83,7 +80,7 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
 
 
 def picture_of(runs: Sequence[ReplayRun]) -> bytes:
-    """A PNG of the first arm in the middle of its run."""
+    """Return a PNG of the first arm in the middle of its run."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -98,9 +95,7 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
 
 
 def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
-    """Everything that is drawn beside the arm, in pixels from the image's centre and one entry per
-    frame.
-    """
+    """Return all data drawn in the image, in pixels from its centre, with one entry per frame."""
     setup = runs[0].setup
     plane = Plane.of(setup)
     moving = []
@@ -172,7 +167,7 @@ def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
 
 
 def _rounded(arrays: Iterable[Array]) -> list[Any]:
-    """Numbers of each array to a tenth, None for what is not finite."""
+    """Return the numbers of each array rounded to a tenth, None for those that are not finite."""
     lists = []
     for values in arrays:
         finite = np.where(np.isfinite(values), np.round(values, 1) + 0.0, np.nan).astype(object)
@@ -182,26 +177,26 @@ def _rounded(arrays: Iterable[Array]) -> list[Any]:
 
 
 def _json(data: Any) -> Markup:
-    """Data as JSON that may stand within a script of HTML."""
+    """Return data as JSON that may stand within a script in HTML."""
     return Markup(
         json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     )
 
 
 def _path(lines: Iterable[Any], close: bool = False) -> str:
-    """Polylines (p, 2) as the data of one path of SVG; points that are not known are left out."""
+    """Return polylines (p, 2) as the data of one SVG path; unknown points are left out."""
     known = [[f"{u:g},{v:g}" for u, v in line if u is not None] for line in lines]
     return "".join(f"M{'L'.join(points)}{'Z' if close else ''}" for points in known if points)
 
 
 def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
-    """Of pixels (F, 2M) the track of each marker."""
+    """Return the track of each marker from pixels (F, 2M)."""
     columns = list(zip(*pixels, strict=True))
     return [list(zip(u, v, strict=True)) for u, v in zip(columns[::2], columns[1::2], strict=True)]
 
 
 def _bars(states: str) -> list[tuple[str, int, int]]:
-    """State, first frame and number of frames of each span in which a row is not inactive."""
+    """Return state, first frame and length of each span in which a row is not inactive."""
     runs = [(state, len(list(run))) for state, run in groupby(states)]
     return [
         (state, sum(n for _, n in runs[:k]), count)

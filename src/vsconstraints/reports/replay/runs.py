@@ -1,6 +1,4 @@
-"""The runs of a replay: several of one scene, what of them is shown and highlighted when, and how
-they are named.
-"""
+"""Runs of a replay: their selection by name, shown samples and highlighted rows."""
 
 from __future__ import annotations
 
@@ -24,18 +22,18 @@ from ...scenarios import Scenario
 from ...simulation import Setup, Trajectory
 from ..plots import looks
 
-# frames per second of time, unless that makes more frames than so many
+# Frames per second, unless that gives more than MAX_FRAMES frames.
 RATE = 25.0
 MAX_FRAMES = 300
-# states of a constraint's row
+# States of a constraint's row.
 INACTIVE = 0
 ACTIVE = 1
 VIOLATED = 2
 HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 States = npt.NDArray[np.uint8]
 Thing = tuple[str, int] | None
-MAX_RUNS = 4  # more than so many beside each other cannot be distinguished
-#: What names a run.
+MAX_RUNS = 4  # more runs beside each other cannot be distinguished
+#: Texts that name a run.
 HOW = (
     "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or a run of a "
     "campaign again, "
@@ -46,9 +44,7 @@ HOW = (
 
 @dataclass(frozen=True)
 class ReplayRun:
-    """A run to be seen, by the name of its law, which differs from the others', and the title of
-    its scenario.
-    """
+    """Run to be replayed, with the unique name of its law and the title of its scenario."""
 
     law: str
     setup: Setup
@@ -57,9 +53,7 @@ class ReplayRun:
 
 
 def check_same_scene(runs: Sequence[ReplayRun]) -> None:
-    """Raise ConfigurationError unless there is something to see in each of these runs, and all are
-    of one scene.
-    """
+    """Raise ConfigurationError unless each run has a trajectory and all are of one scene."""
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
 
@@ -92,11 +86,11 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
 
 
 def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
-    """Those of their laws."""
+    """Return the colours of the laws of these runs."""
     return [look.colour for look in looks([run.law for run in runs]).values()]
 
 
-# --- in time ---
+# --- Time ---
 
 
 @dataclass(frozen=True)
@@ -108,24 +102,21 @@ class Frames:
 
     @classmethod
     def of(cls, runs: Sequence[ReplayRun], rate: float = RATE, most: int = MAX_FRAMES) -> Frames:
-        """Those of runs: so many a second, or so many in all if that is fewer."""
+        """Return the instants for runs: ``rate`` per second, but at most ``most``."""
         end = max(float(run.trajectory.t[-1]) for run in runs)
         period = max(1.0 / rate, end / (most - 1))
         return cls(period * np.arange(int(np.ceil(end / period - 1e-9)) + 1), period)
 
     def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
-        """(F,) the sample of a run that each instant shows: the last one until then; its last one
-        when it is over.
-        """
+        """Return the sample (F,) of a run that each instant shows: the last one up to that time."""
         shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
         return np.maximum(shown, 0).astype(np.int64)
 
     def states(self, run: ReplayRun) -> States:
-        """(F, m) the state of each row between one instant and the next: a single sample is enough
-        to show it.
+        """Return the state (F, m) of each row between one instant and the next.
 
-        A run that is over shows none: nothing after the frame that is the first to show its last
-        sample.
+        A single sample is enough to show a state. After a run has ended, rows are inactive: from
+        the frame after the one that first shows its last sample.
         """
         every = states(run)
         first = self.samples(run)
@@ -134,7 +125,7 @@ class Frames:
         return shown
 
     def remark(self, runs: Sequence[ReplayRun]) -> str:
-        """What of the runs is shown, in a sentence."""
+        """Return a sentence on the number of samples that are shown, empty if all are."""
         samples = max(len(run.trajectory.t) for run in runs)
         rule = (
             "a constraint is highlighted if it is active or violated in any sample up to the "
@@ -148,7 +139,7 @@ class Frames:
 
 
 def states(run: ReplayRun) -> States:
-    """(N, m) the state of each row at each sample."""
+    """Return the state (N, m) of each row at each sample."""
     length = RunRecord.of(run.setup, run.trajectory, "").length
     outside = (
         np.minimum(run.trajectory.clearance, run.trajectory.between_clearance)
@@ -160,12 +151,11 @@ def states(run: ReplayRun) -> States:
 
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, int, int], States]:
-    """States (F,) of everything in space that is highlighted at all, by what it is, its number and
-    run.
+    """Return the states (F,) of all highlighted objects in space.
 
-    A ``marker`` or a ``joint``, counted from 1, or an ``obstacle`` by the place of its constraint
-    in the list; the run is 0 for what runs share: markers and obstacles are highlighted by the rows
-    of any run.
+    Keys are the kind of object, its number and the run: a ``marker`` or a ``joint``, counted from
+    1, or an ``obstacle`` by the index of its constraint. The run is 0 for objects that runs share:
+    markers and obstacles are highlighted by the rows of any run.
     """
     found: dict[tuple[str, int, int], States] = {}
     for k, run in enumerate(runs):
@@ -178,8 +168,9 @@ def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> dict[tuple[str, 
 
 
 def things_of(run: ReplayRun) -> list[Thing]:
-    """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is
-    none of them.
+    """Return the object (m,) to which each row applies: a marker, a joint or an obstacle.
+
+    Each has its number. None stands for rows on any other quantity.
     """
     constraints = run.setup.constraints
     scene = run.setup.scene
@@ -198,7 +189,7 @@ def things_of(run: ReplayRun) -> list[Thing]:
     return things
 
 
-# --- by name ---
+# --- Names ---
 
 
 def select_run(
@@ -207,12 +198,13 @@ def select_run(
     trust: bool = False,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> ReplayRun:
-    """The run that a text names, see :data:`HOW`: one that is stored, or one that is simulated now.
+    """Return the run that a text names: a stored run, or a run that is simulated now.
 
-    ``seed`` is that of trials that are simulated; own constraints that a folder of results names
-    run only with ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called
-    with what a reader should know of what is stored. Raises VsconstraintsError if the text names no
-    run, or it cannot be read, built or simulated.
+    For the forms of the text see :data:`HOW`. ``seed`` is the seed of simulated trials. Custom
+    constraints that a folder of results names run only with ``trust``; without it a scenario that
+    needs them cannot be shown. ``on_remark`` is called with remarks on the stored comparison.
+    Raises VsconstraintsError if the text names no run, or if the run cannot be read, built or
+    simulated.
     """
     if not run.endswith(".npz"):
         return _simulated(run, seed)
@@ -234,8 +226,10 @@ def select_run(
 
 
 def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
-    """A run of a comparison that has been read; raises ConfigurationError where its trajectory
-    cannot be.
+    """Return a run of a loaded comparison.
+
+    Raises ConfigurationError if its trajectory cannot be read, or if its rows are not those of the
+    scenario.
     """
     loaded = comparison.scenarios[scenario]
     record = comparison.run(scenario, law, trial)
@@ -244,7 +238,7 @@ def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) ->
         raise ConfigurationError(
             f"the trajectory {file} cannot be read: it is missing, damaged, or of another version"
         )
-    with chdir("."):  # own parts may change the working directory
+    with chdir("."):  # custom parts may change the working directory
         setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
     if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
         raise ConfigurationError(
@@ -276,15 +270,16 @@ def _simulated(run: str, seed: int) -> ReplayRun:
 
 
 def campaign_run(run: str) -> list[str]:
-    """Folder, family, scene, condition and controller of a run of a campaign; empty if a text names
-    none.
+    """Return folder, family, scene, condition and controller of a run of a campaign.
+
+    The list is empty if the text does not name such a run.
     """
     parts = run.rsplit(":", 4)
     return parts if len(parts) == 5 and parts[2].isdecimal() else []
 
 
 def name_of(run: str) -> str:
-    """The name of the scenario, or family and scene, that a text names."""
+    """Return the name of the scenario, or family and scene, in a text that names a run."""
     if parts := campaign_run(run):
         return "-".join(parts[1:3])
     return (

@@ -1,4 +1,4 @@
-"""The scene in space of several runs, as a page of viser's that plays them."""
+"""Scene in space of several runs, as a viser page that plays them."""
 
 from __future__ import annotations
 
@@ -25,21 +25,19 @@ from ..setup_scene import (
 )
 from .runs import HIGHLIGHTS, Frames, ReplayRun, colours_of, highlights_of
 
-#: Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in
-#: the same place.
+#: Colour of obstacles that are not highlighted; opacity of the arms after the first.
 OBSTACLE = "#8FA3BF"
 OTHERS = 0.45
-#: By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH`
-#: [m]: two surfaces in one place would flicker into each other; so where arms agree, the first one
-#: is seen.
+#: Distance between the surfaces of successive arms, for an arm of :data:`.REACH` [m]. Coinciding
+#: surfaces would flicker. With this inset the first arm is visible where arms coincide.
 INSET = 1.5e-3
-#: Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one,
-#: or than more.
+#: Most triangles of an arm; an arm with more is simplified: points closer than MERGED [m], or
+#: more if needed, become one.
 MAX_TRIANGLES = 36_000
 MERGED = 1e-3
-INSTANTS = 9  # of each run, in which everything is in view
+INSTANTS = 9  # of each run at which everything is in view
 #: Width over height of pictures; vertical field of view [rad] and least width over height of the
-#: page's part; and room around what is in view, relative to half the side of its cube.
+#: view on the page; margin around the scene, relative to half the side of its cube.
 ASPECT = 1.25
 FIELD_OF_VIEW = 0.7
 NARROWEST = 0.72
@@ -47,12 +45,10 @@ ROOM = 0.15
 
 
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
-    """Viser's page of runs, all of them in one space, and a remark on what is different from what
-    one would expect.
-    """
+    """Return the viser page of all runs in one space, and a remark on simplifications."""
     import viser
 
-    with redirect_stdout(StringIO()):  # it prints its address
+    with redirect_stdout(StringIO()):  # the server prints its address
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             viewpoint = common_viewpoint(runs)
@@ -75,8 +71,9 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
 
 
 def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
-    """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a
-    remark.
+    """Return arms, cameras, target and obstacles of runs, and a remark.
+
+    They are fixed to the frames of :func:`frames_of`.
     """
     scene = Scene3D()
     setup = runs[0].setup
@@ -100,8 +97,9 @@ def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
 
 
 def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[str, Placement]:
-    """Those of :func:`.setup_frames`: of run k with ``k`` before their names, what runs share
-    without.
+    """Return the frames of :func:`.setup_frames` for all runs.
+
+    The frames of run k have ``k`` before their names; shared frames have no prefix.
     """
     every = [setup_frames(run.setup, own, t) for run, own in zip(runs, q, strict=True)]
     own = {
@@ -151,7 +149,7 @@ def _recorded(
 
 
 class Nodes:
-    """The nodes of viser's scene: one for each frame, and below it what is fixed to it."""
+    """Nodes of viser's scene: one for each frame, with the parts fixed to it below."""
 
     def __init__(self, scene: Any) -> None:
         self.scene = scene
@@ -160,10 +158,10 @@ class Nodes:
         self.count = 0
 
     def add(self, part: Part) -> Any:
-        """A part; returns its handle."""
+        """Add a part and return its handle."""
         if part.frame not in self.frames:
             self.frames[part.frame] = self.scene.add_frame(f"/{part.frame}", show_axes=False)
-        # a quarter of a millimetre nobody sees, and the file is much smaller
+        # Rounding to a quarter of a millimetre is invisible and makes the file much smaller.
         points = np.round(part.mesh.points * 4096.0) / 4096.0
         look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
         shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
@@ -175,7 +173,7 @@ class Nodes:
         return handle
 
     def place(self, placements: dict[str, Placement]) -> None:
-        """Put frames where they are; viser sends nothing of those that have not moved."""
+        """Set the poses of the frames; viser sends only those that have changed."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
             frame.position, frame.wxyz = (
@@ -189,7 +187,7 @@ class Nodes:
 def _cover(
     what: str, number: int, runs: Sequence[ReplayRun], run: int, half: float
 ) -> tuple[Mesh, str]:
-    """What covers a thing that is highlighted, and the frame it is fixed to."""
+    """Return the mesh that covers a highlighted object, and the frame to which it is fixed."""
     setup = runs[run].setup
     scale = half / REACH
     if what == "marker":
@@ -204,12 +202,12 @@ def _cover(
 
 
 def inset(mesh: Mesh, depth: float) -> Mesh:
-    """The same with its surface this far further in [m]."""
+    """Return a mesh whose surface is moved inwards by ``depth`` [m]."""
     if depth == 0.0 or not len(mesh.triangles):
         return mesh
     import trimesh
 
-    # corners of several faces in one place become one
+    # Merge corners of several faces at one place.
     merged = trimesh.Trimesh(mesh.points, mesh.triangles)
     outwards = float(np.sign(merged.volume)) or 1.0
     return Mesh(
@@ -219,8 +217,9 @@ def inset(mesh: Mesh, depth: float) -> Mesh:
 
 
 def coarse(meshes: list[Mesh]) -> list[Mesh]:
-    """The same with fewer triangles where there are too many: points that are close to each other
-    become one.
+    """Return the meshes with at most :data:`MAX_TRIANGLES` triangles in all.
+
+    If they have more, points close to each other are merged.
     """
     cell = MERGED
     fewer = meshes
@@ -238,7 +237,7 @@ def coarse(meshes: list[Mesh]) -> list[Mesh]:
 
 
 def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
-    """Joint coordinates (n,) and times [s] from the starts of runs to their ends."""
+    """Return joint coordinates (n,) and times [s] from the starts of runs to their ends."""
     every = [
         (run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int))
         for run in runs
@@ -247,15 +246,16 @@ def _instants(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
 
 
 def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
-    """A viewpoint from which the motions of all runs are in view."""
+    """Return a viewpoint from which the motions of all runs are in view."""
     return viewpoint_of(runs[0].setup, _instants(runs), ASPECT)
 
 
 def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
-    """(3,) where a camera with :data:`FIELD_OF_VIEW` has the motions of all runs in view.
+    """Return the position (3,) of a camera that has the motions of all runs in view.
 
-    From a distance d it sees what is x to the right, y above and z nearer than the centre if |x| ≤
-    w (d − z), |y| ≤ h (d − z): this is the least such d.
+    The camera has the field of view :data:`FIELD_OF_VIEW`. From a distance d it sees a point x to
+    the right of the centre, y above it and z nearer than it if |x| ≤ w (d − z) and |y| ≤ h (d − z).
+    The distance is the least such d.
     """
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in _instants(runs)])
