@@ -1,5 +1,6 @@
-"""Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as
-Parquet shards.
+"""Evidence: run every law on thousands of drawn scenes and store the scores.
+
+Runs are scored in the process that makes them. Results are stored as Parquet shards.
 """
 
 from ..runs.folder import Keep

@@ -1,4 +1,7 @@
-"""A track in which time passes: the commands of each law arrive as late as a call of it takes."""
+"""Track that accounts for computing time.
+
+The commands of each law are delayed by the time that a call of the law takes.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ from ..runs.spec import BASELINE, MAX_FACTOR, ControllerSpec, RunTiming, prepare
 from .campaign import Campaign
 from .work import Batch, benches, tasks_of
 
-MEASURED = "measured"  #: What stands for a file of call times where they are measured.
-SCENES = 3  #: Training scenes of each family on which they are.
-#: Equal runs there; the least time of each call counts, since other processes interrupt some.
+MEASURED = "measured"  #: Source of call times that are measured instead of read from a file.
+SCENES = 3  #: Number of training scenes of each family on which call times are measured.
+#: Number of equal runs. The shortest time of each call counts: other processes interrupt some.
 REPEATS = 3
 HOW = (
     f"99 % of a law's calls are shorter: least of {REPEATS} equal runs, median over {SCENES} "
@@ -34,17 +37,19 @@ HOW = (
 
 @dataclass(frozen=True)
 class CallTimes:
-    """How long a call of each law takes, by its name in the campaign or else its type; InvalidInput
-    for wrong signs.
+    """Duration of a call of each law, by its name in the campaign or else its type.
+
+    Raises InvalidInput if a unit, factor or budget is not positive, and ConfigurationError if a
+    call time is negative or infinite.
     """
 
-    calls: dict[str, float]  #: In units.
-    unit_s: float  #: [s].
-    how: str = ""  #: Where the numbers are from, for reports.
-    slower: float = 1.0  #: How many times as slow the computer is.
-    #: What each law may compute per sampling time of a scene [s]: it is called as often as that
-    #: allows, from four times as often as the scene says, which is meant without it, to a quarter
-    #: as often.
+    calls: dict[str, float]  #: Call times in units of ``unit_s``.
+    unit_s: float  #: Unit of the call times [s].
+    how: str = ""  #: Source of the numbers, for reports.
+    slower: float = 1.0  #: Factor by which the computer is slower.
+    #: Computing time of each law per sampling time of a scene [s]. A law is called as often as this
+    #: allows: from four times as often as the scene specifies to a quarter as often. None keeps the
+    #: sampling time.
     budget_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -56,8 +61,9 @@ class CallTimes:
                 )
 
     def of(self, campaign: Campaign) -> Campaign:
-        """The campaign with every law but the baseline timed so; raises ConfigurationError that
-        names what is not.
+        """Return the campaign with the call time set for every law except the baseline.
+
+        Raises ConfigurationError that names the laws without a call time.
         """
         laws = [entry for entry in campaign.controllers if entry.name != BASELINE]
         missing = [entry.name for entry in laws if not {entry.name, entry.law} & self.calls.keys()]
@@ -69,7 +75,7 @@ class CallTimes:
 
     @property
     def sentence(self) -> str:
-        """What reports say."""
+        """Description of the call times for reports."""
         said = [", ".join(f"{name} {1e6 * self._call(name):.4g}" for name in self.calls), self.how]
         if self.slower != 1.0:
             said.append(f"the computer is {self.slower:g} times as slow")
@@ -100,8 +106,10 @@ def call_times(
     workers: OpenWorkers,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> CallTimes:
-    """Those of a file, or of a folder of results; or :data:`MEASURED`, once for results in
-    ``folder`` if any.
+    """Read the call times from a file or a folder of results, or measure them.
+
+    If ``source`` is :data:`MEASURED`, those stored in ``folder`` are used if there are any, so that
+    they are measured only once.
     """
     if source != MEASURED:
         path = Path(source)
@@ -143,8 +151,9 @@ def _measured(
 
 
 def time_calls(task: Batch) -> list[tuple[str, str, float]]:
-    """Of every run of a task its law, its family, and what 99 % of its calls are shorter than [s]:
-    for workers.
+    """Return law, family and 99 % quantile of the call times [s] of every run of a batch.
+
+    Workers call this function.
     """
     found = []
     with deadline(task.limit) as step:

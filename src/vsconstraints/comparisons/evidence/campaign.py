@@ -1,6 +1,4 @@
-"""A campaign: which families' scenes are run with which controllers, in which conditions, and how
-many.
-"""
+"""Campaign: families, conditions, controllers and the number of scenes of an experiment."""
 
 from __future__ import annotations
 
@@ -22,11 +20,11 @@ from ..runs.files import plain
 from ..runs.machine import code_identity, used_versions
 from .own_files import contents, files_of_laws, own_folders
 
-#: Nested tables as JSON has them; the same wherever the same campaign is run.
+#: Everything that results depend on, as nested JSON tables; the same on every machine.
 Identity = dict[str, Any]
 
-MAX_SHOWN = 3  # differences that a message shows
-MAX_SCENES = 10_000_000  # of a family in a campaign
+MAX_SHOWN = 3  # maximum number of differences in a message
+MAX_SCENES = 10_000_000  # maximum number of scenes of a family in a campaign
 
 IN_WORDS = {
     "code": "the package's source",
@@ -34,15 +32,15 @@ IN_WORDS = {
     "compiled": "whether runs are compiled",
 }
 
-#: Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a
-#: link to the first.
+#: Files of the campaigns shipped with the package, by name. ``comparisons/evidence.toml`` is a link
+#: to the first.
 SHIPPED_CAMPAIGNS = {
     name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")
 }
 
 
 def of_controllers(entries: Entries) -> Identity:
-    """Laws and their options, what the files of own ones hold, and which solvers they use."""
+    """Return each law's options, hashes of its custom files and versions of its solvers."""
     identity = {}
     for entry in entries:
         files = {f"file {path.name}": digest(path) for path in entry.files}
@@ -54,8 +52,10 @@ def of_controllers(entries: Entries) -> Identity:
 
 
 def of_family(family: Family) -> Identity:
-    """What a family says, what the files that it names hold, and which packages its conditions
-    use.
+    """Return the identity of a family.
+
+    It holds the tables of the family, hashes of the files that it names, and the versions of
+    packages that its conditions use.
     """
     files = Scenario(family.name, family.tables, family.folder).files
     return {
@@ -68,8 +68,9 @@ def of_family(family: Family) -> Identity:
 def different(
     a: Any, b: Any, path: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Paths to what differs, None where it is missing, as deep as both have the same tables, or
-    lists of as many.
+    """Yield the path to each difference with both values, None where a value is missing.
+
+    Tables are compared recursively, as are nonempty lists of tables with equal length.
     """
     lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
     if lists and all(isinstance(entry, Mapping) for entry in (*a, *b)):
@@ -85,7 +86,7 @@ def different(
 
 
 def differences(there: Any, here: Any) -> Iterator[str]:
-    """Sentences that name what differs, with both values."""
+    """Yield a sentence for each difference, with both values."""
     for path, old, new in different(there, here):
         name = ".".join(path)
         if old is None or new is None:
@@ -96,19 +97,18 @@ def differences(there: Any, here: Any) -> Iterator[str]:
 
 
 def in_words(texts: Sequence[str]) -> str:
-    """The first of many differences, and how many there are."""
+    """Join the first differences and the number of the remaining ones."""
     more = len(texts) - MAX_SHOWN
     return "; ".join(texts[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
 class Campaign(Experiment):
-    """So many scenes of each family, drawn with a seed, each run in every condition with every
-    controller.
+    """Scenes of each family, drawn with a seed and run in every condition with every controller.
 
-    ``question`` is what it is to answer, for reports. Without ``conditions`` each family is run in
-    all that it has; ``scenes_in`` limits the number of scenes in some; ``call_times`` are
-    :class:`.CallTimes` as data.
+    ``question`` states the purpose of the campaign in reports. Without ``conditions``, each family
+    is run in all its conditions. ``scenes_in`` limits the number of scenes by condition.
+    ``call_times`` holds :class:`.CallTimes` as data.
     """
 
     name: str
@@ -128,8 +128,9 @@ class Campaign(Experiment):
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Campaign:
-        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence``
-        without one.
+        """Load a campaign from a TOML file, or a shipped one by its name.
+
+        The default is the shipped campaign ``evidence``.
         """
         source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
         folder = source.parent if path else Path()
@@ -155,11 +156,11 @@ class Campaign(Experiment):
         scenes: int | None = None,
         settings: Iterable[str] = (),
     ) -> Campaign:
-        """The campaign a command line asks for, with families and controllers of these names, or
-        paths, if any.
+        """Return the campaign with the selections and settings of a command line.
 
-        KEY of ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or a controller's name and
-        an option.
+        ``families`` and ``controllers`` are names or paths; empty selects all. The KEY of each of
+        ``settings``, ``KEY=VALUE``, is one of :attr:`settings`, or the name of a controller and an
+        option.
         """
         campaign = self if scenes is None else replace(self, scenes=scenes)
         return (
@@ -184,8 +185,9 @@ class Campaign(Experiment):
         )
 
     def checked(self) -> Campaign:
-        """The campaign with the unconstrained baseline in it; raises what is wrong if something
-        cannot be used.
+        """Return the campaign with the unconstrained baseline included.
+
+        Raises ConfigurationError if a setting is invalid.
         """
         if not self.families:
             raise ConfigurationError(
@@ -230,7 +232,7 @@ class Campaign(Experiment):
         return self.with_baseline()
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
-        """The conditions in which a family's scene of that number is run, in the family's order."""
+        """Return the conditions of a scene of a family, in the order of the family."""
         wanted = self.conditions or family.conditions
         most = self.scenes_in
         return tuple(
@@ -240,7 +242,7 @@ class Campaign(Experiment):
         )
 
     def identity(self, family: Family) -> Identity:
-        """All that the results of one family's scenes depend on."""
+        """Return everything that the results of a family depend on."""
         return {
             **code_identity(),
             "seed": self.seed,
@@ -252,25 +254,24 @@ class Campaign(Experiment):
         }
 
     def identities(self) -> dict[str, Identity]:
-        """All that results depend on, by family."""
+        """Return everything that results depend on, by family."""
         return {family.name: self.identity(family) for family in self.families}
 
     def on_each_machine(self) -> Callable[[], Identity]:
-        """What says, wherever it is called, what results depend on there: identities and contents
-        of own files.
+        """Return a function that determines everything that results depend on, on any machine.
 
-        The files are those that laws of one's own load and read on this machine when they are made.
+        It returns the identities of the families and hashes of custom files. These are the files
+        that custom laws load and read on this machine when they are created.
         """
         folders = own_folders(self.controllers, self.families)
         return partial(_on_this_machine, self, tuple(files_of_laws(self.controllers, folders)))
 
     def resolved(self) -> dict[str, Any]:
-        """Everything that determines the results but for code and files, as data."""
+        """Return everything that determines the results, except code and files, as data."""
         families = {}
         shipped = SHIPPED.resolve()
         for family in self.families:
-            # within that of the shipped families as seen from it, since that differs from machine
-            # to machine
+            # relative to the folder of the shipped families, which differs from machine to machine
             folder = family.folder.resolve()
             at = (
                 folder.relative_to(shipped).as_posix()
@@ -304,7 +305,7 @@ def _on_this_machine(campaign: Campaign, own_files: Sequence[str]) -> Identity:
 
 @dataclass(frozen=True)
 class _File:
-    """Keys of a campaign's file."""
+    """Keys of a campaign's TOML file."""
 
     families: Sequence[str]
     controllers: Table

@@ -1,7 +1,8 @@
-"""Runs on more machines than this one, by the workers of a Dask scheduler.
+"""Distribute runs over several machines by the workers of a Dask scheduler.
 
-A Dask worker answers each call by a process of its own, one for each of its threads: a call that
-ends its process, or takes too long, fails as it does on one machine, and the Dask worker goes on.
+Each thread of a Dask worker executes its calls in a separate process. A call whose process dies, or
+that exceeds its time limit, therefore fails as it does on one machine, and the Dask worker
+continues.
 """
 
 from __future__ import annotations
@@ -29,22 +30,23 @@ from ...plugins.extras import demand
 from ..runs.pool import DIED, THREAD_VARIABLES, Failure, Key, OpenWorkers, Pool, unpacked
 from .campaign import differences, in_words
 
-CONNECT = 5.0  # how long a scheduler may take to answer [s]
-# how long workers may take to start their processes and answer what results depend on there [s]
+CONNECT = 5.0  # timeout of the connection to a scheduler [s]
+# time limit for workers to start their processes and return their identity [s]
 BEGIN = 120.0
-PER_THREAD = 3  # calls that are sent ahead for each thread of the workers
-# how often silent workers are counted, and answers of new ones polled [s]
+PER_THREAD = 3  # calls sent in advance for each thread of the workers
+# longest wait for an answer before workers are checked again [s]
 CHECK = 1.0
-SOON = 0.02
-MAX_LOST = 3  # a call that loses more workers than this is taken to be the reason
-# how long a cluster may be without any worker [s]: those that died may be started again
+SOON = 0.02  # polling interval for the identity checks at the start [s]
+MAX_LOST = 3  # a call fails if more workers than this disappear while they have it
+# longest time without any worker [s]: workers that died may be restarted
 PATIENCE = 60.0
 GOES_ON = "what was finished is stored, and the same command goes on"
 
 
 class Session(NamedTuple):
-    """A command's unique name, what returns what results depend on, and its answer where the
-    command was given.
+    """Unique name of a command, function that returns the identity, and its value on this machine.
+
+    The identity is everything that results depend on. Workers call the same function and compare.
     """
 
     name: str
@@ -53,29 +55,32 @@ class Session(NamedTuple):
 
 
 class IncompatibleWorker(NamedTuple):
-    """A worker whose results would differ, with what they depend on there, or a :class:`.Failure`
-    if unknown.
+    """Worker whose results would differ, with its address and its identity.
+
+    The identity is a :class:`.Failure` if the worker could not determine it.
     """
 
     address: str
     identity: Any
 
 
-#: In a Dask worker: a pool of a single process, and its session, by its threads.
+#: In a Dask worker: session name and single-process pool of each thread, by thread identifier.
 _pools: dict[int, tuple[str, Pool[Any]]] = {}
 _lock = threading.Lock()
 _finalizers: list[Finalize] = []
 
 
 def answered(packed: bytes) -> bytes:
-    """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer
-    would differ.
+    """Execute a pickled call of a session and return the pickled answer.
+
+    The first call of a session in a thread compares the identity of this worker with the expected
+    one. If they differ, the answer is an :class:`IncompatibleWorker`.
     """
     session, *call = pickle.loads(packed)
     thread = threading.get_ident()
     name, pool = _pools.get(thread, ("", None))
     if pool is None or name != session.name:
-        if pool is not None:  # of an earlier session
+        if pool is not None:  # it belongs to an earlier session
             pool.__exit__(None, None, None)
         pool = Pool(operator.call, 1)
         with _lock:
@@ -91,7 +96,10 @@ def answered(packed: bytes) -> bytes:
 
 
 def end(session: str) -> None:
-    """End the processes of a session, or all if it is empty, whatever they are doing."""
+    """Terminate the processes of a session at once, even during a call.
+
+    An empty name terminates the processes of all sessions.
+    """
     with _lock:
         pools = [
             _pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)
@@ -115,23 +123,26 @@ def _answer(
 def _may_have_children() -> None:
     if multiprocessing.current_process().daemon:
         multiprocessing.current_process().daemon = False
-    for variable in THREAD_VARIABLES:  # pools set them for a moment, and here each thread has one
+    # pools set these variables temporarily; with one pool per thread they must stay set
+    for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, "1")
     if not _finalizers:
-        # before the interpreter waits for the children of this process, which wait for it
+        # end the child processes before the interpreter waits for them: they wait for this process
         _finalizers.append(Finalize(None, end, ("",), exitpriority=100))
 
 
 @contextmanager
 def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
-    """The workers of a Dask scheduler, for as long as the ``with`` block lasts; they store nothing,
-    but send answers.
+    """Open the workers of a Dask scheduler for the duration of the ``with`` block.
 
-    A worker that dies loses only its current call, which another one gets. One that comes later
-    takes part if it would give the same results; otherwise it gets nothing, with a warning.
-    ``identity``, picklable, returns what results depend on where it is called, as nested tables.
-    Raises ConfigurationError if no scheduler answers at the address, it has no worker, or one that
-    is there would give other results, and WorkersLost if the scheduler or all workers go away.
+    Workers store nothing: they send their answers back. If a worker dies, only its current call is
+    lost, and another worker repeats it. A worker that joins later takes part if it would give the
+    same results. Otherwise a warning is issued, and the worker receives no calls.
+
+    ``identity`` must be picklable. It returns everything that results depend on where it is called,
+    as nested tables. Raises ConfigurationError if no scheduler answers at the address, if it has no
+    worker, or if one of its workers would give different results. Raises WorkersLost if the
+    scheduler or all workers disappear.
     """
     demand("cluster")
     client = _connected(address)
@@ -141,7 +152,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
         connected.demand_workers()
         yield lambda function: nullcontext(SimpleNamespace(run=partial(connected.run, function)))
     finally:
-        # whatever has become of the cluster, this command is done with it
+        # the cluster may be gone already
         with suppress(Exception), _quiet():
             if client.status == "running":
                 client.run(end, session.name, on_error="ignore")
@@ -150,7 +161,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
 
 
 class _Cluster:
-    """Each worker is asked what results depend on there before it is given anything."""
+    """Connection to a scheduler that checks the identity of each worker before sending calls."""
 
     def __init__(self, client: Any, address: str, session: Session) -> None:
         self._client = client
@@ -161,8 +172,9 @@ class _Cluster:
         self._started = False
 
     def demand_workers(self) -> None:
-        """Raise ConfigurationError unless there are workers, and all would give the same results as
-        this machine.
+        """Raise ConfigurationError unless there are workers and all are compatible.
+
+        A worker is compatible if it would give the same results as this machine.
         """
         threads = self._threads()
         while self._asked:
@@ -174,9 +186,12 @@ class _Cluster:
         self._started = True
 
     def _threads(self) -> dict[str, int]:
-        """How many calls each usable worker can answer at once; new workers are asked."""
+        """Return the number of threads of each usable worker.
+
+        Starts the identity check of new workers, and evaluates the checks that have finished.
+        """
         there: dict[str, int] = self._client.nthreads()
-        # another one may come to the address of one that is gone
+        # a new worker may take the address of one that disappeared
         self._usable = {
             worker: usable for worker, usable in self._usable.items() if worker in there
         }
@@ -194,7 +209,7 @@ class _Cluster:
                 self._refuse(worker, f"ended when it was asked {asked}")
             elif not future.done():
                 self._refuse(worker, f"said nothing for {BEGIN:g} s")
-            # for example, this package is not installed there
+            # for example, vsconstraints is not installed on the worker
             elif (error := future.exception()) is not None:
                 self._refuse(worker, f"cannot make runs: {described(error)}")
             elif not self._refused_by(unpacked(future.result())):
@@ -202,8 +217,9 @@ class _Cluster:
         return {worker: count for worker, count in there.items() if self._usable.get(worker)}
 
     def _refused_by(self, answer: Any) -> bool:
-        """Whether an answer says that a worker would give other results; it gets nothing more
-        then.
+        """True if an answer shows that its worker would give different results.
+
+        Such a worker receives no more calls.
         """
         if not isinstance(answer, IncompatibleWorker):
             return False
@@ -236,8 +252,10 @@ class _Cluster:
         *,
         again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
-        """See :meth:`.Pool.run`; raises WorkersLost when the scheduler is gone, or there has been
-        nobody for long.
+        """Execute calls on the workers and yield each key with its answer, see :meth:`.Pool.run`.
+
+        Raises WorkersLost if the scheduler disappears, or if no worker has been usable for
+        ``PATIENCE`` seconds.
         """
         from distributed import CancelledError, KilledWorker
 
@@ -256,7 +274,7 @@ class _Cluster:
                     nobody = f"has had no worker that can be used for {PATIENCE:g} s"
                     raise WorkersLost(f"the scheduler at {self._address} {nobody}; {GOES_ON}")
                 for future, (key, workers) in list(under_way.items()):
-                    # all that may have the call are gone: others may have come
+                    # all workers that could have the call disappeared: send it to the current ones
                     if workers.isdisjoint(threads):
                         del under_way[future]
                         self._cancel([future])
@@ -269,7 +287,7 @@ class _Cluster:
                 for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
                     try:
                         packed = self._packed(function, calls[key], limits.get(key), again)
-                    except Exception as error:  # own parts can raise anything when they are packed
+                    except Exception as error:  # pickling custom parts can raise anything
                         yield key, Failure.of(error, "it cannot be sent to a worker: ")
                         continue
                     future = self._submit(packed, list(threads))
@@ -287,7 +305,7 @@ class _Cluster:
                             waiting.appendleft(key)
                         else:
                             yield key, answer
-        # what a client raises whose scheduler is gone
+        # exceptions of a client whose scheduler disappeared
         except (CancelledError, OSError, RuntimeError) as error:
             gone = f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}"
             raise WorkersLost(gone) from error
@@ -308,7 +326,7 @@ def _connected(address: str) -> Any:
         with _quiet():
             resolve_address(address)
             return Client(address, timeout=CONNECT, set_as_default=False, name="vsconstraints")
-    # of TLS without keys: the last
+    # TypeError: TLS without keys
     except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:
         advice = "say in Dask's configuration where its keys are, see docs/suites.md"
         if not address.startswith("tls:"):

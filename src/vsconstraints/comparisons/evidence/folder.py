@@ -1,4 +1,4 @@
-"""A campaign's folder: its shards, which record what is done, and the trajectories of some runs."""
+"""Folder of a campaign: shards, which record the finished scenes, and some trajectories."""
 
 from __future__ import annotations
 
@@ -23,16 +23,15 @@ from .own_files import changed, contents, own_folders
 from .parquet import RUNS, TABLES
 from .work import Batch, benches, task_of
 
-MARK = "runs"  # the table that is written last: a shard is there when this part of it is
-MAX_NAMED = 5  # ranges of scenes that a message names
+MARK = "runs"  # the table that is written last: a shard is complete if it has this part
+MAX_NAMED = 5  # maximum number of scene ranges in a message
 
 
 @dataclass(frozen=True)
 class Facts:
-    """The footer of a shard: what its scenes depend on, the machine, number of runs, process time
-    [s].
+    """Footer of a shard: identity of its scenes, machine, number of runs and process time [s].
 
-    ``files`` are hashes of what own parts have loaded or read, see :mod:`.own_files`.
+    ``files`` are hashes of files that custom parts loaded or read, see :mod:`.own_files`.
     """
 
     family: str
@@ -45,7 +44,7 @@ class Facts:
 
     @classmethod
     def of(cls, path: Path) -> Facts:
-        """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
+        """Read the footer of a part of a shard. Raises ConfigurationError if it is unreadable."""
         table = parquet.facts_of(path)
         try:
             return from_table(cls, table, "its footer")
@@ -56,7 +55,7 @@ class Facts:
 
 
 class StoredShard(NamedTuple):
-    """A shard of a folder: its name, its footer, and the path of the part that is written last."""
+    """Shard of a folder: name, footer, and path of the part that is written last."""
 
     folder: Path
     name: str
@@ -64,38 +63,40 @@ class StoredShard(NamedTuple):
     path: Path
 
     def table(self, name: str, columns: Sequence[str] | None = None) -> Any:
-        """The lines of one of its tables, of the named columns or all."""
+        """Read one table of the shard, with the named columns or all."""
         return parquet.read([shard_file(self.folder, name, self.name)], TABLES[name], columns)
 
 
 def shard_file(folder: Path, table: str, name: str) -> Path:
-    """Where a part of a shard is."""
+    """Return the path of a part of a shard."""
     return folder / table / f"{name}.parquet"
 
 
 def shard_names(folder: Path) -> list[str]:
-    """Names of the shards in a folder, by family and scene."""
+    """Return the names of the shards in a folder, ordered by family and scene."""
     return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
 
 
 def shards(folder: Path) -> list[StoredShard]:
-    """The shards in a folder, by family and scene; raises ConfigurationError if a footer cannot be
-    read.
+    """Return the shards in a folder, ordered by family and scene.
+
+    Raises ConfigurationError if a footer cannot be read.
     """
     paths = [shard_file(folder, MARK, name) for name in shard_names(folder)]
     return [StoredShard(folder, path.stem, Facts.of(path), path) for path in paths]
 
 
 def stored_files(folder: Path) -> list[Path]:
-    """The files that a campaign consists of, reports apart: its manifest, then those that are
-    written once.
+    """Return the files of a campaign except reports.
+
+    The manifest comes first, followed by the files that are written once.
     """
     parts = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
     return [folder / MANIFEST, *parts, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
-    """Write a shard's parts, the mark last; raises OSError."""
+    """Write the parts of a shard, the table that marks it as complete last. Raises OSError."""
     for table in sorted(TABLES, key=lambda table: table == MARK):
         (folder / table).mkdir(exist_ok=True)
         parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
@@ -103,17 +104,18 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
 
 
 def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
-    """What is done of a campaign, by shard; what was left unfinished, or was changed, is removed.
+    """Return the footers of the finished shards of a campaign.
 
-    Raises ConfigurationError if the folder holds scenes that are no part of this campaign or were
-    made otherwise.
+    Unfinished shards and changed files are removed first. Raises ConfigurationError if the folder
+    holds scenes of another campaign, or scenes that were run with different code, settings or
+    files.
     """
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
     whole = set()
     for name in shard_names(folder):
-        with suppress(ConfigurationError):  # one that was cut off has no footer
+        with suppress(ConfigurationError):  # a truncated file has no footer
             for table in TABLES:
                 parquet.line_count(shard_file(folder, table, name))
             whole.add(name)
@@ -139,7 +141,7 @@ def what_is_there(folder: Path, campaign: Campaign) -> list[Facts]:
 
 
 def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
-    """Sentences that name the own files which are not what the stored shards were made with."""
+    """Return a sentence for each custom file that changed since a stored shard was made."""
     folders = own_folders(campaign.controllers, campaign.families)
     files: Files = {}
     for facts in there:
@@ -151,7 +153,7 @@ def _changed_files(there: Iterable[Facts], campaign: Campaign) -> list[str]:
 
 
 def demand_same_files(stored: Iterable[StoredShard]) -> None:
-    """Raise ConfigurationError if shards were made with different contents of an own file."""
+    """Raise ConfigurationError if shards were made with different contents of a custom file."""
     first: dict[str, StoredShard] = {}
     for shard in stored:
         for name, content in shard.facts.files.items():
@@ -163,15 +165,16 @@ def demand_same_files(stored: Iterable[StoredShard]) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Remove everything that a campaign left."""
+    """Remove all tables, trajectories and checksums of a campaign."""
     for name in (*TABLES, TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
     (folder / SUMS).unlink(missing_ok=True)
 
 
 def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wanted: range) -> str:
-    """Families with those of the wanted scenes that no shard has, in words; empty if none is
-    missing.
+    """List the wanted scenes that no shard contains, by family, in words.
+
+    The text is empty if none is missing.
     """
     missing = {name: set(wanted) for name in configuration["families"]}
     for facts in there:
@@ -184,7 +187,7 @@ def missing_scenes(configuration: Mapping[str, Any], there: Iterable[Facts], wan
 
 
 class RunKey(NamedTuple):
-    """What identifies a run."""
+    """Key of a run."""
 
     family: str
     condition: str
@@ -193,7 +196,7 @@ class RunKey(NamedTuple):
 
 
 def trajectory_file(folder: Path, key: RunKey) -> Path:
-    """Where a run's trajectory is stored below a campaign's folder."""
+    """Return the path of the trajectory of a run."""
     return (
         folder
         / TRAJECTORIES
@@ -202,8 +205,9 @@ def trajectory_file(folder: Path, key: RunKey) -> Path:
 
 
 def chosen(folder: Path, keep: Keep) -> list[RunKey]:
-    """The runs whose trajectories are kept, of those in a folder that left a sample: whatever order
-    they came in.
+    """Return the runs whose trajectories are kept, out of those with at least one sample.
+
+    The choice does not depend on the order in which runs were stored.
     """
     if keep == "none":
         return []
@@ -220,8 +224,10 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 def keep_trajectories(
     folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers
 ) -> int:
-    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many
-    there are then.
+    """Repeat runs whose trajectories are to be kept but missing, and remove all other trajectories.
+
+    Returns the number of trajectories that are stored afterwards. If ``keep`` is "none", nothing is
+    repeated or removed.
     """
     if keep == "none":
         return 0
@@ -241,14 +247,14 @@ def keep_trajectories(
     if calls:
         with workers(rerun) as open_workers:
             for _, answer in open_workers.run(calls):
-                # what cannot be repeated is left out: its scores are there
+                # runs that cannot be repeated are left out: their scores are stored
                 for key, record in {} if isinstance(answer, Failure) else answer.items():
                     record.save(trajectory_file(folder, key))
     return sum(path.exists() for path in wanted)
 
 
 def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
-    """Repeat runs of one scene: what workers do."""
+    """Repeat runs of one scene. Workers call this function."""
     records: dict[RunKey, RunRecord] = {}
     entries = {entry.name: entry for entry in task.controllers}
     with deadline(task.limit) as step:

@@ -1,4 +1,4 @@
-"""Folders of one campaign merged: every scene once, and nothing else."""
+"""Merge folders of one campaign, so that every scene is stored exactly once."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from .folder import (  # fmt: skip
 from .parquet import TABLES, TIMING
 from .stored import Evidence
 
-# Entries of a manifest that may differ from folder to folder, and of an identity that different
-# families share.
+# OWN: entries of a manifest that may differ between folders.
+# COMMON: entries of an identity that all families share.
 OWN = (
     *(
         "shard",
@@ -50,9 +50,7 @@ Manifests = Mapping[Path, Mapping[str, Any]]  # by folder
 
 
 class Merged(NamedTuple):
-    """How many scenes, runs and trajectories were put together, and what a reader should know of
-    the folders.
-    """
+    """Numbers of merged scenes, runs and trajectories, and the remarks on the folders."""
 
     scenes: int
     runs: int
@@ -61,12 +59,12 @@ class Merged(NamedTuple):
 
 
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
-    """Put folders of one campaign together in ``out``: new, empty, or one that the same merge has
-    left.
+    """Merge folders of one campaign into ``out``.
 
-    Raises ConfigurationError, before anything is written, if they are not of the same code,
-    settings and packages, scenes are missing, or a scene is there twice with different results;
-    StorageError if something cannot be written.
+    ``out`` is a new or empty folder, or that of an earlier merge, which is replaced. Raises
+    ConfigurationError, before anything is written, if code, settings or packages of the folders
+    differ, if scenes are missing, or if a scene is stored twice with different results. Raises
+    StorageError if a file cannot be written.
     """
     read = {folder: Evidence.load(folder) for folder in folders}
     if not read:
@@ -78,7 +76,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         demand_unchanged(
             folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True
         )
-    # in the order of scenes, so that what is written does not depend on that of the folders
+    # in the order of scenes, so that the output does not depend on the order of the folders
     sources = [shard for folder in read for shard in shards(folder)]
     sources.sort(key=lambda source: (source.facts.family, source.facts.scenes))
     _demand_alike(sources, manifests)
@@ -123,8 +121,9 @@ def _lines(source: StoredShard, name: str, scenes: Sequence[int]) -> Any:
 
 
 def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
-    """Raise ConfigurationError if code, settings or packages differ; machines, and folders of
-    families, may.
+    """Raise ConfigurationError if code, settings or packages of the folders differ.
+
+    Machines and the folders of families may differ.
     """
 
     def demand_same(what: Iterable[tuple[Path, Mapping[str, Any]]]) -> None:
@@ -153,7 +152,7 @@ def _demand_alike(sources: Sequence[StoredShard], manifests: Manifests) -> None:
 
 
 def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
-    """Raise ConfigurationError that names shards and scenes that are missing."""
+    """Raise ConfigurationError that names missing shards and scenes."""
     configuration = next(iter(manifests.values()))["configuration"]
     there = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
     missing = [
@@ -178,13 +177,14 @@ def _demand_all(sources: Sequence[StoredShard], manifests: Manifests) -> None:
 
 
 def _each_once(sources: Sequence[StoredShard]) -> list[tuple[StoredShard, list[int]]]:
-    """Shards with those of their scenes that no shard before has; raises ConfigurationError where
-    results differ.
+    """Return each shard with its scenes that no earlier shard contains.
+
+    Raises ConfigurationError if two shards hold different results for the same scene.
     """
     owners: dict[tuple[str, int], StoredShard] = {}
     once = []
     for source in sources:
-        # of this shard, by the path of the shard that had them first
+        # scenes of this shard, by the path of the first shard that contains them
         scenes: dict[str, list[int]] = {}
         for number in source.facts.scenes:
             owner = owners.setdefault((source.facts.family, number), source)
@@ -214,7 +214,11 @@ def _demand_same_results(one: StoredShard, other: StoredShard, scenes: list[int]
 
 
 def _copy_trajectories(folders: Manifests, out: Path) -> int:
-    """Of the trajectories that the folders hold, those that are kept of the whole; how many."""
+    """Copy the trajectories that the merged campaign keeps, and return their number.
+
+    The rule of each folder (``keep``) is applied to all runs. Trajectories that no folder holds are
+    skipped.
+    """
     count = 0
     for keep in sorted({manifest.get("keep", "none") for manifest in folders.values()} - {"none"}):
         for key in chosen(out, keep):
@@ -232,7 +236,7 @@ def _copy_trajectories(folders: Manifests, out: Path) -> int:
 
 
 def _merged_manifest(manifests: Sequence[Mapping[str, Any]], merged: Merged) -> dict[str, Any]:
-    """The first manifest, with the folders' own entries on how they were made."""
+    """Return the first manifest, extended by the entries that differ between the folders."""
     first = manifests[0]
     return {
         **{name: value for name, value in first.items() if name not in OWN},
@@ -242,7 +246,7 @@ def _merged_manifest(manifests: Sequence[Mapping[str, Any]], merged: Merged) -> 
         ],
         "machine": first.get("machine", {}),
         "process_time_s": sum(manifest.get("process_time_s", 0.0) for manifest in manifests),
-        # nothing was run by this command: all scenes were there before
+        # merging makes no runs: all scenes were stored before
         **dict.fromkeys(("scenes", "finished", "stored_before"), merged.scenes),
         "runs": merged.runs,
         "trajectories": merged.trajectories,

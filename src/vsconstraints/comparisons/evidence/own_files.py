@@ -1,5 +1,6 @@
-"""Files that the own laws and constraints of a campaign have loaded or read, named alike on every
-machine.
+"""Files that custom laws and constraints of a campaign load or read.
+
+Their names are the same on every machine.
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ from ...plugins.provenance import Files, digest, own_parts_noted
 from ...scenarios.families import Family
 from ..experiment import Entries
 
-WORKING_FOLDER = "."  #: Stands for the working directory in the names of files.
+WORKING_FOLDER = "."  #: Name of the working directory in file names.
 
-Folders = Mapping[str, str]  #: Absolute folders by the names that stand for them.
+Folders = Mapping[str, str]  #: Absolute paths of folders by name.
 
 
 def has_own_parts(controllers: Entries, families: Sequence[Family]) -> bool:
-    """Return True if a law, or a part of a family's scenes, does not come with the package."""
+    """True if a law, or a constraint of a family, does not come with the package."""
     return any(":" in entry.law for entry in controllers) or any(map(_own_constraints, families))
 
 
 def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
-    """Folders that own parts come from, named after the first module or family that comes from
-    there.
+    """Return the folders of custom parts by name.
+
+    A folder is named after the first module or family that comes from it. The working directory is
+    included.
     """
     candidates = []
     for entry in controllers:
@@ -45,9 +48,9 @@ def own_folders(controllers: Entries, families: Sequence[Family]) -> Folders:
 
 
 def named(files: Files, folders: Folders) -> Files:
-    """The same files by names that do not depend on where the folders are: ``FOLDER/PATH``.
+    """Return the files with names that do not depend on the machine: ``FOLDER/PATH``.
 
-    Files that are in none of the folders keep their absolute paths.
+    Files in none of the folders keep their absolute paths.
     """
     found = {}
     for path, content in files.items():
@@ -61,10 +64,10 @@ def named(files: Files, folders: Folders) -> Files:
 
 
 def contents(names: Iterable[str], folders: Folders) -> Files:
-    """Hashes of what files of these names hold now, on this machine.
+    """Return hashes of the current content of the named files on this machine.
 
-    Left out are those in folders that are not among these, and those outside of all folders that
-    are not there: they can be those of another machine.
+    Names whose folder is unknown are left out. So are missing files with absolute paths: they may
+    be files of another machine.
     """
     now: Files = {}
     for name in names:
@@ -77,14 +80,12 @@ def contents(names: Iterable[str], folders: Folders) -> Files:
 
 
 def changed(files: Files, others: Files) -> Iterator[str]:
-    """Names of the files that are in both tables with different contents."""
+    """Yield the names of files that have different contents in the two tables."""
     return (name for name, content in files.items() if others.get(name, content) != content)
 
 
 def demand_unchanged_files(files: Files, earlier: Files) -> None:
-    """Raise ConfigurationError if a file has another content than earlier results were made
-    with.
-    """
+    """Raise ConfigurationError if the content of a file differs from that of earlier results."""
     for name in changed(files, earlier):
         why = "was changed while the campaign ran, or differs from one worker to another"
         what = f"the file {name}, which own parts have loaded or read, {why}"
@@ -94,7 +95,7 @@ def demand_unchanged_files(files: Files, earlier: Files) -> None:
 
 
 def files_of_laws(controllers: Entries, folders: Folders) -> Files:
-    """Files in these folders that own laws load and read when they are made."""
+    """Return files in these folders that custom laws load and read when created."""
     with own_parts_noted() as files:
         for entry in controllers:
             if ":" in entry.law:

@@ -1,5 +1,6 @@
-"""Tables of runs, of their rows and of scenes: their columns, and Parquet files with facts in their
-footers.
+"""Tables of runs, constraint rows and scenes: columns and Parquet files.
+
+The footer of each file holds facts about the shard.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ demand("evidence")
 import pyarrow as pa  # noqa: E402 - a missing package is reported with what installs it
 import pyarrow.parquet as pq  # noqa: E402
 
-joined = pa.concat_tables  #: One table of the lines of several.
-FACTS = b"vsconstraints"  # under which a file's footer holds facts, as JSON
-# bytes that a line may take when it is read: a reason has 2000 characters, rows some thousand
+joined = pa.concat_tables  #: Concatenates tables.
+FACTS = b"vsconstraints"  # key of the facts in the footer of a file, as JSON
+# maximum uncompressed size of a line [bytes]: a reason has 2000 characters, rows some thousand
 EXPANDED = 100_000
 
-#: Exceptions of pyarrow for a damaged file.
+#: Exceptions that pyarrow raises for a damaged file.
 UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
 
 Kind = Literal["text", "flag", "whole", "number"]
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
 _CELLS: dict[Kind, Callable[[Any], Any]] = {
-    # it may hold what no encoding has
+    # a text may hold characters that UTF-8 cannot encode
     "text": lambda value: str(value).encode("utf-8", "backslashreplace").decode(),
     "flag": bool,
     "whole": int,
@@ -50,16 +51,14 @@ _CELLS: dict[Kind, Callable[[Any], Any]] = {
 
 
 class Column(NamedTuple):
-    """A column of a table: its name, what a cell holds, and whether it has few values, which come
-    again and again.
-    """
+    """Column of a table: name, kind of value, and True if a few values are repeated (category)."""
 
     name: str
     kind: Kind
     category: bool = False
 
 
-#: What identifies a run.
+#: Columns that identify a run.
 KEYS = (
     *(Column(name, "text", category=True) for name in ("family", "condition", "half")),
     Column("scene", "whole"),
@@ -68,7 +67,7 @@ KEYS = (
 
 
 def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
-    """The keys of runs, then those columns of a comparison's tables that are not its own keys."""
+    """Return the keys of runs, followed by the named columns that are not keys."""
     kinds: dict[str, Kind] = {
         each.column: "number" if each.kind == "time" else each.kind
         for each in metrics
@@ -81,12 +80,12 @@ def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]
     )
 
 
-#: One line for each run: its keys, then the columns of results.csv.
+#: Columns of the table with one line for each run: keys, then the columns of results.csv.
 RUNS = _columns(RESULT_COLUMNS, METRICS)
-#: One line for each row of a run that was challenged, active or violated: keys, then the columns of
-#: constraints.csv.
+#: Columns of the table with one line for each challenged, active or violated row of a run: keys,
+#: then the columns of constraints.csv.
 ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
-#: One line for each scene: ``rejected`` and ``values`` as JSON.
+#: Columns of the table with one line for each scene; ``rejected`` and ``values`` are JSON.
 SCENES = (
     *(column for column in KEYS if column.name in ("family", "half", "scene")),
     *(
@@ -98,18 +97,19 @@ SCENES = (
     *(Column("share_to_hold", "number"), Column("values", "text")),
     *(Column("least_time_s", "number"), Column("duration_s", "number")),
 )
-TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: By the folders of their shards.
-TIMING = TIMING_COLUMNS  #: All other columns are the same wherever and whenever a scene is run.
+TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}  #: Columns by folder of the shards.
+TIMING = TIMING_COLUMNS  #: Columns that differ from run to run; all others are reproducible.
 
 
 def schema(columns: Sequence[Column]) -> Any:
-    """The schema of a table with these columns."""
+    """Return the Arrow schema of a table with these columns."""
     return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
 
 
 def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
-    """A table of lines; a number that does not exist, or is not finite, is missing, as in
-    results.csv.
+    """Return an Arrow table of lines.
+
+    Numbers that do not exist or are not finite are missing values, as in results.csv.
     """
     arrays = [
         pa.array([_CELLS[kind](line[name]) for line in lines], _TYPES[kind])
@@ -119,7 +119,7 @@ def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
-    """Write a table whole or not at all; raises OSError."""
+    """Write a table completely or not at all. Raises OSError."""
     text = json.dumps(facts, ensure_ascii=False, default=str).encode("utf-8", "backslashreplace")
     with replaced(path) as part:
         pq.write_table(
@@ -142,8 +142,9 @@ def _reading(path: Path) -> Iterator[None]:
 
 
 def facts_of(path: Path) -> dict[str, Any]:
-    """The facts in a file's footer; raises ConfigurationError that names the file if it holds
-    none.
+    """Return the facts in the footer of a file.
+
+    Raises ConfigurationError that names the file if it holds none.
     """
     with _reading(path):
         facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
@@ -153,7 +154,10 @@ def facts_of(path: Path) -> dict[str, Any]:
 
 
 def line_count(path: Path) -> int:
-    """How many lines a file claims to have; raises ConfigurationError if it cannot be read."""
+    """Return the number of lines that the footer of a file states.
+
+    Raises ConfigurationError if the file cannot be read.
+    """
     with _reading(path):
         return int(pq.read_metadata(path).num_rows)
 
@@ -161,7 +165,7 @@ def line_count(path: Path) -> int:
 def read(
     paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None
 ) -> Any:
-    """Return one table of the lines of all files, of the named columns or all.
+    """Read the lines of all files into one table, with the named columns or all.
 
     Columns that earlier versions did not write are empty. Raises ConfigurationError if a file
     cannot be read.
@@ -169,7 +173,7 @@ def read(
     wanted = schema([column for column in columns if names is None or column.name in names])
     tables = [wanted.empty_table()]
     for path in paths:
-        # a file by itself: nothing is taken from the names of its folders
+        # read single files: pyarrow would derive partition columns from the names of folders
         with _reading(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
             groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
             size = sum(group.total_byte_size for group in groups)

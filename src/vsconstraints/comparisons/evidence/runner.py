@@ -1,4 +1,4 @@
-"""Runs a campaign on any kind of workers; every shard is stored as soon as it is there."""
+"""Run a campaign on any kind of workers, and store each shard as soon as it is finished."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ from .own_files import contents, demand_unchanged_files, own_folders
 from .parquet import TABLES
 from .work import Batch, Part, Shard, failed, scored, tasks_of
 
-OF_WORK = ("wall_time_s", "runs_per_s")  # of the last command that made runs: a manifest keeps them
-# a run by itself is ended by its pool, with the reason; so much later [s] its process ends itself
+# manifest entries of the last command that made runs; a command without runs keeps them
+OF_WORK = ("wall_time_s", "runs_per_s")
+# The pool ends a single run at its limit, with the reason. As a fallback, the process of the run
+# ends itself this much later [s].
 GRACE = 60.0
 
 
@@ -31,11 +33,12 @@ Kind = tuple[str, str, str]  #: Family, condition and controller.
 
 @dataclass
 class Progress:
-    """How far a campaign is.
+    """Progress of a campaign.
 
-    Of ``scenes``, ``stored_before`` were done before, ``done`` are now, those included. ``runs``
-    are new, in ``seconds`` of process time; ``reasons`` says why the first run of each kind
-    ``failed``.
+    ``scenes`` is the total number of scenes. ``stored_before`` scenes were finished by earlier
+    commands, and ``done`` scenes are finished now, these included. ``runs`` counts the new runs,
+    and ``seconds`` is their process time. ``of_kind`` and ``failed`` count runs and failed runs of
+    each kind; ``reasons`` holds the reason of the first failed run of each kind.
     """
 
     scenes: int
@@ -48,7 +51,7 @@ class Progress:
     seconds: float = 0.0
 
     def add(self, task: Batch, part: Part) -> None:
-        """Count the result of a task."""
+        """Count the result of a batch."""
         self.done += len(task.scenes)
         self.runs += part.runs.num_rows
         self.seconds += part.seconds
@@ -63,15 +66,17 @@ class Progress:
 
     @property
     def all_failed(self) -> bool:
-        """Whether runs were made, and all of the compared controllers failed."""
+        """True if runs were made and all runs of the compared controllers failed."""
         compared = [kind for kind in self.of_kind if kind[2] != BASELINE] or list(self.of_kind)
         return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a campaign: how long it took [s], how many trajectories it ``kept``, and which
-    signal ended it.
+    """Result of a campaign, with its wall time [s].
+
+    ``kept`` is the number of stored trajectories. ``interrupted`` is the number of the signal that
+    ended the campaign, or 0.
     """
 
     folder: Path
@@ -82,16 +87,16 @@ class Finished:
 
     @property
     def rate(self) -> float:
-        """Runs per second."""
+        """Runs per second of wall time."""
         return self.progress.runs / self.wall_time
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a campaign is carried out; it changes none of its results.
+    """Settings for the execution of a campaign that do not change its results.
 
-    ``limit`` is how long a run may take [s] (by its number of samples if None), ``fresh`` whether
-    the content of the folder is replaced, ``workers`` who makes the runs.
+    ``limit`` is the time limit of a run [s]; None derives it from the number of samples. ``fresh``
+    replaces the content of the folder. ``workers`` opens the workers that make the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -109,18 +114,17 @@ def collect(
     command: Sequence[str] = (),
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Finished:
-    """Run a campaign, and store its shards below ``folder``; scenes that are there already are not
-    run again.
+    """Run a campaign and store its shards in ``folder``, without repeating scenes that are stored.
 
-    ``on_progress`` is called first of all and after every task. Raises ConfigurationError if the
-    folder cannot be used, or a family has no scene, and StorageError if something cannot be
-    written; what is there stays.
+    ``on_progress`` is called once at the start and after every batch. Raises ConfigurationError if
+    the folder cannot be used or a family has no scene. Raises StorageError if a file cannot be
+    written; stored shards remain.
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
     with locked(folder, "evidence"):
         started = time.perf_counter()
-        folder = folder.absolute()  # own parts may change the working directory
+        folder = folder.absolute()  # custom parts may change the working directory
         if plan.fresh:
             clear(folder)
         there = what_is_there(folder, campaign)
@@ -195,10 +199,10 @@ def collect(
 
 
 def results(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[int, Part]]:
-    """The result of every task, with its number, as soon as it is there.
+    """Yield the number and the result of every batch as soon as it is finished.
 
-    Tasks that no worker survives are made again run by run when all others are done, pieces of all
-    of them in one queue: what no worker survives then fails with the reason.
+    Batches whose process died are repeated run by run when all others are finished, in one queue. A
+    run whose process dies again fails with the reason.
     """
     pieces: dict[tuple[int, int], Batch] = {}
     for i, answer in workers.run({i: (task,) for i, task in enumerate(tasks)}, again=False):

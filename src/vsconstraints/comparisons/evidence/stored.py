@@ -1,5 +1,6 @@
-"""Evidence read back from its folder, after its shards have been checked: every run once, and no
-other.
+"""Evidence read from its folder, with every shard checked against the manifest.
+
+Each planned run is stored exactly once, and there are no others.
 """
 
 from __future__ import annotations
@@ -41,21 +42,20 @@ from .folder import (  # fmt: skip
 )
 from .parquet import KEYS, TABLES
 
-MAX_ROWS = 1000  # rows that a run may have in a shard
+MAX_ROWS = 1000  # maximum number of constraint rows of a run in a shard
 
 
 @dataclass(frozen=True)
 class Evidence(StoredResults):
-    """The results of a campaign in their folder."""
+    """Stored results of a campaign."""
 
     with_code = ("families", "controllers")
 
     @property
     def families(self) -> dict[str, Family]:
-        """The families as they were run, by name."""
+        """Families as they were run, by name."""
         stored = self.manifest["configuration"]["families"]
-        # the paths of shipped families are stored relative to their folder, which differs from
-        # machine to machine
+        # paths of shipped families are stored relative to a folder that depends on the machine
         return {
             name: family_of(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
             for name, entry in stored.items()
@@ -63,13 +63,13 @@ class Evidence(StoredResults):
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """The conditions in which scenes were run, in the order in which families name them."""
+        """Conditions in which scenes were run, in the order of the families."""
         stored = self.manifest["configuration"]["families"].values()
         return tuple(dict.fromkeys(name for entry in stored for name in entry["conditions"]))
 
     @property
     def own_files(self) -> Files:
-        """Hashes of what own parts have loaded or read, see :mod:`.own_files`."""
+        """Hashes of files that custom parts loaded or read, see :mod:`.own_files`."""
         files: Files = {}
         for shard in shards(self.folder):
             files.update(shard.facts.files)
@@ -77,31 +77,31 @@ class Evidence(StoredResults):
 
     @cached_property
     def runs(self) -> Any:
-        """A DataFrame with one line for each run, in the order of families, conditions, scenes and
-        controllers.
+        """DataFrame with one line for each run.
+
+        Lines are ordered by family, condition, scene and controller.
         """
         return self._table("runs")
 
     @cached_property
     def rows(self) -> Any:
-        """A DataFrame with one line for each row of a run that was challenged, active or
-        violated.
-        """
+        """DataFrame with one line for each challenged, active or violated row of a run."""
         return self._table("rows")
 
     @cached_property
     def scenes(self) -> Any:
-        """A DataFrame with one line for each scene."""
+        """DataFrame with one line for each scene."""
         return self._table("scenes")
 
     def drawn(self, family: str, scene: int) -> Drawn:
-        """A scene as it was run, drawn again."""
+        """Draw a scene again, as it was run."""
         configuration = self.manifest["configuration"]
         return self.families[family].scene(scene, configuration["half"], configuration["seed"])
 
     def record(self, family: str, condition: str, scene: int, controller: str) -> RunRecord | None:
-        """A run that was kept; None if its trajectory is not there, ConfigurationError if it is not
-        what was stored.
+        """Return the record of a run, None if its trajectory is not stored.
+
+        Raises ConfigurationError if the trajectory was changed after it was stored.
         """
         if family not in self.families:
             return None
@@ -125,7 +125,7 @@ class Evidence(StoredResults):
                 order = orders.get(column.name, sorted(table[column.name].unique()))
                 table[column.name] = pd.Categorical(table[column.name], order)
         keys = [key for key in RunKey._fields if key in table]
-        # rows of a run stay in their order
+        # a stable sort keeps the order of the rows of a run
         return table.sort_values(keys, kind="stable", ignore_index=True)
 
     @classmethod
@@ -134,7 +134,7 @@ class Evidence(StoredResults):
             raise ConfigurationError(
                 f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's"
             )
-        # trajectories are many: each is checked where it is read
+        # trajectories are numerous: each is checked when it is read
         return [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
 
     def _demand_planned(self) -> None:
@@ -204,7 +204,7 @@ class Evidence(StoredResults):
 
 
 def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
-    """What of a footer contradicts the manifest, if anything."""
+    """Return the first contradiction between a footer and the manifest, or an empty text."""
     configuration = manifest["configuration"]
     identity = facts.identity
     scenes = facts.scenes
@@ -225,7 +225,7 @@ def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
         "family": family["tables"],
     }
     stored = {**identity, "family": _inside(identity.get("family")).get("tables")}
-    # without what own laws' files hold and the packages that laws use
+    # without hashes of custom files and versions of packages
     stored["controllers"] = {
         name: {
             key: value
@@ -248,7 +248,7 @@ def _inside(table: Any) -> Mapping[str, Any]:
 
 
 def _wrong_lines(shard: StoredShard, configuration: Mapping[str, Any]) -> Iterator[str]:
-    """Problems of the lines of a shard whose footer is valid."""
+    """Yield problems in the lines of a shard whose footer is valid."""
 
     def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
         read = shard.table(table, names)

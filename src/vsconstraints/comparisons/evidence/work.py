@@ -1,5 +1,6 @@
-"""The unit of work: a batch of scenes with all its conditions and controllers, and the tables of
-its runs.
+"""Batches of scenes with all conditions and controllers, and the tables of their runs.
+
+A batch is the unit of work that is sent to a worker.
 """
 
 from __future__ import annotations
@@ -30,11 +31,10 @@ from .campaign import Campaign
 from .own_files import demand_unchanged_files, has_own_parts, named, own_folders
 from .parquet import TABLES
 
-# Maximum number of runs of a task, unless a scene has more (what an interrupt loses, and a file
-# that is written: some 12 s and a hundred kilobytes), and how many tasks a family is split into at
-# least. No result depends on either.
+# Maximum number of runs of a batch, unless a single scene has more. It limits what an interrupt
+# loses to some 12 s, and the size of a file to a hundred kilobytes. Results do not depend on it.
 RUNS_OF_TASK = 600
-MIN_TASKS = 16
+MIN_TASKS = 16  # minimum number of batches of a family; results do not depend on it
 
 NO_FILES: Files = {}
 
@@ -43,8 +43,9 @@ Lines = dict[str, list[dict[str, Any]]]  #: Lines by table, each with its values
 
 @dataclass(frozen=True)
 class Shard:
-    """The part of a campaign's scenes that one of several machines takes: ``number`` of ``of``,
-    from 1.
+    """Part of the scenes of a campaign that one of several machines runs.
+
+    It is part ``number`` of ``of``, counted from 1.
     """
 
     number: int = 1
@@ -52,7 +53,7 @@ class Shard:
 
     @classmethod
     def parsed(cls, text: str) -> Shard:
-        """The shard that ``i/n`` means; raises ConfigurationError."""
+        """Return the shard denoted by ``i/n``. Raises ConfigurationError for any other text."""
         number, slash, of = text.partition("/")
         if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
             raise ConfigurationError(
@@ -64,18 +65,19 @@ class Shard:
         return f"{self.number}/{self.of}"
 
     def scenes(self, count: int) -> range:
-        """Consecutive numbers of its scenes, of ``count`` in all."""
+        """Return the consecutive scene numbers of this shard out of ``count`` scenes."""
         return range((self.number - 1) * count // self.of, self.number * count // self.of)
 
 
 @dataclass(frozen=True)
 class Batch:
-    """All that a worker needs, so that it can be sent anywhere.
+    """Scenes of one family with all data that a worker needs to run them.
 
-    Each of the ``scenes`` of a family is run in every condition with every controller, the
-    unconstrained baseline first. One step, drawing a scene or one run, may take ``limit`` [s] until
-    the worker's process is ended. ``single`` is the only controller whose runs are requested; None
-    for all, and the line of each scene. ``drawn`` is the only scene if it is there already.
+    Each of the ``scenes`` is run in every condition with every controller, the unconstrained
+    baseline first. ``limit`` is the time limit of one step [s], where a step draws one scene or
+    makes one run; the process of the worker is ended after it. ``single`` is the only controller
+    whose runs are requested; None requests the runs of all controllers and the line of each scene.
+    ``drawn`` is the only scene, if it is already drawn.
     """
 
     family: Family
@@ -90,11 +92,14 @@ class Batch:
 
     @property
     def name(self) -> str:
-        """Of its shard: family, first and last scene."""
+        """Name of the shard: family, first and last scene."""
         return f"part-{self.family.name}-{self.scenes[0]:07d}-{self.scenes[-1]:07d}"
 
     def pieces(self) -> list[Batch]:
-        """One task for each run, and one for the lines of each scene without any."""
+        """Split the batch into one batch for each run.
+
+        For each scene, a further batch without runs returns the line of the scene.
+        """
         own = [replace(self, scenes=(number,)) for number in self.scenes]
         runs = product(own, self.conditions, self.controllers)
         pieces = [replace(task, conditions=()) for task in own]
@@ -109,8 +114,9 @@ ALL = Shard()
 def task_of(
     campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None
 ) -> Batch:
-    """The task of scenes that are run in the same conditions; without ``limit`` by a run's
-    samples.
+    """Return the batch of scenes that are run in the same conditions.
+
+    Without ``limit``, the time limit follows from the number of samples of a run.
     """
     limit = limit or run_limit(family.tables)
     conditions = campaign.conditions_of(family, scenes[0])
@@ -125,8 +131,9 @@ def tasks_of(
     limit: float | None = None,
     there: Collection[tuple[str, int]] = (),
 ) -> list[Batch]:
-    """A campaign's tasks, but for scenes that are ``there``: of all families in turn, so that no
-    slow one is left.
+    """Split the scenes of a campaign, except those already ``there``, into batches.
+
+    Families are interleaved, so that a slow family does not end up alone in the last batches.
     """
     scenes = shard.scenes(campaign.scenes)
 
@@ -144,8 +151,9 @@ def tasks_of(
 
 
 class Part(NamedTuple):
-    """The result of a task: Arrow tables, how long it took [s], and the :mod:`.own_files` that it
-    depends on.
+    """Result of a batch: Arrow tables, process time [s] and the files of custom parts.
+
+    ``files`` are the :mod:`.own_files` that the results depend on.
     """
 
     runs: Any
@@ -156,14 +164,15 @@ class Part(NamedTuple):
 
     @classmethod
     def of(cls, lines: Lines, seconds: float, files: Files = NO_FILES) -> Part:
-        """From lines by table."""
+        """Return the result built from lines by table."""
         tables = (parquet.table(columns, lines[name]) for name, columns in TABLES.items())
         return cls._make((*tables, seconds, dict(files)))
 
     @classmethod
     def joined(cls, parts: Sequence[Part]) -> Part:
-        """All of them as one, in their order; raises ConfigurationError if own files changed
-        meanwhile.
+        """Join results in the given order.
+
+        Raises ConfigurationError if a file of a custom part changed between them.
         """
         *tables, seconds, files = zip(*parts, strict=True)
         together: Files = {}
@@ -174,11 +183,10 @@ class Part(NamedTuple):
 
 
 def scored(task: Batch) -> Part:
-    """Draw the scenes of a task, run every controller on each in every condition with the same
-    noise, and score that.
+    """Draw the scenes of a batch, run every controller in every condition, and score the runs.
 
-    A run that fails in any way becomes a line with its reason; what ends the process is left to the
-    caller.
+    All controllers see the same noise in a scene. A run that fails becomes a line with its reason.
+    The caller handles failures that end the process.
     """
     begun = time.perf_counter()
     lines: Lines = {name: [] for name in TABLES}
@@ -208,7 +216,7 @@ def scored(task: Batch) -> Part:
 
 
 def failed(task: Batch, reason: str) -> Part:
-    """The result of a task of one scene, or of one run of it, that no process survives."""
+    """Return the result of a batch of one scene, or of one of its runs, whose process died."""
     lines: Lines = {name: [] for name in TABLES}
     (number,) = task.scenes
     if task.single is None:
@@ -219,16 +227,17 @@ def failed(task: Batch, reason: str) -> Part:
 
 
 def benches(task: Batch, number: int) -> tuple[Drawn | str, dict[str, Bench]]:
-    """A scene, and what its runs are made on by condition: nothing if none is found.
+    """Return a scene and its ``Bench`` for each condition, none if no scene was found.
 
-    Instead of the scene the reason if drawing it raised something, which only own parts do.
+    If drawing the scene raises an exception, which only custom parts do, the reason replaces the
+    scene.
     """
     try:
         with chdir("."), beside(task.family.folder):
             scene, setups = (
                 (task.drawn, {}) if task.drawn else task.family.set_up(number, task.half, task.seed)
             )
-    # own constraints can raise anything: the scene is listed with the reason
+    # custom constraints can raise anything: the scene is listed with the reason
     except Exception as error:
         return described(error), {}
     return scene, {
@@ -245,7 +254,7 @@ def _add(
 ) -> None:
     try:
         run = score(record, baseline)
-    except Exception as error:  # arrays of own parts can be anything
+    except Exception as error:  # arrays of custom parts can hold anything
         run = score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
     names = ("family", "half", "scene", "condition", "controller")
     keys = dict(zip(names, (task.family.name, task.half, *key), strict=True))
@@ -258,7 +267,7 @@ def _add(
 
 
 def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
-    if isinstance(scene, str):  # could not be drawn, and nothing else is known of it
+    if isinstance(scene, str):  # the scene could not be drawn: only the reason is known
         scene = Drawn(
             task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1}
         )
@@ -282,8 +291,8 @@ def _json(data: Any) -> str:
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    The setup is used again after runs that leave nothing in it, and made anew after others. Custom
-    laws run in processes of their own.
+    The setup is reused after runs that leave no state in it, and rebuilt after all others. Custom
+    laws run in separate processes.
     """
 
     def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
@@ -293,11 +302,14 @@ class Bench:
         self._ready: tuple[Prepared, list[str]] | None = None
 
     def run(self, entry: ControllerSpec) -> RunRecord:
-        """A run; whatever goes wrong becomes a failed one with its reason."""
+        """Run one controller and return the record.
+
+        Any exception except an interrupt gives a failed run with its reason.
+        """
         scene = self._scene
         try:
-            # own parts may change the working directory, and import what lies beside them whenever
-            # they like
+            # custom parts may change the working directory, and import neighboring modules at any
+            # time
             with chdir("."), beside(scene.folder, entry.folder):
                 own_parts = bool(scene.scenario(self._condition).own_parts)
                 if self._ready is None:
@@ -325,7 +337,7 @@ class Bench:
             return RunRecord.failed(str(failure), "")
         except INTERRUPTS:
             raise
-        # even SystemExit: this is where one run ends and the others begin
+        # even SystemExit: it must not end the other runs
         except BaseException as error:
             return RunRecord.failed(described(error), "")
         left_as_it_was = entry.apart or ":" not in entry.law

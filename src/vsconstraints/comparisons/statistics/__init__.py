@@ -1,7 +1,7 @@
-"""How sure is it? Rates, paired differences, profiles and ranks over many scenes.
+"""Statistics over many scenes: rates, paired differences, performance profiles and ranks.
 
-Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the
-guide.
+All are pure functions of arrays with one entry per scene, or of tables of runs. The guide explains
+the methods.
 """
 
 from .judged import OUTCOMES, SCENE, distinguishable, judged_metrics, simultaneous, verdict

@@ -1,5 +1,6 @@
-"""What laws are compared by: metrics and outcomes of runs, and which runs count; checks of inputs,
-and verdicts.
+"""Metrics and outcomes by which laws are compared, and the runs that count.
+
+Also checks inputs and gives verdicts.
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ...rows import Array, BoolArray
 from ..metrics import METRICS, Metric
 
-Better = Literal["less", "more"]  #: which values are better
+Better = Literal["less", "more"]  #: values that are better: smaller or larger ones
 
-#: what is said of a against b
+#: result of comparing a with b
 Verdict = Literal["better", "worse", "not distinguishable", "too few"]
 
-MIN_SCENES = 6  #: fewer are too few: an exact two-sided test of n pairs never gives less than 2/2ⁿ
-#: columns that say which scene a run is of, and its condition
+#: Minimum number of scenes for a verdict: the p-value of an exact two-sided test of n pairs is at
+#: least 2/2ⁿ.
+MIN_SCENES = 6
+#: columns that identify the scene and the condition of a run
 SCENE = ("family", "condition", "half", "scene")
-LAW = "controller"  #: the column that says which law
+LAW = "controller"  #: column with the name of the law
 
 
 def checked_confidence(confidence: float) -> float:
-    """One strictly between 0 and 1."""
+    """Return a confidence level. Raises ConfigurationError unless 0 < level < 1."""
     if not isinstance(confidence, (int, float)) or not 0.0 < confidence < 1.0:
         raise ConfigurationError(
             f"confidence must be between 0 and 1, such as 0.95, not {shown(confidence)}"
@@ -35,13 +38,16 @@ def checked_confidence(confidence: float) -> float:
 
 
 def checked_name(what: str, name: object, candidates: Any) -> None:
-    """A name out of a ``Literal``."""
+    """Raise ConfigurationError unless ``name`` is a value of a ``Literal``."""
     if name not in get_args(candidates):
         raise unknown_name(what, name, get_args(candidates))
 
 
 def array(values: ArrayLike, name: str, ndim: int = 1) -> Array:
-    """(scenes,) or (scenes, laws) floats; InvalidInput for anything else."""
+    """Convert values to floats of shape (scenes,) or (scenes, laws).
+
+    Raises InvalidInput for any other input.
+    """
     try:
         numbers = np.asarray(values).astype(float)
     except (TypeError, ValueError) as error:
@@ -55,7 +61,7 @@ def array(values: ArrayLike, name: str, ndim: int = 1) -> Array:
 
 
 def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
-    """(n,) booleans; numbers have to be 0 or 1."""
+    """Convert values to (n,) booleans. Raises InvalidInput unless numbers are 0 or 1."""
     column = array(values, name)
     if not np.isin(column, (0, 1)).all():
         raise InvalidInput(
@@ -65,7 +71,10 @@ def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
-    """(n,) floats; NaN stands for a run that does not count, and nothing may be infinite."""
+    """Convert values to (n,) floats. NaN marks a run that does not count.
+
+    Raises InvalidInput if a value is infinite.
+    """
     column = array(values, name)
     if np.isinf(column).any():
         infinite = shown(column[np.isinf(column)][0])
@@ -74,7 +83,10 @@ def numbers(values: ArrayLike, name: str) -> Array:
 
 
 def pair(a: Any, b: Any) -> None:
-    """Two columns of one length: entry i of both is scene i."""
+    """Raise InvalidInput unless two columns have the same length.
+
+    Entry i of both belongs to scene i.
+    """
     if len(a) != len(b):
         raise InvalidInput(
             f"a and b must be of the same scenes, one entry each, not of {len(a)} and {len(b)}"
@@ -82,36 +94,36 @@ def pair(a: Any, b: Any) -> None:
 
 
 def simultaneous(confidence: float, comparisons: int) -> float:
-    """Confidence of each of several intervals, so that all hold at once with ``confidence``
-    (Bonferroni).
+    """Return the confidence level of each of several simultaneous intervals.
+
+    With the Bonferroni correction, all intervals hold at once with probability ``confidence`` or
+    more.
     """
     return 1.0 - (1.0 - checked_confidence(confidence)) / max(comparisons, 1)
 
 
 def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
-    """Whether an interval of a difference on n scenes excludes zero, and there are scenes enough to
-    say so.
-    """
+    """True if the interval of a difference on n scenes excludes zero and n is large enough."""
     return n >= MIN_SCENES and not low <= 0.0 <= high
 
 
 def verdict(low: float, high: float, *, n: int = MIN_SCENES, better: Better = "less") -> Verdict:
-    """What is said of a against b, from the interval of a − b, which is simultaneous for all that
-    is compared.
-    """
+    """Return the verdict on a compared with b from the simultaneous interval of a − b."""
     if not distinguishable(low, high, n):
         return "too few" if n < MIN_SCENES else "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"
 
 
 def converged(runs: Any) -> Any:
-    """Whether each run reached its last goal and held it."""
+    """Return a flag for each run: True if it reached its last goal and held it."""
     return runs["status"] == "converged"
 
 
 def violated(runs: Any, column: str = "violated") -> Any:
-    """Whether each run violated a row, by the strict standard or as another column has it, which
-    has to be there.
+    """Return a flag for each run: True if it violated a row.
+
+    ``column`` selects the standard, strict by default. Raises ConfigurationError if the column is
+    missing.
     """
     if column not in runs.columns:
         raise ConfigurationError(
@@ -121,14 +133,17 @@ def violated(runs: Any, column: str = "violated") -> Any:
 
 
 class Outcome(NamedTuple):
-    """A flag of every run, and whether it is wanted."""
+    """Flag of each run as a function of the table of runs, with the preferred direction.
+
+    ``better`` is "more" if the flag is desired, and "less" otherwise.
+    """
 
     flag: Callable[[Any], Any]
     better: Better
 
 
-#: Outcomes of a run. A success converged and violated nothing: by the strict standard, or by the
-#: tolerant one.
+#: Outcomes of a run. A success is a run that converged and violated no row by the strict or by the
+#: tolerant standard.
 OUTCOMES: Mapping[str, Outcome] = {
     "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
     "convergence": Outcome(converged, "more"),
@@ -139,19 +154,21 @@ OUTCOMES: Mapping[str, Outcome] = {
     "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
 
-#: What statuses mean where no row is violated; any other status is a failure.
+#: Ending of a run without violation, by status; any other status is a failure.
 ENDINGS: Mapping[str, str] = {
     "converged": "success",
     "trapped": "stuck",
     "slow": "slow",
     "unfinished": "slow",
 }
-UNSUCCESSFUL = ("violated", "stuck", "slow", "failed")  #: How runs end that are no success.
+UNSUCCESSFUL = ("violated", "stuck", "slow", "failed")  #: Endings of unsuccessful runs.
 
 
 def endings(runs: Any) -> Any:
-    """How each run ended: ``"success"``, or one of :data:`UNSUCCESSFUL`: violated, strictly, or
-    else by its status.
+    """Return how each run ended: ``"success"`` or one of :data:`UNSUCCESSFUL`.
+
+    A run that violates a row by the strict standard is ``"violated"``. All others are classified by
+    status.
     """
     return (
         runs["status"].astype(str).map(ENDINGS).fillna("failed").where(~violated(runs), "violated")
@@ -159,8 +176,9 @@ def endings(runs: Any) -> Any:
 
 
 def judged_metrics() -> dict[str, Metric]:
-    """Metrics of which less or more is better, by name: the column, or ``column / column`` of a
-    ratio of two.
+    """Return the metrics for which smaller or larger values are better, by name.
+
+    The name is the column, or ``column / column`` for a ratio of two.
     """
     return {
         f"{metric.column} / {metric.over}" if metric.over else metric.column: metric
@@ -170,7 +188,7 @@ def judged_metrics() -> dict[str, Metric]:
 
 
 def judged_metric(name: str) -> Metric:
-    """A metric by its name, one of :func:`judged_metrics`."""
+    """Return a metric by its name, one of :func:`judged_metrics`."""
     known = judged_metrics()
     if name not in known:
         raise unknown_name("metric", name, [*known, *OUTCOMES])
@@ -178,8 +196,10 @@ def judged_metric(name: str) -> Metric:
 
 
 def counts(runs: Any, metric: Metric) -> Any:
-    """Whether each run counts: it converged and, as the metric says, violated no row and never lost
-    a sliding mode.
+    """Return a flag for each run: True if it counts for a metric.
+
+    A run counts if it converged and, depending on the metric, violated no row and never lost a
+    sliding mode.
     """
     may = converged(runs)
     if metric.judged != "any":
@@ -190,7 +210,10 @@ def counts(runs: Any, metric: Metric) -> Any:
 
 
 def values(runs: Any, metric: Metric) -> Any:
-    """The metric of each run, as stored; NaN where the run has none or does not count."""
+    """Return the stored metric of each run.
+
+    It is NaN for a run that has no value or does not count.
+    """
     column = runs[metric.column].astype(float)
     if metric.over:
         column = column / runs[metric.over].astype(float)
@@ -198,15 +221,18 @@ def values(runs: Any, metric: Metric) -> Any:
 
 
 def resolution(metric: Metric) -> float:
-    """The smallest difference that matters: of remaining errors, the thousandth below which none
-    are shown.
+    """Return the smallest relevant difference of a metric.
+
+    For remaining errors, it is 0.001 of the displayed unit, since smaller errors are not shown. For
+    all other metrics, it is zero.
     """
     return 1e-3 / metric.factor if metric.style == "error" else 0.0
 
 
 def checked(runs: Any, by: Sequence[str], metric: Metric | None = None) -> Any:
-    """The runs, which have the columns that are needed, and no law twice in a scene; raises
-    ConfigurationError.
+    """Return the runs after checking their columns.
+
+    Raises ConfigurationError if a required column is missing, or if a law has two runs in a scene.
     """
     which = [*dict.fromkeys((*by, *SCENE)), LAW]
     wanted = [*which, "status", "violated"]

@@ -1,4 +1,4 @@
-"""Ranks and performance profiles of laws over many scenes; families of scenes as random effects."""
+"""Ranks and performance profiles of laws, and rates with scenario families as random effects."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .rates import sign_test
 
 
 class Ranks(NamedTuple):
-    """Mean ranks (laws,) over n scenes, 1 the best, and what distinguishes them (Demšar, JMLR 7,
-    2006).
+    """Mean ranks (laws,) over n scenes, 1 the best, with significance tests.
 
-    Means that differ by less than the critical difference q √(k (k + 1)/(6 n)) of k laws are not
-    distinguished (Nemenyi 1963). ``p`` is of Friedman's test that all rank alike; of two laws, of
-    the sign test. ``p_values`` (laws, laws) are of Nemenyi's test, corrected for all pairs.
-    ``groups`` are the largest of two laws or more, by their columns, best first, that are not
-    distinguished; all laws where Friedman's test finds no difference.
+    See Demšar, JMLR 7, 2006. Mean ranks of k laws do not differ significantly if their difference
+    is less than the critical difference q √(k (k + 1)/(6 n)) (Nemenyi 1963). ``p`` is the p-value
+    of Friedman's test of equal ranks, or of the sign test for two laws. ``p_values`` (laws, laws)
+    belong to Nemenyi's test and are corrected for all pairs. ``groups`` are the largest sets of two
+    or more laws without significant differences, as columns, best first. If Friedman's test is not
+    significant, one group contains all laws.
     """
 
     means: Array
@@ -39,8 +39,9 @@ class Ranks(NamedTuple):
 
 
 def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
-    """Rank the columns of (scenes, laws) costs of which less is better, failures at infinity, and
-    so equally last.
+    """Rank the columns of (scenes, laws) costs, where smaller is better.
+
+    A failure has infinite cost, so that all failures share the last rank.
     """
     level = 1.0 - checked_confidence(confidence)
     known = _checked(costs)
@@ -93,19 +94,19 @@ def _groups(means: Array, width: float) -> tuple[tuple[int, ...], ...]:
 
 @dataclass(frozen=True)
 class Profile:
-    """Performance profile (Dolan and Moré, Mathematical Programming 91, 2002): (scenes, laws)
-    ``ratios``.
+    """Performance profile (Dolan and Moré, Mathematical Programming 91, 2002).
 
-    They are of each law's cost and the least of the scene, infinite where it failed; ``shift`` was
-    added before.
+    ``ratios`` (scenes, laws) divide the cost of each law by the smallest cost in the scene; inf
+    where the law failed. ``shift`` was added to all costs before.
     """
 
     ratios: Array
     shift: float
 
     def share(self, tau: ArrayLike) -> Array:
-        """(…, laws) ρ(τ): share of the scenes in which a law's ratio is at most τ. Zero of no
-        scene.
+        """Return ρ(τ) (…, laws): share of scenes in which the ratio of a law is at most τ.
+
+        It is zero without scenes.
         """
         ordered = np.sort(self.ratios, axis=0)
         finite = np.isfinite(self.ratios).sum(axis=0)
@@ -117,21 +118,22 @@ class Profile:
 
     @property
     def solved(self) -> Array:
-        """(laws,) share of the scenes in which a law did not fail: where its curve ends."""
+        """Share of scenes (laws,) in which a law did not fail: final value of its curve."""
         return self.share(np.inf)
 
     @property
     def steps(self) -> Array:
-        """All τ at which a curve steps, in order, beginning with 1."""
+        """All τ at which a curve steps, in ascending order from 1."""
         return np.unique(np.concatenate([[1.0], self.ratios[np.isfinite(self.ratios)]]))
 
 
 def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
-    """The profile of (scenes, laws) costs of which less is better, failures at infinity.
+    """Return the performance profile of (scenes, laws) costs, where smaller is better.
 
-    Where one is not positive, or on demand, ``shift`` is added to all: without it so much that the
-    least becomes as great as the median is above it (the mean, if the median is no greater; 1, if
-    all are equal).
+    A failure has infinite cost. ``shift`` is added to all costs. If it is not given but a cost is
+    not positive, the shift makes the smallest cost equal to the distance between the smallest cost
+    and the median. If this distance is zero, the mean replaces the median; if all costs are equal,
+    the smallest cost becomes 1. Raises InvalidInput if a shifted cost is not positive.
     """
     known = _checked(costs)
     finite = known[np.isfinite(known)]
@@ -149,17 +151,18 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
     return Profile(ratios, shift)
 
 
-#: Where likelihoods are evaluated: logits of families, the standard deviation of these, and their
-#: mean, which is wider the more they vary: rates from 1e-4 to 1 − 1e-4. A family of 1000 scenes,
-#: whose logit is known to 0.06, is resolved.
+#: Grid on which likelihoods are evaluated: logits of families, their standard deviation and their
+#: mean. The range of the mean grows with the standard deviation and covers rates from 1e-4 to
+#: 1 − 1e-4. The grid resolves the logit of a family of 1000 scenes, which is known to 0.06.
 LOGITS = np.linspace(-12.0, 12.0, 601)
 SPREADS = np.geomspace(0.04, 6.0, 24)
 MEANS = np.linspace(-9.0, 9.0, 181) * np.sqrt(1.0 + SPREADS[:, None] ** 2 / 3.0)
 
 
 class Across(NamedTuple):
-    """A rate in a family like those that were run, and its interval; ``spread`` is that of
-    families' logits.
+    """Rate in a family similar to those that were run, with its interval.
+
+    ``spread`` is the standard deviation of the logits of families.
     """
 
     share: float
@@ -169,15 +172,18 @@ class Across(NamedTuple):
 
 
 def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) -> list[Across]:
-    """Rates of ``counts`` in ``of`` scenes, (rates, families) each, by mixed logistic regression.
+    """Estimate rates in a population of families by mixed logistic regression.
 
-    The logit of a family's rate is normal around a common mean, and the count binomial. The share
-    is the mean rate over all such families at the greatest likelihood, the interval that of its
-    profile, with the quantile of F(1, families − 1) instead of χ², since the spread is estimated
-    from few families. Of two laws, the scenes of each family in which only the first succeeds, of
-    those in which they differ, give 0.5 where neither is better: what families have in common is
-    left out, as by conditional logistic regression. Raises InvalidInput for fewer than two
-    families.
+    ``counts`` and ``of``, (rates, families) each, are the counted and all scenes of each family.
+    The logit of a family's rate is normally distributed around a common mean, and the count is
+    binomial. The share is the mean rate over all such families at the maximum likelihood. The
+    interval is the profile likelihood interval, with the quantile of F(1, families − 1) instead of
+    χ², since the spread is estimated from few families.
+
+    To compare two laws, let ``of`` be the number of scenes of each family in which they differ, and
+    ``counts`` the number of those in which only the first succeeds. A share of 0.5 then means that
+    neither is better. As in conditional logistic regression, effects that are common to all scenes
+    of a family cancel. Raises InvalidInput for fewer than two families.
     """
     successes = array(counts, "counts", 2)
     scenes = array(of, "of", 2)
@@ -189,7 +195,7 @@ def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) 
     if not ((successes >= 0.0) & (successes <= scenes)).all():
         raise InvalidInput("counts must be from 0 to the number of scenes")
     density, shares = _grid()
-    # without the binomial coefficient, relative to the greatest value
+    # log-likelihood without the constant binomial coefficient; its maximum is subtracted below
     known = xlogy(successes, expit(LOGITS)[:, None, None]) + xlogy(
         scenes - successes, expit(-LOGITS)[:, None, None]
     )
@@ -203,14 +209,17 @@ def across_families(counts: ArrayLike, of: ArrayLike, confidence: float = 0.95) 
 
 @lru_cache(maxsize=1)
 def _grid() -> tuple[Array, Array]:
-    """How likely logits are (spreads, means, logits), and the mean rate (spreads, means)."""
+    """Return the probabilities of logits and the mean rates on the grid.
+
+    Their shapes are (spreads, means, logits) and (spreads, means).
+    """
     edges = np.concatenate([[-np.inf], (LOGITS[1:] + LOGITS[:-1]) / 2.0, [np.inf]])
     weights = np.diff(norm.cdf((edges - MEANS[..., None]) / SPREADS[:, None, None]))
     return weights, weights @ expit(LOGITS)
 
 
 def _across(profile: Array, shares: Array, drop: float) -> Across:
-    """From log-likelihoods and rates (spreads, means)."""
+    """Return the estimate from profile log-likelihoods and mean rates (spreads, means)."""
     best = np.unravel_index(profile.argmax(), profile.shape)
     low = 1.0
     high = 0.0
@@ -222,7 +231,7 @@ def _across(profile: Array, shares: Array, drop: float) -> Across:
             b = within[-1]
             low = min(low, _crossing(line, share, a, a - 1) if a else 0.0)
             high = max(high, _crossing(line, share, b, b + 1) if b < last else 1.0)
-    share = {0: 0.0, last: 1.0}.get(int(best[1]), float(shares[best]))  # the ends stand for ±∞
+    share = {0: 0.0, last: 1.0}.get(int(best[1]), float(shares[best]))  # the ends represent ±∞
     return Across(share, low, high, float(SPREADS[best[0]]))
 
 
@@ -232,8 +241,10 @@ def _crossing(line: Array, share: Array, inner: int, outer: int) -> float:
 
 
 def left_out_ranks(rates: ArrayLike) -> Array:
-    """Ranks (families, laws) by the mean of ``rates`` (families, laws) without one family, 1 the
-    best; ties share.
+    """Return the ranks (families, laws) of laws with one family left out.
+
+    Row i ranks laws by the mean of ``rates`` (families, laws) over all families except i. Rank 1 is
+    the best, and equal laws share the better rank. Raises InvalidInput for fewer than two families.
     """
     each = array(rates, "rates", 2)
     if len(each) < 2:

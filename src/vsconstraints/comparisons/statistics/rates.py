@@ -1,5 +1,6 @@
-"""Rates and medians with exact intervals, and two laws on the same scenes, by a flag or by a
-number.
+"""Rates and medians with intervals, and paired comparisons of two laws.
+
+Laws are compared on the same scenes, by a flag or by a number.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ from ...errors import InvalidInput, shown
 from ...rows import Array
 from .judged import Better, array, checked_confidence, checked_name, flags, numbers, pair
 
-CONTINUITY = 1.0  #: Taken off |only a − only b|, which comes in steps (Edwards 1948).
+CONTINUITY = 1.0  #: Continuity correction, subtracted from |only a − only b| (Edwards 1948).
 
 Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 
 @dataclass(frozen=True)
 class Rate:
-    """``count`` of ``of`` scenes, and the exact two-sided interval of the rate (Clopper and Pearson
-    1934).
+    """``count`` out of ``of`` scenes, with the exact two-sided interval of the rate.
+
+    The interval is that of Clopper and Pearson (1934).
     """
 
     count: int
@@ -36,16 +38,16 @@ class Rate:
 
     @property
     def share(self) -> float:
-        """count/of; NaN of nothing."""
+        """count/of; NaN without scenes."""
         return self.count / self.of if self.of else math.nan
 
 
 class PairedRates(NamedTuple):
-    """Two rates on the same n scenes: that of a less that of b (NaN of no scene) and its interval.
+    """Difference of two rates, a − b, on the same n scenes, with its interval.
 
-    ``p`` is two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and
-    only if the interval excludes zero. ``only_a`` and ``only_b`` count the scenes in which only one
-    has the flag.
+    It is NaN without scenes. ``p`` is the two-sided p-value of McNemar's test with continuity
+    correction: it is at most 1 − confidence if and only if the interval excludes zero. ``only_a``
+    and ``only_b`` count the scenes in which only a or only b has the flag.
     """
 
     difference: float
@@ -58,7 +60,10 @@ class PairedRates(NamedTuple):
 
 
 class Median(NamedTuple):
-    """A median of n values, NaN of none, and its interval; from −∞ to ∞ if there are too few."""
+    """Median of n values with its interval.
+
+    The median is NaN if n = 0. The interval is from −∞ to ∞ if there are too few values.
+    """
 
     median: float
     low: float
@@ -67,12 +72,12 @@ class Median(NamedTuple):
 
 
 class Paired(NamedTuple):
-    """How a differs from b on the n scenes, ``of`` all, in which both have a value.
+    """Difference of a and b on the n of ``of`` scenes in which both have a value.
 
-    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which
-    they differ: zero where they differ in none, NaN if n = 0. a is better in ``wins`` scenes and
-    worse in ``losses``. ``p`` is two-sided, of the exact sign test: at most 1 − confidence if and
-    only if the interval excludes zero.
+    ``median``, with its exact interval, is the median of a − b or of ln(a/b) over the scenes in
+    which they differ. It is zero if they differ in no scene, and NaN if n = 0. a is better in
+    ``wins`` scenes and worse in ``losses``. ``p`` is the two-sided p-value of the exact sign test:
+    it is at most 1 − confidence if and only if the interval excludes zero.
     """
 
     median: float
@@ -86,22 +91,24 @@ class Paired(NamedTuple):
 
     @property
     def effect(self) -> float:
-        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no
-        scene.
+        """Probability that a is better than b in a scene, with ties counted as half.
+
+        It is 0.5 without scenes.
         """
         return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
 
 
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
-    """How often a flag is set, (n,) booleans, one a scene. Of no scene the rate may be anything,
-    from 0 to 1.
+    """Return the rate of a flag, (n,) booleans with one entry per scene.
+
+    Without scenes, the interval is from 0 to 1.
     """
     column = flags(values)
     return rate_of(int(column.sum()), len(column), confidence)
 
 
 def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
-    """The rate of ``count`` in ``of`` scenes."""
+    """Return the rate of ``count`` in ``of`` scenes. Raises InvalidInput if it is not a rate."""
     checked_confidence(confidence)
     if not 0 <= count <= of:
         raise InvalidInput(f"{count} of {of} is no rate")
@@ -112,10 +119,10 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
 
 
 def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates:
-    """Whether a flag is set more often in a than in b on the same scenes, (n,) booleans each.
+    """Test if a flag is set more often in a than in b on the same scenes, (n,) booleans each.
 
-    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a
-    difference.
+    The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) agree: both are the score
+    test of a difference.
     """
     first = flags(a, "a")
     second = flags(b, "b")
@@ -133,8 +140,9 @@ def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates
 
 
 def sign_test(wins: int, losses: int) -> float:
-    """Two-sided chance of a split at least as uneven, were both sides equally likely: binomial,
-    exact.
+    """Return the two-sided p-value of the exact binomial sign test.
+
+    It is the probability of a split at least as uneven if both sides were equally likely.
     """
     return min(2.0 * float(binom.cdf(min(wins, losses), wins + losses, 0.5)), 1.0)
 
@@ -142,12 +150,14 @@ def sign_test(wins: int, losses: int) -> float:
 def difference_interval(
     only_a: int, only_b: int, n: int, confidence: float = 0.95, *, correction: float = CONTINUITY
 ) -> tuple[float, float]:
-    """Interval of a difference of two rates on the same n scenes: Tango's score interval, corrected
-    for continuity.
+    """Return the interval of a difference of two rates on the same n scenes.
 
-    All differences δ with |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ))), where p
-    is the most likely rate of "only b" under δ (Tango, Statistics in Medicine 17, 1998, eqs. 24–26,
-    without a correction).
+    This is Tango's score interval with continuity correction. It contains all differences δ with::
+
+        |only_a − only_b − n δ| − correction ≤ z √(n (2 p + δ (1 − δ)))
+
+    Here p is the maximum-likelihood rate of "only b" under δ. See Tango, Statistics in Medicine 17,
+    1998, eqs. 24–26, there without a correction.
     """
     z = _quantile(confidence)
     return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
@@ -169,21 +179,21 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
         )
         return apart - n * delta - z * math.sqrt(max(n * (2.0 * p + delta * (1.0 - delta)), 0.0))
 
-    # at the difference found itself the expression may be zero too, where it is not the end that is
-    # sought
+    # exclude the observed difference: the expression may be zero there too, but it is not the end
+    # of the interval
     return float(brentq(beyond, -1.0, apart / n - 1e-12, xtol=1e-14))
 
 
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """Smallest difference of two rates on n scenes, which differ in a share of these, that
-    :func:`mcnemar` finds.
+    """Return the smallest difference of two rates on n scenes that :func:`mcnemar` detects.
 
-    ``power`` is the chance to find it, in the right direction; infinite where not even 1 would be
-    found.
+    ``differing`` is the share of scenes in which the two differ. ``power`` is the probability of
+    detecting the difference with the correct sign. The result is inf if not even a difference of 1
+    would be detected.
     """
     z = _quantile(confidence)
     m = np.arange(n + 1)
-    needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins of m scenes that differ
+    needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins needed in m differing scenes
 
     def beyond(delta: float) -> float:
         share = max(differing, delta)
@@ -194,13 +204,13 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 
 
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
-    """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is
-    NaN, or no number.
+    """Return the median of (n,) values, which may be infinite, and its interval.
 
-    The interval is exact, without a distribution: from the k-th value to the k-th from the end,
-    where k is the greatest for which fewer than k of n values lie below the median with a chance of
-    at most α/2. Of values that are not zero it excludes zero if and only if the two-sided sign test
-    rejects at the level α.
+    The interval is exact and distribution-free: it reaches from the k-th smallest to the k-th
+    largest value. k is the largest number for which the probability that fewer than k of n values
+    lie below the median is at most α/2. If no value is zero, the interval excludes zero if and only
+    if the two-sided sign test rejects at the level α. Raises InvalidInput if a value is NaN or not
+    a number.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(array(values, "values"))
@@ -211,7 +221,7 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
         return Median(math.nan, -math.inf, math.inf, 0)
     lower = ordered[(n - 1) // 2]
     upper = ordered[n // 2]
-    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # of −∞ and ∞, zero
+    middle = 0.0 if lower == -upper else float((lower + upper) / 2.0)  # −∞ and ∞ give zero
     k = int(np.count_nonzero(binom.cdf(np.arange(n), n, 0.5) <= alpha / 2.0))
     low, high = (float(ordered[k - 1]), float(ordered[n - k])) if k else (-math.inf, math.inf)
     return Median(middle, low, high, n)
@@ -226,11 +236,11 @@ def paired(
     least: float = 0.0,
     confidence: float = 0.95,
 ) -> Paired:
-    """Compare two columns of numbers, (n,) each, entry i of both being scene i.
+    """Compare two columns of numbers, (n,) each, where entry i of both belongs to scene i.
 
-    Scenes with NaN, of a run that does not count, are left out for both. Values no more than
-    ``least`` apart are equal. Raises InvalidInput if lengths differ, a value is infinite, or
-    negative in a ratio; ConfigurationError for options.
+    Scenes with NaN, which marks a run that does not count, are left out for both. Values that
+    differ by at most ``least`` are equal. Raises InvalidInput if lengths differ, a value is
+    infinite, or a value in a ratio is negative; ConfigurationError for invalid options.
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)
@@ -252,21 +262,25 @@ def paired(
 
 
 def log_ratios(a: Array, b: Array) -> Array:
-    """(n,) ln(a/b) of values that are not negative: −∞ where only a is zero, ∞ where only b is, 0
-    where both are.
+    """Return ln(a/b) of nonnegative values, (n,).
+
+    It is −∞ where only a is zero, ∞ where only b is zero, and 0 where both are zero. Raises
+    InvalidInput if a value is negative.
     """
     negative = np.concatenate([a[a < 0.0], b[b < 0.0]])
     if len(negative):
         raise InvalidInput(f"no ratio of negative values: {shown(negative[0])}")
-    with np.errstate(divide="ignore", invalid="ignore"):  # logarithms of zero, as said
+    with np.errstate(divide="ignore", invalid="ignore"):  # zeros are allowed, see above
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
 
 
 def with_interval(
     value: float, low: float, high: float, factor: float = 1.0, unit: str = ""
 ) -> str:
-    """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not
-    known is said so.
+    """Format a value with its interval, such as ``2.13 (2.08 to 2.19) s``.
+
+    The numbers are multiplied by ``factor``, and ``unit`` is that of the product. Missing values
+    and intervals are stated in words.
     """
     value = factor * value
     low = factor * low
@@ -284,8 +298,10 @@ def with_interval(
 
 
 def rate_text(rate: Rate) -> str:
-    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``, or one end of it: ``0 of 10 000: at most
-    3.7e-4 (95 %)``.
+    """Format a rate with its interval, such as ``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``.
+
+    If the count is zero or complete, only one bound is stated in the text, such as ``0 of 10 000:
+    at most 3.7e-4 (95 %)``.
     """
     level = f"{100.0 * rate.confidence:g} %"
     count, of = (
@@ -300,7 +316,7 @@ def rate_text(rate: Rate) -> str:
         up = math.ceil(rate.high * 10.0**places) / 10.0**places
         most = _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
         return f"{counted}: at most {most} ({level})"
-    if rate.count == rate.of:  # rounded down to two digits of what it leaves
+    if rate.count == rate.of:  # rounded down to two digits of the remainder
         places = _places(1.0 - rate.low, rate.low)
         least = _decimals(100.0 * (math.floor(rate.low * 10.0**places) / 10.0**places), places - 2)
         return f"{counted}: at least {least} % ({level})"
@@ -316,8 +332,9 @@ def _short(text: str) -> str:
 
 
 def _places(half: float, value: float) -> int:
-    """Decimals that show two digits of half an interval's width, or three of the value where that
-    is zero.
+    """Return the number of decimals that show two digits of the half-width of an interval.
+
+    If the half-width is zero, three digits of the value are shown.
     """
     size, digits = (half, 2) if half > 0.0 else (abs(value), 3)
     return digits - 1 - math.floor(math.log10(size)) if size > 0.0 and math.isfinite(size) else 0

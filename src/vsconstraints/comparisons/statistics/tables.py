@@ -1,5 +1,6 @@
-"""Tables of rates and medians of each law, and of every pair of laws on the same scenes. They need
-pandas.
+"""Tables of rates and medians of each law, and of all pairs of laws on the same scenes.
+
+They require pandas.
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ from .judged import (
 )
 from .rates import mcnemar, median, paired, rate
 
-BY = ("family", "condition")  #: scenes that have these in common are looked at together
+BY = ("family", "condition")  #: columns that define the groups of scenes
 
 
 def rates(
     runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95
 ) -> Any:
-    """How often each law's runs have one of :data:`.judged.OUTCOMES`: one line per group, of
-    columns ``by``, and law.
+    """Return the rate of an outcome for each group and law.
 
-    ``runs`` has the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``; the
-    pandas.DataFrame that is returned ``by``, controller, count, of, share, low, high:
+    ``outcome`` is one of :data:`.judged.OUTCOMES`. Groups are defined by the columns ``by``.
+    ``runs`` has the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``. The
+    returned pandas.DataFrame has the columns ``by``, controller, count, of, share, low, high:
     :class:`.rates.Rate`.
     """
     if outcome not in OUTCOMES:
@@ -56,9 +57,9 @@ def rates(
 
 
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """The median of a metric over those of each law's runs that count, not to be compared: see
-    :func:`compare_laws`.
+    """Return the median of a metric over the runs that count, for each group and law.
 
+    These medians are over different scenes for each law. To compare laws, see :func:`compare_laws`.
     Columns: ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
     """
     judged = judged_metric(metric)
@@ -72,11 +73,10 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
 
 
 class Costs(NamedTuple):
-    """(pandas.DataFrame) one line per scene, one column per law: less is better, ∞ for a run that
-    does not count.
+    """Costs as pandas.DataFrame with one line per scene and one column per law.
 
-    ``left_out`` counts scenes without a line: a law has not run there, or has no value though its
-    run counts.
+    Smaller is better, and a run that does not count has infinite cost. ``left_out`` counts the
+    scenes without a line: a law has not run there, or has no value although its run counts.
     """
 
     table: Any
@@ -84,8 +84,9 @@ class Costs(NamedTuple):
 
 
 def costs(runs: Any, metric: str) -> Costs:
-    """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its
-    value.
+    """Return a metric as costs in all scenes of ``runs``.
+
+    If larger values of the metric are better, the cost is the negative value.
     """
     judged = judged_metric(metric)
     result = values(checked(runs, (), judged), judged)
@@ -106,7 +107,7 @@ def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], An
 
 
 def _by_law(runs: Any, scene: Sequence[str], value: Any) -> Any:
-    """One line per scene, one column per law; NaN where a law has not run."""
+    """Return one line per scene and one column per law; NaN where a law has not run."""
     which = [*dict.fromkeys(scene), LAW]
     return runs[which].assign(value=value).astype({LAW: str}).set_index(which)["value"].unstack(LAW)
 
@@ -118,7 +119,7 @@ def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
     return pandas.DataFrame(lines, columns=list(columns))
 
 
-Comparison = namedtuple(  # of a pair of laws: columns of compare_laws
+Comparison = namedtuple(  # comparison of two laws: columns of compare_laws
     "Comparison",
     "scenes paired only_a only_b differ difference low high ratio ratio_low ratio_high effect p",
 )
@@ -138,7 +139,7 @@ def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: flo
     result = paired(a, b, better=better, least=least, confidence=confidence)
     ratios = [math.nan] * 3
     if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
-        with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
+        with np.errstate(over="ignore"):  # a ratio above 1e308 is infinite
             logarithms = paired(
                 a, b, "log-ratio", better=better, least=least, confidence=confidence
             )[:3]
@@ -162,35 +163,43 @@ def compare_laws(
     least: float | None = None,
     confidence: float = 0.95,
 ) -> Any:
-    """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one
-    reference.
+    """Compare every pair of laws on the same scenes, or each law with one reference.
 
-    In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which
-    both runs count (:func:`.judged.counts`). Intervals are simultaneous, and p-values corrected,
-    for all pairs of a group that are tested (Bonferroni), those of :data:`.judged.MIN_SCENES`
-    scenes or more.
+    An outcome is compared on all scenes that both laws ran. A metric is compared on those of them
+    in which both runs count (:func:`.judged.counts`). Intervals are simultaneous and p-values are
+    corrected (Bonferroni) for all tested pairs of a group. A pair is tested if it has
+    :data:`.judged.MIN_SCENES` scenes or more.
 
     Parameters
     ----------
-    runs, by
-        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``,
-        ``violated`` and the metric's; those that define groups.
+    runs
+        One line per run, with the columns :data:`.judged.SCENE`, ``controller``, ``status``,
+        ``violated`` and the metric's.
     metric
         One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
     reference
         Law that is b in every pair, chosen before looking at the runs.
+    by
+        Columns that define groups.
     least
-        Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
+        Values that differ by at most this are equal; :func:`.judged.resolution` if not given.
+    confidence
+        Level at which all intervals of a group hold simultaneously.
 
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes that both ran, paired: compared, only_a, only_b: in which only
-        one counts, differ: in which the two are not equal; difference, low, high: of the rates, or
-        the median of a − b over the scenes in which they differ; ratio, ratio_low, ratio_high: the
-        same of a/b (empty of outcomes and negative values); effect: chance that a is better on a
-        scene, equal values counting half; p (of McNemar's or of the sign test), p_corrected;
-        verdict: :func:`.judged.verdict`.
+        One line per group and pair, with the columns:
+
+        - ``by``, metric, a, b;
+        - scenes: number that both ran; paired: number compared; only_a, only_b: number in which
+          only one of them counts; differ: number in which the two are not equal;
+        - difference, low, high: of the rates, or the median of a − b over the scenes in which they
+          differ;
+        - ratio, ratio_low, ratio_high: the same for a/b, empty for outcomes and negative values;
+        - effect: probability that a is better in a scene, with ties counted as half;
+        - p (of McNemar's or of the sign test), p_corrected;
+        - verdict: :func:`.judged.verdict`.
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)

@@ -1,5 +1,6 @@
-"""Tuning: every law's options, sought on training scenes by the same tuner with the same number of
-evaluations.
+"""Tuning of the options of every law on training scenes.
+
+All laws are tuned by the same tuner with the same number of evaluations.
 """
 
 from .problem import Budget, Problem

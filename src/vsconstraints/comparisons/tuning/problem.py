@@ -1,5 +1,6 @@
-"""What is tuned on what: laws, and scenes of the training half only; and settings evaluated on
-them.
+"""Tuning problem: laws, training scenes and the evaluation of settings.
+
+Only scenes of the training half are used.
 """
 
 from __future__ import annotations
@@ -30,17 +31,18 @@ from ..runs.spec import BASELINE, ControllerSpec
 
 
 class Objective(NamedTuple):
-    """A quantity to be minimized; ``worst`` bounds it and is that of a run that does not
-    converge.
+    """Quantity to be minimized.
+
+    ``worst`` is its upper bound, and its value for a run that does not converge.
     """
 
     column: str
     title: str
     worst: float
-    unit: float  #: Weighs as much as one unit of another objective.
+    unit: float  #: Amount that weighs as much as one unit of another objective.
 
 
-#: A tenth of the space, a decade of variation and a tenth of the settling time weigh the same.
+#: A tenth of the space, a decade of variation and a tenth of the settling time have equal weight.
 OBJECTIVES = (
     Objective("unused", "unused space", 1.0, 0.1),
     Objective("log_variation", "log₁₀ of acceleration variation", 4.0, 1.0),
@@ -49,15 +51,16 @@ OBJECTIVES = (
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 
-STILL_MOVING = ("slow", "unfinished")  #: statuses of runs that are still moving when time is up
-ROUNDING = 1e-12  #: distances that differ by less, relatively, are the same
+STILL_MOVING = ("slow", "unfinished")  #: statuses of runs that still move when time is up
+ROUNDING = 1e-12  #: relative difference up to which distances are equal
 
-Point = tuple[float, ...]  #: a value of each objective
+Point = tuple[float, ...]  #: values of the objectives
 
 
 class Outcome(NamedTuple):
-    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run
-    has none.
+    """Status of one run, violation flag and objectives.
+
+    An objective that the run does not have is NaN.
     """
 
     status: str
@@ -66,8 +69,9 @@ class Outcome(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Means of a setting's objectives, share of runs with a violation, numbers of runs; successes
-    violate nothing.
+    """Mean objectives of a setting, share of runs with a violation, and numbers of runs.
+
+    Successes are the runs that converge without violation.
     """
 
     point: Point
@@ -78,18 +82,18 @@ class Judged(NamedTuple):
 
     @property
     def success(self) -> str:
-        """As reports show it."""
+        """Success rate as shown in reports."""
         return f"{100.0 * self.successes / self.runs:.1f} %"
 
 
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
-    """The outcome of a run, from its line of results and that of the unconstrained baseline in the
-    same scene.
+    """Return the outcome of a run compared with the unconstrained baseline in the same scene.
 
-    A run that does not converge has the worst value of every objective; but if it and the baseline
-    are still moving when time is up, no law can reach the goal, and it counts by its variation
-    alone. Of one that converges, the unused space is left out where nothing was challenged, and the
-    settling time where the baseline does not settle.
+    ``result`` and ``baseline`` are their lines of results. A run that does not converge has the
+    worst value of every objective. There is one exception: if both the run and the baseline are
+    still moving when time is up, no law can reach the goal, and the run counts by its variation
+    alone. If a run converges, its unused space is NaN if no row was challenged, and its settling
+    time is NaN if the baseline does not settle.
     """
     status = str(result["status"])
     violated = bool(result["violated"])
@@ -102,7 +106,7 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
         math.log10(variation) if variation > 0.0 else -math.inf,
         float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
     )
-    # log10 of a command that never changes has no lower bound
+    # a command that never changes has a variation of zero, the logarithm of which is −∞
     bounded = (
         value if math.isnan(value) else min(max(value, -worst), worst)
         for value, worst in zip(values, REFERENCE, strict=True)
@@ -111,8 +115,10 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 
 
 def judged(outcomes: Sequence[Outcome]) -> Judged:
-    """All outcomes of one setting; an objective that no run has is at its worst. The order of runs
-    does not matter.
+    """Combine the outcomes of all runs of a setting.
+
+    An objective that no run has takes its worst value. The result does not depend on the order of
+    the runs.
     """
     point = []
     for i, worst in enumerate(REFERENCE):
@@ -125,8 +131,10 @@ def judged(outcomes: Sequence[Outcome]) -> Judged:
 
 
 def loss(judged: Judged) -> float:
-    """What the tuner minimizes: failed runs, and of as many the sum of the objectives in their
-    units.
+    """Return the loss that the tuner minimizes.
+
+    The number of unsuccessful runs comes first. For equal numbers, the sum of the objectives in
+    their units decides.
     """
     lengths = (
         value / objective.unit for value, objective in zip(judged.point, OBJECTIVES, strict=True)
@@ -135,12 +143,12 @@ def loss(judged: Judged) -> float:
 
 
 def choose(settings: Sequence[Judged]) -> int:
-    """Position of the setting with the most successes; of as many, the one nearest to their ideal
-    point.
+    """Return the position of the best setting.
 
-    That has the least value of each objective; distances are Euclidean, in the objectives' units
-    ("compromise programming": Zeleny 1973). Of points as near, to rounding, the one with the least
-    first objective is taken, etc.
+    It has the most successes. Among settings with as many, it is the one nearest to their ideal
+    point, which has the smallest value of each objective. Distances are Euclidean, in the
+    objectives' units ("compromise programming": Zeleny 1973). If distances are equal up to
+    rounding, the smallest first objective decides, then the second, and so on.
     """
     most = max(each.successes for each in settings)
     best = [i for i, each in enumerate(settings) if each.successes == most]
@@ -154,48 +162,48 @@ def choose(settings: Sequence[Judged]) -> int:
 
 Options = dict[str, Any]
 
-ALL = ""  #: stands for all families where settings are judged by family
+ALL = ""  #: key of the results on the runs of all families
 
-ByFamily = dict[str, Judged]  #: how a setting is judged on all runs, and on those of each family
+ByFamily = dict[str, Judged]  #: results of a setting on all runs, and on those of each family
 
-#: judges settings, all on the same runs
+#: function that evaluates settings, all on the same runs
 Evaluate = Callable[[Sequence[ControllerSpec]], list[ByFamily]]
 
-#: the only half of a family that tuning sees; the other is for judging the result
+#: half of each family that tuning uses; the other half is for testing the result
 TRAINING = "training"
 
 
 @dataclass(frozen=True)
 class Searched:
-    """A law as the campaign defines it; the options that it sets are not searched."""
+    """Law as the campaign defines it. Options that the campaign sets are not searched."""
 
     law: ControllerSpec
 
     @property
     def name(self) -> str:
-        """As the campaign calls it."""
+        """Name of the law in the campaign."""
         return self.law.name
 
     @cached_property
     def ranges(self) -> dict[str, Range | Choices]:
-        """Of its options, but for those that the campaign sets."""
+        """Ranges of all options that the campaign does not set."""
         return law_ranges(self.law.law, self.law.options, self.law.folder)
 
     @cached_property
     def default(self) -> Options:
-        """The default values of these options."""
+        """Default values of the searched options."""
         law = innermost(self.law.make())
         return {option: default_of(law, option) for option in self.ranges}
 
     def setting(self, options: Mapping[str, Any]) -> ControllerSpec:
-        """The law with these options; None leaves one to the law."""
+        """Return the law with these options; None keeps the default of an option."""
         chosen = {option: value for option, value in options.items() if value is not None}
         return replace(self.law, options={**self.law.options, **chosen})
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What every law gets alike: settings per tuner seed, seeds, scenes of each family."""
+    """Budget of every law: settings per tuner seed, tuner seeds, and scenes of each family."""
 
     evaluations: int = 40
     seeds: int = 3
@@ -209,9 +217,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is tuned: the laws of a campaign in its families and conditions, with the same budget
-    for each.
-    """
+    """Tuning problem: laws of a campaign in its families and conditions, with an equal budget."""
 
     campaign: Campaign
     budget: Budget
@@ -224,7 +230,7 @@ class Problem:
 
     @cached_property
     def laws(self) -> tuple[Searched, ...]:
-        """All but the baseline; raises ConfigurationError for ranges that are none."""
+        """All laws except the baseline. Raises ConfigurationError if a range is invalid."""
         laws = tuple(
             Searched(entry) for entry in self.campaign.controllers if entry.name != BASELINE
         )
@@ -234,12 +240,13 @@ class Problem:
 
     @property
     def baseline(self) -> ControllerSpec:
-        """The campaign's entry of unconstrained tracking."""
+        """The campaign's entry of the unconstrained baseline."""
         return next(entry for entry in self.campaign.controllers if entry.name == BASELINE)
 
     def configuration(self) -> dict[str, Any]:
-        """What evaluations depend on, as data; not how many there are, since more can be asked
-        for.
+        """Return everything that evaluations depend on, as data.
+
+        The number of evaluations is not included, since more can be requested later.
         """
         campaign = self.campaign
         return {
@@ -260,9 +267,10 @@ class Problem:
         workers: int | None = None,
         on_progress: Callable[[int, int], None] = lambda done, total: None,
     ) -> tuple[Batch, ...]:
-        """Draw the training scenes: one task for each condition of each, of the baseline alone.
+        """Draw the training scenes and return one batch per scene and condition.
 
-        Raises ConfigurationError if none is found, or drawing one raises something.
+        The batches contain only the baseline. Raises ConfigurationError if a family has no scene,
+        or if drawing a scene raises an exception.
         """
         campaign = self.campaign
         each = range(self.budget.scenes)
@@ -291,11 +299,11 @@ class Problem:
 
 @contextmanager
 def evaluating(tasks: Sequence[Batch], workers: int | None, files: Files) -> Iterator[Evaluate]:
-    """Processes that judge settings by all tasks; one that ends its process, or takes too long, is
-    a failed run.
+    """Open processes that evaluate settings on all batches, for the duration of the ``with`` block.
 
-    What own laws load and read is added to ``files``; raises ConfigurationError if something else
-    is there.
+    A run whose process dies or that exceeds its time limit is a failed run. Files that custom laws
+    load and read are added to ``files``. Raises ConfigurationError if the content of a file
+    changes.
     """
     with processes(workers)(scored) as pool:
         families = [task.family.name for task in tasks]

@@ -1,6 +1,4 @@
-"""Tunes every law alike: the same tuner, the same number of evaluations, the same training
-scenes.
-"""
+"""Tune all laws with the same tuner, number of evaluations and training scenes."""
 
 from __future__ import annotations
 
@@ -42,18 +40,18 @@ JOURNAL = "journal.jsonl"
 TUNED = "tuned.toml"
 EVALUATIONS = "evaluations.parquet"
 
-Setting = tuple[str, str]  #: a law's name, and its options as JSON
+Setting = tuple[str, str]  #: name of a law, and its options as JSON
 
-#: Called with what is being done, how much of it is done, and how much there is.
+#: Called with the name of the current step, the amount done and the total amount.
 Progress = Callable[[str, int, int], None]
 
 
 class Search:
-    """Suggests settings of a law, one after the other, the default first; they depend on the seed
-    and what was told.
+    """Sequence of suggested settings of a law, the default first.
 
     The others are drawn by the tree-structured Parzen estimator (Bergstra et al. 2011; for all
-    options together: Falkner et al. 2018), which uses the order of settings alone.
+    options together: Falkner et al. 2018), which uses only the order of settings by loss.
+    Suggestions depend only on the seed and on the results passed to ``tell``.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
@@ -76,13 +74,13 @@ class Search:
                 bounds = number(ranged.least), number(ranged.greatest)
                 self._distributions[option] = kind(*bounds, log=ranged.logarithmic)
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        with warnings.catch_warnings(action="ignore"):  # what Optuna calls experimental
+        with warnings.catch_warnings(action="ignore"):  # Optuna warns of experimental options
             sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True)
         self._study = optuna.create_study(sampler=sampler)
         self._study.enqueue_trial(default)
 
     def ask(self) -> Options:
-        """The next setting's options."""
+        """Return the options of the next setting."""
         self._trial = self._study.ask(self._distributions)
         values = self._trial.params
         ranges = self.searched.ranges.items()
@@ -92,24 +90,23 @@ class Search:
         }
 
     def tell(self, judged: Judged) -> None:
-        """Tell how the last setting is judged."""
+        """Report the result of the last setting to the tuner."""
         self._study.tell(self._trial, loss(judged))
 
 
 class Journal(dict[Setting, ByFamily]):
-    """How settings are judged, stored as soon as it is known: a file with one line and checksum for
-    each.
+    """Results of settings, stored as soon as they are known.
 
-    A last line without an end is cut off, and nothing else is ever written again. (Optuna's
-    JournalStorage has no checksums, and its samplers do not go on from it as if they had never
-    ended.) Raises ConfigurationError that names a damaged line, StorageError if it cannot be
-    written.
+    The file has one line with a checksum for each setting. An incomplete last line is cut off, and
+    other lines are never changed. Optuna's JournalStorage is not used: it has no checksums, and
+    after an interruption its samplers do not continue as if there had been none. Raises
+    ConfigurationError that names a damaged line, StorageError if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._path = path
-        self.files: Files = {}  #: Hashes of what own laws have loaded and read in all evaluations.
+        self.files: Files = {}  #: Hashes of files that custom laws loaded and read in evaluations.
         with storing("evaluations", path.parent):
             path.touch()
         data = path.read_bytes()
@@ -134,7 +131,7 @@ class Journal(dict[Setting, ByFamily]):
                 os.truncate(path, len(data) - len(rest))
 
     def add(self, setting: Setting, judged: ByFamily) -> None:
-        """Store how a setting is judged; raises StorageError if that cannot be written."""
+        """Store the result of a setting. Raises StorageError if it cannot be written."""
         by_family = {family: values._asdict() for family, values in judged.items()}
         entry = {"law": setting[0], "options": setting[1], "judged": by_family}
         entry |= {"files": self.files} if self.files else {}
@@ -153,8 +150,9 @@ def _checksum(entry: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The setting of this number, 0 the default, that a tuner with this seed suggested, and how it
-    is judged.
+    """Evaluated setting of one tuner seed, with its number and results.
+
+    Number 0 is the default.
     """
 
     seed: int
@@ -164,36 +162,35 @@ class Evaluation:
 
     @property
     def judged(self) -> Judged:
-        """On all runs."""
+        """Result on all runs."""
         return self.by_family[ALL]
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the
-    default.
-    """
+    """Law with its evaluations, ordered by tuner seed and number; the first is the default."""
 
     law: Searched
     evaluations: Sequence[Evaluation]
 
     @property
     def default(self) -> Evaluation:
-        """The law as the campaign defines it."""
+        """Evaluation of the law as the campaign defines it."""
         return self.evaluations[0]
 
     @property
     def chosen(self) -> Evaluation:
-        """The best on all runs."""
+        """Best evaluation on all runs."""
         return self.best(ALL)
 
     def best(self, family: str) -> Evaluation:
-        """The evaluation that :func:`.choose` finds by the runs of a family."""
+        """Return the evaluation that :func:`.choose` selects for the runs of a family."""
         return self.evaluations[choose([each.by_family[family] for each in self.evaluations])]
 
     def success(self, family: str, evaluations: int) -> list[float]:
-        """By tuner seed, the greatest share of runs in a family that succeeds with a setting within
-        that budget.
+        """Return, for each tuner seed, the highest success rate in a family within a budget.
+
+        ``evaluations`` is the number of settings that count.
         """
         shares: dict[int, float] = {}
         for each in self.evaluations:
@@ -204,11 +201,11 @@ class Tuned:
 
     @classmethod
     def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
-        """A law's evaluations in any order."""
+        """Return a law with its evaluations, given in any order."""
         return cls(law, sorted(evaluations, key=lambda each: (each.seed, each.number)))
 
     def toml(self, family: str) -> list[str]:
-        """Lines of the setting that is best in a family as a table of controllers."""
+        """Return lines of the best setting in a family as a TOML table of controllers."""
         if not self.law.ranges:
             return [f"# {self.law.name}: nothing is searched"]
         best = self.best(family)
@@ -228,13 +225,16 @@ class Tuned:
 
 @dataclass(frozen=True)
 class Tuning:
-    """The tuned laws of a campaign, in its order."""
+    """Tuned laws of a campaign, in its order."""
 
     problem: Problem
     laws: tuple[Tuned, ...]
 
     def write(self, folder: Path) -> None:
-        """Write tables and settings, each file whole or not at all; raises StorageError."""
+        """Write evaluations and settings, each file completely or not at all.
+
+        Raises StorageError if a file cannot be written.
+        """
         import pandas
 
         columns = [objective.column for objective in OBJECTIVES]
@@ -273,8 +273,9 @@ class Tuning:
         return [family.name for family in self.problem.campaign.families]
 
     def toml(self, family: str = ALL) -> str:
-        """Settings that are best in a family as tables of controllers, which a campaign can take
-        over.
+        """Return the best settings in a family as TOML tables of controllers.
+
+        A campaign can use them.
         """
         of = family or ", ".join(self.families)
         lines = [
@@ -294,14 +295,13 @@ def tune(
     command: Sequence[str] = (),
     on_progress: Progress = lambda what, done, total: None,
 ) -> Tuning:
-    """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if
-    needed.
+    """Tune the laws of a campaign, and store all evaluations in ``folder``, created if needed.
 
-    Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions do
-    not depend on the number of processes, at most ``workers``, nor on where an earlier call was
-    ended. Settings that are stored are not run again. Raises ConfigurationError if a package is
-    missing, no training scene is found, or the folder holds something else; StorageError if
-    evaluations cannot be written: what could be stays.
+    Laws and tuner seeds are processed side by side, one evaluation of each at a time. Suggestions
+    therefore depend neither on the number of processes, at most ``workers``, nor on interruptions
+    of earlier calls. Stored settings are not run again. Raises ConfigurationError if a package is
+    missing, no training scene is found, or the folder holds another tuning. Raises StorageError if
+    evaluations cannot be written; those stored before remain.
     """
     demand("tune")
     with locked(folder, "a tuning"):
@@ -326,7 +326,7 @@ def tune(
 def _evaluations(
     problem: Problem, journal: Journal, evaluate: Evaluate, on_progress: Progress
 ) -> Iterator[tuple[Searched, Evaluation]]:
-    """All evaluations; a law without searched options has one, its default."""
+    """Yield all evaluations. A law without searched options has one, its default."""
     budget = problem.budget
     searches = [
         Search(law, seed)
@@ -354,9 +354,7 @@ def _evaluations(
 
 
 def _demand_same_files(journal: Journal, folder: Path, problem: Problem) -> None:
-    """Raise ConfigurationError if an own law has loaded or read a file that has another content
-    now.
-    """
+    """Raise ConfigurationError if a file that a custom law loaded or read has changed."""
     campaign = problem.campaign
     now = contents(journal.files, own_folders(campaign.controllers, campaign.families))
     if other := [
@@ -368,7 +366,7 @@ def _demand_same_files(journal: Journal, folder: Path, problem: Problem) -> None
 
 
 def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
-    """Write the manifest; raise ConfigurationError if the folder holds another tuning."""
+    """Write the manifest. Raises ConfigurationError if the folder holds another tuning."""
     path = folder / MANIFEST
     here = plain(problem.configuration())
     there = manifest_of(folder).get("tuning") if path.exists() else here
