@@ -385,8 +385,8 @@ def difference(
     """Compare two result folders, before and after: both of ``compare``, or both of ``evidence``.
 
     ``metrics`` are columns of results.csv; if empty, all that can be judged. If ``strict``, a
-    single outcome that only A has makes B worse; if None, this holds for chosen scenarios but not
-    for drawn scenes. ``tolerance`` is the relative change that is ignored. ``renamed`` maps
+    single outcome that only A has makes B worse. None means strict for chosen scenarios, and not
+    strict for drawn scenes. ``tolerance`` is the relative change that is ignored. ``renamed`` maps
     controller names of A to those of B. Raises ConfigurationError if the folders are not
     comparable.
     """

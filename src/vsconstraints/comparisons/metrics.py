@@ -55,7 +55,7 @@ class Measured:
     - ``violated`` (m,): violation depths under the strict standard, 0 if not violated.
     - ``within_band`` (m,): the same, 0 for depths beyond the sampling band.
     - ``fraction`` (m,): greatest depths, however small, over the characteristic lengths.
-    - ``outside`` (N, m): True in periods in which a row is at least as deep as a violation.
+    - ``outside`` (N, m): True in periods in which a row is violated under the strict standard.
     - ``outside_alone`` (T, m): the same for the baseline.
     - ``usage`` (N, m): 1 − c/L of clearances c, from 0 to 1.
     - ``switches``: True if the active set changes from one sample to the next.
@@ -207,7 +207,7 @@ def _in_period(record: RunRecord) -> Array:
 
 
 def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
-    """Flag the periods in which each row is at least as deep as a violation (T, m).
+    """Flag the periods in which each row is violated under the strict standard (T, m).
 
     The periods have the sampling time Ts [s]; any part of a period counts.
     """
