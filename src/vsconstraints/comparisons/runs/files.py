@@ -20,7 +20,7 @@ import numpy as np
 from ...errors import ConfigurationError, StorageError
 from ...plugins.regular_files import read_regular
 
-MAX_BYTES = 2e9  # maximum size of the arrays of a file, and so memory of a run [bytes]
+MAX_BYTES = 2e9  # maximum size of the arrays of a file [bytes]; a run may use as much memory
 MAX_NAMED = 3  # maximum number of files named in a message
 # an array is compressed if its first SAMPLE bytes shrink below the share WORTH
 SAMPLE = 1 << 13

@@ -205,8 +205,8 @@ def entries(
     }
 
 
-#: Runs whose trajectories are kept; ``worst`` is the run of each kind with the deepest violation,
-#: the first one of several.
+#: Runs whose trajectories are kept. ``worst`` is the run with the deepest violation of each kind of
+#: run, if a row was violated.
 Keep = Literal["none", "failed", "worst", "first", "all"]
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
