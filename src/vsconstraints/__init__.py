@@ -1,4 +1,4 @@
-"""Constrained visual servoing: controllers on the same rows, compared."""
+"""Constrained visual servoing: comparison of controllers on the same constraint rows."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -23,8 +23,9 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
-    """What is exported is imported when it is asked for: Pinocchio alone takes longer than all of
-    ``--help``.
+    """Import an exported object at its first use.
+
+    Importing Pinocchio alone takes longer than the whole of ``--help``.
     """
     if name in _PLACES:
         return getattr(import_module(f".{_PLACES[name]}", __name__), name)

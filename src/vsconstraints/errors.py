@@ -1,4 +1,4 @@
-"""Errors that say what was wrong, where, and what would be right."""
+"""Errors that state the problem, its place, and the remedy."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 MAX_VALUE_LENGTH = 200  #: Characters of a value that a message shows.
-MAX_LISTED = 10  #: Of many things that are wrong alike, those that a message names.
+MAX_LISTED = 10  #: Number of similar problems that a message names.
 MAX_REASON_LENGTH = 2000  #: Characters of a reason that are kept.
 
 
 class VsconstraintsError(Exception):
-    """Base class of every error this package raises on purpose."""
+    """Base class of all errors that this package raises on purpose."""
 
 
 class ConfigurationError(VsconstraintsError, ValueError):
@@ -24,10 +24,10 @@ class ConfigurationError(VsconstraintsError, ValueError):
 
 
 class FolderTaken(ConfigurationError):
-    """A folder holds other results, which would be lost: ``problem`` says which, the message also
-    what to do.
+    """A folder contains other results, which would be lost.
 
-    A session gives other advice than a command line, whose options it does not have.
+    ``problem`` names these results. The message also contains advice for the command line; a
+    session gives other advice, since it has no options.
     """
 
     def __init__(self, message: str, problem: str = "") -> None:
@@ -36,7 +36,7 @@ class FolderTaken(ConfigurationError):
 
 
 class InvalidInput(VsconstraintsError, ValueError):
-    """An array has a wrong shape or a number that is not finite."""
+    """An array has a wrong shape or contains a number that is not finite."""
 
 
 class SceneError(VsconstraintsError):
@@ -44,11 +44,11 @@ class SceneError(VsconstraintsError):
 
 
 class SolverError(VsconstraintsError):
-    """No QP solver gave an answer that passes the check."""
+    """No QP solver returned a solution that passes the check."""
 
 
 class WorkersLost(VsconstraintsError):
-    """The workers that make the runs are gone: for example, the scheduler of a cluster."""
+    """The workers that execute the runs are lost: for example, the scheduler of a cluster."""
 
 
 class StorageError(VsconstraintsError):
@@ -56,20 +56,20 @@ class StorageError(VsconstraintsError):
 
 
 class CalibrationWarning(UserWarning):
-    """A calibration can be used, but has numbers that suggest another lens or image size."""
+    """A calibration is usable, but some numbers suggest another lens or image size."""
 
 
 def unknown_name(what: str, name: object, candidates: Iterable[str]) -> ConfigurationError:
-    """Error for a name that is not known: it names the candidates, the closest first.
+    """Return the error for an unknown name, which lists the candidates and suggests the closest.
 
     Parameters
     ----------
     what
-        What kind of thing was looked up, for example ``"scenario"``.
+        Kind of object that was looked up, for example ``"scenario"``.
     name
-        The name that was given.
+        The given name.
     candidates
-        The names that would have been accepted.
+        The accepted names.
     """
     known = sorted(candidates)
     close = get_close_matches(str(name)[:MAX_VALUE_LENGTH], known, n=1)
@@ -80,9 +80,7 @@ def unknown_name(what: str, name: object, candidates: Iterable[str]) -> Configur
 
 
 def shown(value: object) -> str:
-    """A value in messages: as it would be written, 0.0 and not np.float64(0.0); cut short where
-    that is long.
-    """
+    """Format a value for messages: 0.0 instead of np.float64(0.0), and cut if it is long."""
     with np.printoptions(legacy="1.25"):
         text = repr(value)
     return (
@@ -93,14 +91,15 @@ def shown(value: object) -> str:
 
 
 def listed(texts: Sequence[str], what: str, most: int = MAX_LISTED) -> list[str]:
-    """The first of many texts, and one that says how many more there are of ``what``."""
+    """Return the first of many texts, followed by one that counts the remaining ``what``."""
     more = len(texts) - most
     return [*texts[:most], f"… and {more:,} more {what}"] if more > 0 else list(texts)
 
 
 def one_line(text: str) -> str:
-    """A text as one line that any file and terminal takes, cut after :data:`MAX_REASON_LENGTH`
-    characters.
+    """Return a text as one line that any file and terminal accepts.
+
+    It is cut after :data:`MAX_REASON_LENGTH` characters.
     """
     line = " ".join(
         text[: 2 * MAX_REASON_LENGTH].encode("utf-8", "backslashreplace").decode().splitlines()
@@ -113,15 +112,15 @@ def one_line(text: str) -> str:
 
 
 def described(error: BaseException) -> str:
-    """What was raised and, if own code raised it, in which file and line: ``ValueError: no data
-    (my_law.py, line 12)``.
+    """Describe an error and its place in custom code: ``ValueError: no data (my_law.py, line 12)``.
 
-    Own code is what neither this package nor Python brought along; of that, what lies outside the
-    installed packages comes first.
+    Custom code is code that belongs neither to this package nor to Python. Code outside the
+    installed packages takes precedence. Without custom code in the traceback, the place is left
+    out.
     """
     try:
         message = str(error)
-    except Exception as another:  # own errors may fail even in this
+    except Exception as another:  # even the message of a custom error may raise
         message = f"its message raises {type(another).__name__}"
     text = one_line(f"{type(error).__name__}: {message}")
     frames = [

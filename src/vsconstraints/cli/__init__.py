@@ -1,6 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``preview``, ``run``, ``evidence``, ``report`` and
-more.
-"""
+"""Command line: ``vsconstraints compare``, ``preview``, ``run``, ``report`` and more."""
 
 from __future__ import annotations
 
@@ -24,14 +22,13 @@ app = typer.Typer(help=_HELP, no_args_is_help=True, pretty_exceptions_enable=Fal
 
 
 def list_(what: options.Names = None) -> None:
-    """List what the package contains, or describe a kind or a name."""
+    """List the contents of the package, or describe a kind or a name."""
     from .listing import print_listing
 
     print_listing(what or ())
 
 
-#: The commands by what they are for, each with an example, in the order in which ``--help`` shows
-#: them.
+#: Commands by purpose, each with an example, in the order in which ``--help`` shows them.
 GROUPS: dict[str, dict[str, tuple[Callable[..., None], str]]] = {
     "Laws in a few scenes": {
         "compare": (results.compare, "--scenario ur5-fov --controller cbf-filter"),
@@ -97,12 +94,13 @@ def _options(version: _Version = False) -> None: ...
 
 
 def main() -> None:
-    """Run the command line; errors of this package and of the system end it with one line (see
-    ``docs/trust.md``).
+    """Run the command line.
+
+    Errors of this package and of the system end it with one line, see ``docs/trust.md``.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            # names and paths may hold what the terminal's encoding does not have
+            # names and paths may contain characters that the terminal's encoding lacks
             stream.reconfigure(errors="backslashreplace")
     obey_signals()
     try:
@@ -114,5 +112,5 @@ def main() -> None:
         errors.print("Interrupted.")
         sys.exit(exit_code(signal_of(interrupt)))
     finally:
-        # an end that looks for garbage among all that is loaded takes ten times as long
+        # garbage collection of all loaded objects would make the exit ten times as long
         gc.freeze()

@@ -1,4 +1,4 @@
-"""``python -m vsconstraints.cli``."""
+"""Entry point of ``python -m vsconstraints.cli``."""
 
 from . import main
 

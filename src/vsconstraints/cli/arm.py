@@ -1,4 +1,4 @@
-"""``vsconstraints run``: a law on an arm, or on one that is simulated."""
+"""Command ``vsconstraints run``: a law on a real or simulated arm."""
 
 from __future__ import annotations
 

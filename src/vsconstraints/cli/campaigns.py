@@ -1,6 +1,4 @@
-"""``families``, ``evidence``, ``merge``, ``advise`` and ``tune``: laws on thousands of drawn
-scenes.
-"""
+"""Commands ``families``, ``evidence``, ``merge``, ``advise``, ``tune``: laws on drawn scenes."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
 
-ROWS = "rows"  # what every law uses
+ROWS = "rows"  # information that every law requires
 
 
 def families(names: Names = None, scenes: int = 100, half: str = "held-out", seed: int = 0) -> None:
@@ -56,7 +54,7 @@ def families(names: Names = None, scenes: int = 100, half: str = "held-out", see
 
 
 def _print_drawn(family: Family, scenes: int, half: str, seed: int) -> int:
-    """Draw scenes and describe them; returns how many are found."""
+    """Draw scenes, describe them, and return the number of scenes found."""
     from ..scenarios.families.family import summarised
 
     done = count(1)
@@ -97,8 +95,9 @@ def evidence(
     slower: float | None = None,
     budget_us: float | None = None,
 ) -> None:
-    """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and
-    write a report.
+    """Run every controller on thousands of drawn scenes, and write a report.
+
+    Scores are stored as Parquet shards.
     """
     from ..comparisons.evidence import MEASURED, Campaign, Plan, Shard, processes
 
@@ -133,8 +132,9 @@ def with_call_times(
     slower: float | None,
     budget_us: float | None,
 ) -> Campaign:
-    """The campaign, with the laws' commands as late as ``source`` says; results in ``out`` keep
-    what was measured.
+    """Return the campaign with commands delayed by the laws' call times from ``source``.
+
+    Times that must be measured are kept with the results in ``out``.
     """
     from ..comparisons.evidence import call_times, processes
 
@@ -160,7 +160,7 @@ def run_campaign(
     workers: AbstractContextManager[Any],
     wanted: ReportOptions,
 ) -> None:
-    """Run a campaign with progress, say what came of it, and write its report."""
+    """Run a campaign with a progress bar, print a summary, and write its report."""
     from ..comparisons.evidence import collect
 
     with workers as opened, progress() as show:
@@ -231,7 +231,7 @@ def advise(
     as_json: bool = False,
     trust: bool = False,
 ) -> None:
-    """Recommend a law for a scene, with settings, confidence, and what other choices lose."""
+    """Recommend a law for a scene, with settings, confidence, and the loss of other choices."""
     demand("evidence", "advice")
     from ..comparisons.advice import advise as advice_for
     from ..comparisons.statistics import rate_text
@@ -262,7 +262,7 @@ def advise(
         runs.keep(keep)
         console.print(f"{len(runs.runs)} runs: {keep}")
     if asked.said:
-        # advice names laws that come with the package
+        # only laws that come with the package are recommended
         runs = runs if keep is None else Study.load(keep)
         known = {ROWS}.union(*(law.make().uses for law in runs.laws.values()))
         for word in {*(may_use or ())} - known:
@@ -277,7 +277,7 @@ def advise(
 
 
 def _print_choices(laws: Sequence[Judged]) -> None:
-    """Print the laws that advice compares, the best first, each with what it loses to that one."""
+    """Print the compared laws, the recommended one first, each with its loss against that one."""
     from ..comparisons.statistics import with_interval
 
     lines: list[list[str]] = []
@@ -300,7 +300,7 @@ def _print_choices(laws: Sequence[Judged]) -> None:
 
 
 def _json(advice: Advice) -> str:
-    """All of it."""
+    """Return the whole advice as JSON."""
     laws = [
         {**law._asdict(), "law": law.law.name, "settings": law.law.table}
         | {"success": {"share": law.success.share, **asdict(law.success)}}

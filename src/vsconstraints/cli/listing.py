@@ -1,4 +1,4 @@
-"""``vsconstraints list``: everything that can be named in files and on the command line."""
+"""Command ``vsconstraints list``: all names that files and the command line can use."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from ..scenarios.families import Family, families
 from ..vision.features import FEATURES
 from .terminal import console
 
-#: a name, what it means in a line or two, and what else is shown of it alone
+#: A name, its description in a line or two, and details shown when only this name is listed.
 Entry = tuple[str, ...]
 
 
 def _described(name: str, thing: object) -> Entry:
-    """The first line of a docstring, without the marks of references and code."""
+    """Return a name with the first line of a docstring, without markup of references and code."""
     line = (inspect.getdoc(thing) or "").partition("\n")[0]
     return name, re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
 
 
 def _part(name: str, part: Callable[..., object], required: Iterable[str]) -> Entry:
-    """A law, a demand or a resolver, with its options and the information it requires."""
+    """Return the entry of a law, a demand or a resolver: options and required information."""
     options = (
         str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values()
     )
@@ -55,13 +55,16 @@ def _scenario(scenario: Scenario) -> Entry:
 
 
 def _metric(metric: Metric) -> Entry:
-    """A column of results.csv, with the first sentence of its definition, and the others."""
+    """Return the entry of a column of results.csv, with its definition.
+
+    The first sentence is the description, the others are details.
+    """
     return metric.column, *re.split(
         r"(?<=\.) (?=[A-Z])", metric.definition or metric.header, maxsplit=1
     )
 
 
-#: What makes the entries of each kind.
+#: Functions that return the entries of each kind.
 KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
     "scenarios": lambda: (_scenario(Scenario.load(name)) for name in shipped_scenarios()),
     "families": lambda: ((name, Family.load(name).title) for name in families()),
@@ -83,8 +86,9 @@ KINDS: dict[str, Callable[[], Iterable[Entry]]] = {
 
 
 def print_listing(words: Sequence[str]) -> None:
-    """Print the names of all kinds, or what ``words`` are; raises ConfigurationError for one that
-    is nothing.
+    """Print the names of all kinds, or the descriptions of ``words``.
+
+    Raises ConfigurationError for an unknown word.
     """
     if not words:
         _print_table(

@@ -1,6 +1,4 @@
-"""What ``options.toml`` says of the parameters of commands, and the names that a shell
-completes.
-"""
+"""Parameters of commands as described in ``options.toml``, and completion of names in a shell."""
 
 from __future__ import annotations
 
@@ -20,15 +18,13 @@ OPTIONS: dict[str, dict[str, Any]] = tomllib.loads(
 
 Names = list[str] | None
 
-#: What help calls a value of these types, unless the option has a ``metavar``: short, so that
-#: descriptions have room.
+#: Placeholders for values of these types in help, unless the option has a ``metavar``. They are
+#: short to leave room for descriptions.
 METAVARS: dict[str, str] = {"path": "PATH", "str": "NAME", "int": "N", "float": "X", "bool": ""}
 
 
 def described(name: str, command: Callable[..., None]) -> Callable[..., None]:
-    """The function of a command, its parameters annotated with what :data:`OPTIONS` says of
-    them.
-    """
+    """Annotate the parameters of a command's function with the entries of :data:`OPTIONS`."""
     known = OPTIONS["shared"] | OPTIONS.get(name, {})
     for parameter, kind in get_type_hints(command).items():
         if parameter not in ("context", "return"):
@@ -36,7 +32,7 @@ def described(name: str, command: Callable[..., None]) -> Callable[..., None]:
             is_argument = table.pop("argument", False)
             declare = typer.Argument if is_argument else typer.Option
             table["help"] = literal(table["help"])
-            if not is_argument:  # an argument is called by its name
+            if not is_argument:  # the placeholder of an argument is its name
                 table.setdefault("metavar", METAVARS[value_type(kind).__name__.lower()])
             if names := table.pop("names", None):
                 table["autocompletion"] = run_names if names == "runs" else completed(*names)
@@ -53,8 +49,9 @@ def value_type(kind: Any) -> type:
 
 
 def literal(text: str) -> str:
-    """Return the markup that help shows as this text: [s] is no tag, and FOLDER:FAMILY:SCENE holds
-    no emoji.
+    """Return markup that help shows as exactly this text.
+
+    Without it, [s] would be a tag, and FOLDER:FAMILY:SCENE would contain an emoji.
     """
     from rich.markup import escape
 
@@ -62,11 +59,11 @@ def literal(text: str) -> str:
 
 
 def completed(source: str, ending: str = "", files: str = "") -> Callable[[str], list[str]]:
-    """What completes a word: the names in ``module:attribute`` of this package, with an ending, and
-    files with theirs.
+    """Return a completer for the names in ``module:attribute`` of this package.
 
-    The module is imported only when the user presses Tab. The attribute is a collection, a function
-    that returns one, or a Literal.
+    Each name gets ``ending``. Files that end in ``files`` are offered too. The module is imported
+    only when the user presses Tab. The attribute is a collection, a function that returns one, or a
+    Literal.
     """
     module, _, attribute = source.partition(":")
 
@@ -80,10 +77,10 @@ def completed(source: str, ending: str = "", files: str = "") -> Callable[[str],
 
 
 def run_names(incomplete: str) -> list[str]:
-    """What completes ``SCENARIO:CONTROLLER``, or the file of a stored run.
+    """Complete ``SCENARIO:CONTROLLER``, or the file of a stored run.
 
-    A scenario that is the only one to begin like the word comes with its laws: a shell ends a word
-    that is complete.
+    If only one scenario matches, it is offered with its laws: otherwise the shell would end the
+    word after the scenario.
     """
     scenario, colon, controller = incomplete.partition(":")
     scenarios = (

@@ -1,6 +1,4 @@
-"""``reproduce``: the whole paper, one of its figures or claims; ``study``: a general question about
-the laws.
-"""
+"""Commands ``reproduce``, for the paper and its claims, and ``study``, for general questions."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from .terminal import NOTHING_DONE, console, errors, note_processes, progress, s
 
 
 def claim_names() -> list[str]:
-    """Numbers of claims, and of their parts."""
+    """Return the numbers of claims and of their parts."""
     from ..paper import all_claims
 
     return [
@@ -35,8 +33,9 @@ def reproduce(
     formats: Names = None,
     latex: bool = False,
 ) -> None:
-    """Check every claim of the paper, redraw its figures, and write a report; or only one of
-    them.
+    """Check every claim of the paper, redraw its figures, and write a report.
+
+    Options select single claims or figures.
     """
     from ..paper import check, chosen_claims, chosen_figures, redraw
     from ..paper import reproduce as run
@@ -46,7 +45,7 @@ def reproduce(
         raise ConfigurationError(
             "--controller is for figures: give --figure NUMBER. Claims are about the paper's law"
         )
-    # unknown names are errors before anything begins
+    # unknown names are reported before any run starts
     written = formats_of(formats or ())
     chosen_figures(figure or (), controller)
     chosen_claims(claim or ())
@@ -89,8 +88,9 @@ def study(
     jobs: int | None = None,
     formats: Names = None,
 ) -> None:
-    """Answer a general question about controllers with many runs and one figure; real-world is a
-    campaign.
+    """Answer a general question about controllers with many runs and one figure.
+
+    The study real-world is a campaign.
     """
     from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 

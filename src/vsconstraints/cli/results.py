@@ -1,6 +1,4 @@
-"""``compare``, and what reads its folder again, ``report``, ``diff`` and ``verify``; how commands
-write reports.
-"""
+"""Commands ``compare``, ``report``, ``diff`` and ``verify``, and reports of all commands."""
 
 from __future__ import annotations
 
@@ -39,9 +37,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """The options of all commands that write a report.
+    """Options of all commands that write a report.
 
-    Raises ConfigurationError for an unknown format, and where replays need packages that are not
+    Raises ConfigurationError for an unknown format, and if packages that replays need are not
     installed.
     """
 
@@ -59,8 +57,9 @@ class ReportOptions:
 
 
 def write_report(folder: Path, wanted: ReportOptions, tuning: Path | None = None) -> str:
-    """Write the report of a comparison or of a campaign, with a progress bar; returns where it
-    is.
+    """Write the report of a comparison or a campaign with a progress bar.
+
+    Return a text that names its file.
     """
     from ..comparisons.runs.folder import kind_of
     from ..reports import write_report as write_comparison
@@ -126,7 +125,8 @@ def compare(
     total = len(runs)
     note_processes(jobs)
     context.with_resource(locked(out, "a comparison"))
-    if not any(spec.has_own_parts for spec in runs):  # own laws may leave anything in their process
+    # custom laws may change their process in any way, so that it cannot be reused
+    if not any(spec.has_own_parts for spec in runs):
         context.with_resource(processes_kept())
     failures = Counter[str]()
     done = count(1)
@@ -137,7 +137,7 @@ def compare(
             status = score.result["status"]
             reason = score.result["reason"]
             if status in ("failed", "aborted"):
-                # the first time for each scenario, law and kind of reason
+                # printed once for each scenario, law and kind of reason
                 name = f"{spec.name} · {spec.controller.name}"
                 failure = f"{name}: {status}, {reason_kind(reason)}"
                 if failure not in failures:
@@ -215,8 +215,9 @@ def diff(
     tolerance: float | None = None,
     strict: bool | None = None,
 ) -> None:
-    """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they
-    are not comparable.
+    """Report changes between two comparisons.
+
+    Exit code 1 if something got worse, 2 if they are not comparable.
     """
     demand("evidence", "a difference of two folders")
     from ..comparisons.difference import TOLERANCE, difference
@@ -242,16 +243,15 @@ def diff(
 
 
 def verify(folder: Path) -> None:
-    """Check that stored results are complete and unchanged: every file as stored, every planned
-    run, and no other.
+    """Check that stored results are complete and unchanged.
 
-    Exit code 1 if something was changed, is missing, unfinished or carries no checksum; 2 if the
-    folder cannot be read.
+    Every file must be as stored, with every planned run and no other. Exit code 1 if something was
+    changed, is missing, unfinished or carries no checksum; 2 if the folder cannot be read.
     """
     from ..comparisons.runs.files import check_sums
     from ..comparisons.runs.folder import kind_of
 
-    # a manifest that cannot be read does not say what it is of
+    # an unreadable manifest does not tell the kind of results
     kind = kind_of(folder) or ("a comparison" if (folder / "results.csv").is_file() else None)
     if kind is None or kind == "a tuning":
         raise ConfigurationError(f"{folder} holds no comparison and no campaign")
@@ -270,15 +270,16 @@ def verify(folder: Path) -> None:
 
 
 def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
-    """What a comparison holds, its files and what is missing; raises ConfigurationError if it
-    cannot be loaded.
+    """Return a summary of a comparison, its files, and missing parts.
+
+    Raises ConfigurationError if it cannot be loaded.
     """
     from ..comparisons import StoredComparison
     from ..comparisons.record import run_file
     from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
-    # nothing of it is built
+    # no part of it is built
     results = Results(StoredComparison.load(folder, trust=True))
     problems = []
     if results.finished < results.planned:
@@ -296,14 +297,15 @@ def _comparison(folder: Path) -> tuple[str, list[Path], list[str]]:
 
 
 def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
-    """What a campaign holds, its files and what is missing; raises ConfigurationError if it cannot
-    be loaded.
+    """Return a summary of a campaign, its files, and missing parts.
+
+    Raises ConfigurationError if it cannot be loaded.
     """
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
     from ..comparisons.evidence.folder import missing_scenes, shards, stored_files
 
-    evidence = Evidence.load(folder, trust=True)  # nothing of it is built
+    evidence = Evidence.load(folder, trust=True)  # no part of it is built
     configuration = evidence.manifest["configuration"]
     shard = Shard(*evidence.manifest.get("shard", (1, 1)))
     facts = [each.facts for each in shards(folder)]
@@ -316,7 +318,7 @@ def _campaign(folder: Path) -> tuple[str, list[Path], list[str]]:
 
 
 def print_laws(folder: Path) -> None:
-    """Print the table that the report of a comparison begins with."""
+    """Print the first table of a comparison's report."""
     from ..comparisons import StoredComparison
     from ..reports.results import Results
     from ..reports.summary import IMPLEMENTATION, law_table
@@ -329,7 +331,7 @@ def print_laws(folder: Path) -> None:
     implementations = {line[-1] for line in laws.lines}
     timings = "Timings are not ranked"
     if last == IMPLEMENTATION and len(implementations) == 1:
-        # a column that says the same of all is a clause
+        # a column with one value for all laws is replaced by a clause
         print_columns(laws.header[:-1], [line[:-1] for line in laws.lines])
         timings = f"{timings}; all are of {implementations.pop()} code"
     else:

@@ -1,6 +1,4 @@
-"""``preview``, ``replay`` and ``frames``: a scene before a run, a run in motion, and the images
-that it is based on.
-"""
+"""Commands ``preview``, ``replay`` and ``frames``: pictures of a scene or of a run."""
 
 from __future__ import annotations
 
@@ -26,8 +24,9 @@ def preview(
     out: Path | None = None,
     figure: bool = True,
 ) -> None:
-    """Draw image and arm at the start and at each goal, and list the nearest rows, without a
-    simulation.
+    """Draw image and arm at the start and at each goal, and list the nearest rows.
+
+    No simulation is run.
     """
     from ..reports.preview import FIGURE, Preview, lines
     from ..scenarios import Scenario
@@ -65,8 +64,9 @@ def replay(
     seed: int = 0,
     trust: bool = False,
 ) -> None:
-    """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a
-    film.
+    """Show runs in motion, in one HTML file or a film.
+
+    The HTML file shows arm, image and rows, and needs no network.
     """
     from ..reports.replay import write_film, write_replay
     from ..reports.replay.runs import campaign_run, name_of, select_run
@@ -97,8 +97,9 @@ def replay(
 def frames(
     scenario: str, out: Path, controller: str = "sliding-mode", trial: int = 0, seed: int = 0
 ) -> None:
-    """Run a scenario by rendered images, whatever its sensor, and write them with the tags that are
-    detected.
+    """Run a scenario by rendered images, whatever its sensor, and write the images.
+
+    A film also shows the detected tags.
     """
     from ..comparisons.runs.spec import ControllerSpec
     from ..reports.frames import kind_of, write_frames

@@ -1,4 +1,4 @@
-"""The terminal that all commands write to: consoles, progress, notes, interrupts and exit codes."""
+"""Terminal output of all commands: consoles, progress, notes, interrupts and exit codes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from rich.text import Text
 
 from ..plugins.processes import INTERRUPTS, exit_code, signal_of
 
-# no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no
-# picture of one
+# no markup and no emoji: names and paths may contain square brackets, or text such as
+# `my_camera:eye:`
 console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
 errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 NOTHING_DONE = 1
 USAGE_ERROR = 2
 
-#: shows progress: of what, how many are done, and of how many if that is known
+#: Shows progress: activity, number of finished items, and their total number if known.
 Show = Callable[..., None]
 
 
@@ -44,12 +44,12 @@ def say(text: str, **values: Any) -> None:
 def print_columns(
     header: Sequence[str], lines: Sequence[Sequence[str]], wrapped: Mapping[int, int] | None = None
 ) -> None:
-    """Print a table, its first column aligned left and the others right, none of whose lines is
-    broken.
+    """Print a table with the first column aligned left and the others right; no line is broken.
 
-    If it is wider than the terminal it is printed as several tables, each of which begins with the
-    first column. Headers are broken at spaces. Cells stay whole, except those of the columns in
-    ``wrapped``, which are aligned left and at least so wide. Text between two stars is bold.
+    A table wider than the terminal is printed as several tables, each of which begins with the
+    first column. Headers are broken at spaces. Cells are not broken, except those of the columns in
+    ``wrapped``, which are aligned left and have at least the given width. Text between two double
+    stars is bold.
     """
     wrapped = wrapped or {}
     widths = []
@@ -97,17 +97,16 @@ def _print_block(
 
 
 def _emphasised(text: str) -> Text:
-    """Return text that is bold where Markdown has stars; where nothing can be bold the stars
-    stay.
+    """Return text that is bold between double stars, as in Markdown.
+
+    If the console is no terminal, the stars are kept.
     """
     parts = text.split("**") if console.is_terminal else [text]
     return Text.assemble(*((part, "bold" if k % 2 else "") for k, part in enumerate(parts)))
 
 
 def print_paragraph(text: str) -> None:
-    """Print a text; on a terminal its lines end between words, elsewhere they are those of the
-    text.
-    """
+    """Print a text; on a terminal it is wrapped between words, elsewhere its lines are kept."""
     console.print(text, soft_wrap=not console.is_terminal)
 
 
@@ -118,7 +117,7 @@ def note(*remarks: str) -> None:
 
 
 def typed_command() -> list[str]:
-    """What the user typed, such that files in UTF-8 can hold it."""
+    """Return the command as typed, in a form that UTF-8 files can store."""
     return [
         "vsconstraints",
         *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:]),
@@ -126,7 +125,7 @@ def typed_command() -> list[str]:
 
 
 def note_processes(jobs: int | None) -> None:
-    """Print a note where fewer processes are used than ``--jobs`` asks for."""
+    """Print a note if fewer processes are used than requested by ``--jobs``."""
     from ..comparisons.runs.machine import process_count
 
     used = process_count(jobs)
@@ -135,15 +134,16 @@ def note_processes(jobs: int | None) -> None:
 
 
 def stop(signal: int, what: str, then: str = "continues") -> NoReturn:
-    """End a command that a signal interrupted, and tell what the same command does then."""
+    """End a command that a signal interrupted; state the effect of repeating the same command."""
     errors.print(f"Interrupted: {what}; the same command {then}.")
     raise typer.Exit(exit_code(signal))
 
 
 @contextmanager
 def progress(folder: Path | None = None) -> Iterator[Show]:
-    """A bar, from the first call of what it yields on; an interrupt says that ``folder`` keeps
-    finished runs.
+    """Provide a function that shows a progress bar, which appears at its first call.
+
+    After an interrupt, a message states that ``folder`` keeps finished runs.
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

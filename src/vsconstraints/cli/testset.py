@@ -1,6 +1,4 @@
-"""``testset run``, ``verify`` and ``make``: laws on frozen scenes, and the files that hold
-these.
-"""
+"""Commands ``testset …``: laws on frozen scenes, and the files that store these."""
 
 from __future__ import annotations
 
@@ -64,8 +62,9 @@ def fresh(
     out: Path = Path("vsconstraints-fresh"),
     jobs: int | None = None,
 ) -> None:
-    """Run the published laws on scenes of a secret seed, and compare their success with the
-    published one.
+    """Run the published laws on scenes of a secret seed.
+
+    Their success is compared with the published one.
     """
     demand("evidence", "fresh scenes")
     from ..comparisons.evidence import Campaign, Plan, processes
@@ -116,8 +115,9 @@ def make(
     version: str = "own",
     out: Path = Path("vsconstraints-testset"),
 ) -> None:
-    """Draw scenes of all or the named families, and freeze them with their hashes in a new
-    folder.
+    """Draw scenes of all or the named families, and freeze them with their hashes.
+
+    They are stored in a new folder.
     """
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped

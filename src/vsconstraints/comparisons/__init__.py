@@ -1,4 +1,4 @@
-"""Comparisons: suites, the runner, scores, and what is stored."""
+"""Comparisons: suites, the runner, scores and stored results."""
 
 from .metrics import DEFINITIONS, score
 from .record import RunRecord

@@ -1,4 +1,4 @@
-"""Which law for a scene: what a study says of scenes like it, and what another choice loses."""
+"""Recommendation of a law for a scene, based on the runs of a study in similar scenes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,24 @@ from .runs.spec import ControllerSpec
 from .statistics import PairedRates, Rate, distinguishable, mcnemar, rate, simultaneous
 from .study import CONDITION, SCENE, Situation, Study
 
-#: scenes that advice rests on, where the study has them; all others together count as many
+#: Number of similar scenes used, if the study has as many. The mean over the whole study is added
+#: with the same weight.
 ENOUGH = 20
-MARGIN = 0.25  #: standard errors that a law which requires less may lose
-ALIKE = 2.0  #: factors between two numbers that are alike, and near
+#: Standard errors of success by which a law with less required information may be worse.
+MARGIN = 0.25
+#: Two numbers are alike up to the first ratio, and near up to the second.
+ALIKE = 2.0
 NEAR = 4.0
 
-#: What may differ of scenes, one after the other, until there are enough: 1 is near, 2 is anything.
-#: First is what laws' success depends on least.
+#: Order in which the search is widened until it has found enough scenes. Each step permits one
+#: property to be near (1) or arbitrary (2). Properties that affect success least come first.
 STEPS = (
-    ("sampling_time", 1), ("noise", 1), ("delay", 1), ("constraints", 1), ("sampling_time", 2), ("joints", 1),
-    ("fixed_camera", 2), ("feature", 2), ("constraints", 2), ("joints", 2), ("noise", 2), ("limits", 2), ("delay", 2),
-    ("wrong_model", 2), ("unknown_motion", 2), ("images", 2), ("mass", 2),
+    ("sampling_time", 1), ("noise", 1), ("delay", 1), ("constraints", 1), ("sampling_time", 2),
+    ("joints", 1), ("fixed_camera", 2), ("feature", 2), ("constraints", 2), ("joints", 2),
+    ("noise", 2), ("limits", 2), ("delay", 2), ("wrong_model", 2), ("unknown_motion", 2),
+    ("images", 2), ("mass", 2),
 )  # fmt: skip
-#: steps after which scenes are no longer like the one that is asked about
+#: Number of steps up to which scenes still count as similar to the situation.
 FAR = STEPS.index(("constraints", 2))
 
 
@@ -34,29 +38,31 @@ _RESULTS = "success", "tolerant_success", "call_us"
 
 
 class Judged(NamedTuple):
-    """A law in similar scenes."""
+    """Performance of a law in similar scenes."""
 
     law: ControllerSpec
     requires: tuple[str, ...]
     success: Rate
     tolerant: Rate
-    loss: PairedRates  #: Success of the recommended law less its own on the same scenes.
-    best: bool  #: Not distinguishable from the law that succeeds most often.
-    call_us: float  #: Median time of a call [µs].
+    loss: PairedRates  #: Success of the recommended law minus that of this law, paired by scene.
+    best: bool  #: Not significantly different from the law with the highest success.
+    call_us: float  #: Median time of a controller call [µs].
 
 
 class Advice(NamedTuple):
-    """The laws, the recommended one first, then by success, and what that rests on."""
+    """Ranking of laws, the recommended one first, then by success, and the scenes it rests on."""
 
     laws: tuple[Judged, ...]
-    families: tuple[str, ...]  #: Of the scenes.
-    widened: tuple[str, ...]  #: In what they differ from the situation.
-    unlike: tuple[str, ...]  #: In what it is unlike anything in the study.
+    families: tuple[str, ...]  #: Scenario families of the similar scenes.
+    widened: tuple[str, ...]  #: Properties in which the scenes may differ from the situation.
+    unlike: tuple[str, ...]  #: Properties of the situation that no scene of the study has.
 
 
 def distance(name: str, asked: Any, there: Any) -> int:
-    """0 of values that are alike, 1 of near ones (a joint more, half of the constraints in common),
-    2 of others.
+    """Return 0 if two values of a property are alike, 1 if they are near, 2 otherwise.
+
+    Numbers of joints are near if they differ by one. Sets of constraints are near if they have half
+    of their types in common.
     """
     if name == "constraints":
         shared = len({*asked} & {*there})
@@ -71,8 +77,10 @@ def distance(name: str, asked: Any, there: Any) -> int:
 
 
 def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
-    """Of a study's scenes those like one, each in the condition most like it; ``widened``,
-    ``unlike`` of an advice.
+    """Select the scenes of a study that are similar to a situation.
+
+    Return the keys of the scenes, each in the condition most similar to the situation, and
+    ``widened`` and ``unlike`` of :class:`Advice`.
     """
     steps = {}
     reasons = []
@@ -89,7 +97,7 @@ def similar(scenes: Any, situation: Situation) -> tuple[Any, tuple[str, ...], tu
                 f"{name.replace('_', ' ')} {asked:.3g}: {min(far):.3g} to {max(far):.3g} in all "
                 f"scenes"
             )
-        # in what no scene is like it they are not told from each other
+        # a property that no scene shares does not distinguish scenes at the smallest distance
         step = {
             value: 1 + STEPS.index((name, d)) if d > min(far.values()) else 0
             for value, d in far.items()
@@ -117,13 +125,14 @@ def advise(
     may_use: Collection[str] | None = None,
     margin: float = MARGIN,
 ) -> Advice:
-    """The law for a situation, of those that require (:attr:`.Controller.uses`) nothing that is not
-    in ``may_use``.
+    """Recommend a law for a situation, given the information that may be used.
 
-    Laws are ordered by success in similar scenes, to which those of the whole study add as much as
-    :data:`ENOUGH`. Of laws not distinguishable from the first, and no more than ``margin`` standard
-    errors of the difference behind it, that one is recommended which requires least: no model, no
-    L_fφ, the shortest call. Raises ConfigurationError if none may be used.
+    Only laws whose required information (:attr:`.Controller.uses`) is in ``may_use`` are
+    considered. Laws are ordered by success in similar scenes; the mean over the whole study is
+    added with the weight of :data:`ENOUGH` scenes. Candidates are the laws that do not differ
+    significantly from the first one and are at most ``margin`` standard errors of the difference
+    behind it. The candidate with the least required information is recommended: no model, no L_fφ,
+    then the shortest call. Raises ConfigurationError if no law may be used.
     """
     requires = {name: law.make().uses for name, law in study.laws.items()}
     names = [name for name in requires if may_use is None or {*requires[name]} <= {*may_use}]

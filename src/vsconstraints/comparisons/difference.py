@@ -1,5 +1,6 @@
-"""What differs between two folders of results, A and B, and whether B is worse: runs of the same
-scenes in pairs.
+"""Paired comparison of two result folders A and B, which tests if B is worse.
+
+Runs of the same scenes are compared in pairs.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ from .statistics.judged import (
 from .statistics.rates import sign_test
 from .stored import StoredComparison
 
-#: chance, over all tests of a difference together, to find something where there is nothing
+#: Familywise significance level over all tests of a difference.
 SIGNIFICANT = 0.05
-TOLERANCE = 1e-6  #: share of a value by which it may move: another machine rounds otherwise
-#: Columns that are equal if a run is: all but times.
+TOLERANCE = 1e-6  #: Relative change that is ignored: rounding differs between machines.
+#: Columns that two identical runs have in common: all except times.
 SCORES = [
     metric.column
     for metric in METRICS
@@ -47,12 +48,12 @@ SCORES = [
 
 PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
 PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
-"""Entries of a manifest that results depend on, and what they are part of."""
+"""Entries of a manifest that results depend on, with the part under which they are reported."""
 
-#: tables of a configuration that hold a table for each name
+#: Tables of a configuration that contain one table per name.
 NAMED = ("scenarios", "controllers", "families")
 
-#: What a run is to do, and whether each run does.
+#: Desired outcomes, with a function that flags the runs that have them.
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
     "converges": converged,
     "stays inside": lambda runs: ~violated(runs),
@@ -62,12 +63,12 @@ OUTCOMES: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two result folders, of chosen scenarios or of drawn scenes.
+    """One of the two result folders, with runs of chosen scenarios or of drawn scenes.
 
-    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, scene and controller,
-    then those of results.csv; those of ``group`` separate results, and ``unit`` is what the
-    manifest counts. ``drawn`` (pandas.Series) is what was drawn for each scene, as text; None for
-    chosen scenarios.
+    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, which identify scene
+    and controller, then those of results.csv. The columns of ``group`` separate results. ``unit``
+    is the unit in which the manifest counts. ``drawn`` (pandas.Series) holds the drawn values of
+    each scene as text; None for chosen scenarios.
     """
 
     folder: Path
@@ -81,11 +82,12 @@ class Side:
 
     @classmethod
     def load(cls, folder: Path) -> Side:
-        """Read a folder of ``compare`` or ``evidence``; raises ConfigurationError if it holds
-        neither.
+        """Read a folder of ``compare`` or ``evidence``.
+
+        Raises ConfigurationError if it contains neither.
         """
         if kind_of(folder) == "evidence":
-            evidence = Evidence.load(folder, trust=True)  # nothing of it is drawn
+            evidence = Evidence.load(folder, trust=True)  # no scene of it is drawn again
             # the categories of the other side may be different
             runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
             scenes = evidence.scenes.astype(
@@ -99,13 +101,14 @@ class Side:
             )
         import pandas
 
-        stored = StoredComparison.load(folder, trust=True)  # nothing of it is built
+        stored = StoredComparison.load(folder, trust=True)  # no part of it is built
         runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
         return cls(folder, stored.manifest, runs, stored.remarks)
 
     def renamed(self, names: Mapping[str, str]) -> Side:
-        """The same with other names for some controllers; raises ConfigurationError for unknown and
-        used ones.
+        """Return a copy in which some controllers have other names.
+
+        Raises ConfigurationError for unknown controllers and for names that are in use.
         """
         configuration = self.manifest["configuration"]
         controllers = configuration.get("controllers", {})
@@ -123,10 +126,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Runs that both sides have, ``a`` and ``b`` in the same order, and those that only one has
-    (pandas.DataFrames).
+    """Runs that exist on both sides, in the same order, and runs of one side only.
 
-    ``drawn_otherwise`` counts the scenes that have the same number in both and are not the same.
+    ``a`` and ``b`` are the paired runs. All are pandas.DataFrames. ``drawn_otherwise`` counts the
+    scenes that have the same number on both sides but different drawn values.
     """
 
     a: Any
@@ -137,8 +140,10 @@ class Pairs:
 
     @classmethod
     def of(cls, a: Side, b: Side) -> Pairs:
-        """Pair two sides; ConfigurationError if only one has drawn scenes, seeds differ, or there
-        is no pair.
+        """Pair the runs of two sides.
+
+        Raises ConfigurationError if only one side has drawn scenes, if the seeds differ, or if no
+        run exists on both sides.
         """
         seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
         why = "" if a.key == b.key else "only one of them has drawn scenes"
@@ -171,7 +176,7 @@ class Pairs:
 
     @cached_property
     def differ(self) -> Any:
-        """Whether anything but times differs, for each pair."""
+        """Flag of each pair: True if any score other than a time differs."""
         a = self.a[SCORES]
         b = self.b[SCORES]
         return ((a != b) & ~(a.isna() & b.isna())).any(axis=1)
@@ -179,10 +184,10 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Pairs of a law in one family and condition, its ``place``, if they are drawn, and their runs
-    (pandas.DataFrames).
+    """Pairs of one law and, for drawn scenes, of one family and condition, its ``place``.
 
-    ``positions`` (n,) are those among all pairs.
+    ``a`` and ``b`` are the runs of both sides (pandas.DataFrames). ``positions`` (n,) are the
+    indices of the pairs among all pairs.
     """
 
     law: str
@@ -196,7 +201,7 @@ class Group:
 
 
 def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
-    """All pairs by controller and the columns ``by``; the unconstrained baseline is not judged."""
+    """Group all pairs by controller and the columns ``by``, without the unconstrained baseline."""
     found = []
     for key, positions in pairs.a.groupby(
         level=["controller", *by], sort=False, observed=True
@@ -210,8 +215,10 @@ def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
 
 @dataclass(frozen=True)
 class Change:
-    """A difference of two manifests: which ``part`` and key, with dots, of which names; None where
-    it is missing.
+    """Difference between two manifests.
+
+    It has a ``part``, a key ``what`` with dots, and the ``names`` of the scenarios or controllers
+    that it concerns. ``before`` or ``after`` is None if the key is missing there.
     """
 
     part: str
@@ -222,7 +229,10 @@ class Change:
 
 
 def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
-    """Differences of two manifests; the same change of several scenarios or controllers is one."""
+    """List the differences between two manifests.
+
+    A change that several scenarios or controllers have in common is listed once.
+    """
     found: dict[tuple[str, str, str], Change] = {}
     for key, part in PARTS.items():
         for path, before, after in different(a.get(key), b.get(key)):
@@ -247,11 +257,11 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`; ``lost``,
-    ``gained``: only A, only B.
+    """Number of pairs of a group in which A and B have the outcome ``what`` of :data:`OUTCOMES`.
 
-    ``p`` is of the exact sign test (McNemar), uncorrected; None if too few differ for a test,
-    :data:`.judged.MIN_SCENES`.
+    ``lost`` are the pairs in which only A has it, ``gained`` those in which only B has it. ``p`` is
+    the uncorrected p-value of the exact sign test (McNemar); None if fewer than
+    :data:`.judged.MIN_SCENES` pairs differ.
     """
 
     group: Group
@@ -265,7 +275,7 @@ class Outcome:
 
 
 def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
-    """All outcomes in which pairs differ."""
+    """Yield every outcome in which pairs differ."""
     for group in groups:
         for what, does in OUTCOMES.items():
             a = does(group.a).to_numpy()
@@ -281,12 +291,12 @@ def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """How a metric of a group moved, in the pairs, ``of`` all, in which both runs converged and may
-    be judged by it.
+    """Change of a metric in a group, over the pairs in which both runs can be judged by it.
 
-    In ``better`` and ``worse`` of them B is so by more than the tolerance; ``differences`` (n,) are
-    B − A, as stored, of the pairs that differ. ``p`` is of the sign test, uncorrected; None if too
-    few differ.
+    There are ``of`` such pairs: both runs converge and satisfy the condition of the metric. In
+    ``better`` and ``worse`` of them B is better or worse by more than the tolerance.
+    ``differences`` (n,) are B − A, as stored, of the pairs that differ. ``p`` is the uncorrected
+    p-value of the sign test; None if too few pairs differ.
     """
 
     group: Group
@@ -300,8 +310,10 @@ class Shift:
 
 
 def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
-    """All metrics in which pairs differ by more than the tolerance, a share of the greater value,
-    and reports show.
+    """Yield the metrics in which pairs differ by more than the tolerance.
+
+    The tolerance is relative to the greater value. A change must also exceed the resolution of the
+    metric, the smallest difference that reports show.
     """
     for group, metric in ((group, metric) for group in groups for metric in metrics):
         a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
@@ -322,10 +334,11 @@ def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float)
 
 @dataclass(frozen=True)
 class Difference:
-    """B as seen from A.
+    """Result of comparing B with A.
 
-    ``found`` are the outcomes and metrics in which pairs differ, each with its p-value corrected
-    for all of them (Bonferroni), None if not tested. If ``strict``, every run counts that B lost.
+    ``found`` are the outcomes and metrics in which pairs differ, each with its p-value after
+    Bonferroni correction over all tests; None if not tested. If ``strict``, a single outcome that
+    only A has makes B worse.
     """
 
     a: Side
@@ -338,22 +351,25 @@ class Difference:
 
     @property
     def confidence(self) -> float:
-        """Of each interval, so that all hold at once and agree with the tests."""
+        """Confidence level of each interval, chosen to agree with the corrected tests.
+
+        All intervals hold simultaneously.
+        """
         return simultaneous(1.0 - SIGNIFICANT, sum(p is not None for _, p in self.found))
 
     @property
     def worse(self) -> list[Outcome | Shift]:
-        """What got worse: see :meth:`counts`."""
+        """Outcomes and metrics in which B is worse, see :meth:`counts`."""
         return [each for each, p in self.found if self.counts(each, p)]
 
     def counts(self, found: Outcome | Shift, p: float | None) -> bool:
-        """Whether a difference makes B worse: significantly, or, if strict, in any run."""
+        """Return True if a difference makes B worse: significantly or, if strict, in any run."""
         lost = self.strict and isinstance(found, Outcome) and len(found.lost) > 0
         return lost or (found.for_worse and significant(p))
 
 
 def significant(p: float | None) -> bool:
-    """Whether a corrected p-value is."""
+    """Return True if a corrected p-value is significant."""
     return p is not None and p <= SIGNIFICANT
 
 
@@ -366,13 +382,13 @@ def difference(
     tolerance: float = TOLERANCE,
     renamed: Mapping[str, str] = MappingProxyType({}),
 ) -> Difference:
-    """Compare two folders of results, before and after: both of ``compare``, or both of
-    ``evidence``.
+    """Compare two result folders, before and after: both of ``compare``, or both of ``evidence``.
 
-    ``metrics`` are columns of results.csv, all that can be judged if empty; ``strict`` says whether
-    every run counts that B lost: if None, those of chosen scenarios do, those of drawn scenes do
-    not; ``tolerance`` is the share of a value by which it may move, ``renamed`` what controllers of
-    A are called in B. Raises ConfigurationError if they are not comparable.
+    ``metrics`` are columns of results.csv; if empty, all that can be judged. If ``strict``, a
+    single outcome that only A has makes B worse. None means strict for chosen scenarios, and not
+    strict for drawn scenes. ``tolerance`` is the relative change that is ignored. ``renamed`` maps
+    controller names of A to those of B. Raises ConfigurationError if the folders are not
+    comparable.
     """
     columns = [judged_metric(name) for name in metrics or judged_metrics()]
     if not tolerance >= 0.0:

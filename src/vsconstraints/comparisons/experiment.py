@@ -1,6 +1,4 @@
-"""An experiment: scenes × conditions × laws × trials, described by a file and changed by a command
-line.
-"""
+"""Experiment: scenes × conditions × laws × trials, described by a file or the command line."""
 
 from __future__ import annotations
 
@@ -18,24 +16,22 @@ from ..scenarios.reading import Table
 from ..scenarios.toml import parse_toml
 from .runs.spec import AS_THE_SCENE, BASELINE, ControllerSpec
 
-#: Bytes that the name of a scenario or controller may have; files are named after both.
+#: Maximum length of a scenario or controller name [bytes]; both appear in file names.
 MAX_NAME_BYTES = 100
 Entries = tuple[ControllerSpec, ...]  #: Controllers in the order of the results.
 
 
 class Experiment:
-    """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen
-    dataclasses.
-    """
+    """Base of a suite of scenarios and a campaign of drawn scenes, both frozen dataclasses."""
 
     controllers: Entries
-    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys besides names of scenarios
-    #: and controllers.
+    #: Attributes that ``KEY=VALUE`` sets to whole numbers, and all keys that are not names of
+    #: scenarios or controllers.
     whole_numbers: ClassVar[tuple[str, ...]]
     settings: ClassVar[tuple[str, ...]]
 
     def changed(self, **attributes: Any) -> Self:
-        """The same with other values of attributes."""
+        """Return a copy with other values of some attributes."""
         return replace(self, **attributes)  # type: ignore[type-var]
 
     def _selected(
@@ -45,7 +41,10 @@ class Experiment:
         names: Sequence[str],
         controllers: Sequence[str],
     ) -> Self:
-        """The same with scenes and controllers of these names, or paths, if any."""
+        """Return a copy with only the scenes and controllers of these names or paths.
+
+        If no name is given, all are kept.
+        """
         own = {each.name: each for each in getattr(self, what)}
         chosen = tuple(own.get(name) or load(name) for name in dict.fromkeys(names or own))
         return self.changed(
@@ -53,10 +52,10 @@ class Experiment:
         )
 
     def with_settings(self, settings: Iterable[str]) -> Self:
-        """The same with what ``KEY=VALUE`` says, VALUE as in TOML; raises ConfigurationError for
-        what is wrong.
+        """Return a copy with the settings ``KEY=VALUE`` applied, VALUE as in TOML.
 
-        KEY is an attribute, or the name of a controller, or of another part, and a key in it.
+        KEY is an attribute, or a dotted key that begins with the name of a controller or of another
+        part. Raises ConfigurationError for an invalid setting.
         """
         experiment = self
         for setting in settings:
@@ -86,9 +85,13 @@ class Experiment:
         return self.changed(controllers=tuple(entries))
 
     def _target(self, key: str, others: Iterable[str] = ()) -> tuple[str, str]:
-        """The controller, or one of ``others``, that a dotted key begins with, and the rest."""
+        """Split a dotted key into the part that it names and the rest.
+
+        The part is a controller or one of ``others``. Raises ConfigurationError for an unknown
+        part.
+        """
         names = {*others, *(entry.name for entry in self.controllers)}
-        # names may contain dots: the longest one that the key begins with is meant
+        # names may contain dots: the longest name that the key begins with is used
         target = max(
             (name for name in names if f"{key}.".startswith(f"{name}.")), key=len, default=None
         )
@@ -99,8 +102,9 @@ class Experiment:
         return target, rest
 
     def with_baseline(self) -> Self:
-        """The same with unconstrained tracking first; raises ConfigurationError if its name is
-        another law's.
+        """Return a copy with the unconstrained baseline as first controller.
+
+        Raises ConfigurationError if another law has the name of the baseline.
         """
         baseline = next(
             (entry for entry in self.controllers if entry.name == BASELINE),
@@ -114,8 +118,9 @@ class Experiment:
         return self.changed(controllers=(baseline, *others))
 
     def demand_controllers(self) -> None:
-        """Raise ConfigurationError or InvalidInput unless all can be made, and files can be named
-        after them.
+        """Raise unless all controllers can be built and their names are valid in file names.
+
+        The error is ConfigurationError or InvalidInput.
         """
         demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
@@ -123,7 +128,7 @@ class Experiment:
 
 
 def entries_of(tables: Table, where: str, folder: Path) -> Entries:
-    """The controllers of a file's tables; raises ConfigurationError for an unknown law."""
+    """Read the controllers of a file's tables; raises ConfigurationError for an unknown law."""
     entries = []
     for name, table in tables.items():
         entries.append(ControllerSpec.from_table(name, table, where, folder))
@@ -132,8 +137,10 @@ def entries_of(tables: Table, where: str, folder: Path) -> Entries:
 
 
 def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
-    """Those of these names, of the file's, registered ones or ``module:Class``; all of the file's
-    without names.
+    """Select controllers by name; without names, return all controllers of the file.
+
+    A name is that of a controller of the file, of a registered law, or ``module:Class``. Raises
+    ConfigurationError for an unknown name.
     """
     by_name = {entry.name: entry for entry in entries}
     for name in names:
@@ -154,9 +161,7 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
 
 
 def demand_names(what: str, names: Iterable[str], where: str = "") -> None:
-    """Raise ConfigurationError unless files can be named after these names, and each is there
-    once.
-    """
+    """Raise ConfigurationError unless all names are distinct and valid in file names."""
     for name, count in Counter(iter(names)).items():
         named = f"{where}{what} name {shown(name)} is used in file names"
         if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:

@@ -1,7 +1,6 @@
-"""Scores of a run: what metrics are computed from, each worked out once, and the table of all
-metrics.
+"""Scores of a run: the quantities that metrics are computed from, and the table of all metrics.
 
-The definitions are part of the product: reports print :data:`DEFINITIONS`.
+Each quantity is computed once. Reports print :data:`DEFINITIONS`.
 """
 
 from __future__ import annotations
@@ -25,40 +24,46 @@ from .record import RunRecord
 from .runs.spec import ROUNDING
 
 NEGLIGIBLE = 1e-4
-"""Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict
-standard.
+"""Depth up to which a row is not violated under the strict standard [fraction of L].
 
-A law that keeps a row on its boundary is off by some 1e-5. What T_s u⁺ (43) explains is violated
-all the same.
+L is the characteristic length. A law that keeps a row on its boundary deviates from it by about
+1e-5. Depths that the sampling band T_s u⁺ (43) explains count as violations too.
 """
 
-TOLERANT = 1e-2  #: the same of the tolerant standard, which is about what cameras and arms resolve
+#: The same depth under the tolerant standard: about the resolution of cameras and arms.
+TOLERANT = 1e-2
 
-#: Where reports show how success grows with the depth that is tolerated.
+#: Tolerated depths for which reports show the success rate [fraction of L].
 TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
 
-#: in a sliding mode φ crosses zero again and again: within this many samples, from either side
+#: Maximum number of samples between two zero crossings of φ in a sliding mode, from either side.
 SLIDING_GAP = 10
-AT_BOUNDARY = 3  #: samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
-#: While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and
-#: after holds on.
+AT_BOUNDARY = 3  #: Samples with φ ≥ 0 that put a row at its boundary; fewer only touch it.
+#: A row between two active times still restrains the arm while φ is at most this many switching
+#: steps T_s u⁺ below zero.
 STEPS = 2.0
 
 
 @dataclass
 class Measured:
-    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the
-    same trial.
+    """Argument of a metric's function: a run of N samples and m rows, and its baseline.
 
-    ``run`` is what the simulation left, ``Ts`` the sampling time [s]. (m,) ``least`` clearances are
-    of the whole run, between samples too; ``violated`` are depths by the strict standard, 0 if not,
-    ``within_band`` those that were never deeper than the sampling band, ``fraction`` the greatest
-    depths, however slight, over the characteristic lengths. (N, m) ``outside`` says in which
-    periods a row is as deep outside as violated ones are, (T, m) ``outside_alone`` the same of the
-    baseline; (N, m) ``usage`` is 1 − c/L, from 0 to 1, of clearances c. From sample to sample
-    within the scenario's duration: ``switches``, whether the active set changes, and
-    ``command_changes`` ‖Δq̈_c‖. ``step_times`` and ``rows_times`` are of the controller's calls,
-    and of rows and task, but the first [µs].
+    The baseline is of the same scenario and trial.
+
+    - ``run``: the trajectory of the simulation; ``Ts``: the sampling time [s].
+    - ``least`` (m,): minimum clearances over the whole run, between samples included.
+    - ``violated`` (m,): violation depths under the strict standard, 0 if not violated.
+    - ``within_band`` (m,): the same, 0 for depths beyond the sampling band.
+    - ``fraction`` (m,): greatest depths, however small, over the characteristic lengths.
+    - ``outside`` (N, m): True in periods in which a row is violated under the strict standard.
+    - ``outside_alone`` (T, m): the same for the baseline.
+    - ``usage`` (N, m): 1 − c/L of clearances c, from 0 to 1.
+    - ``switches``: True if the active set changes from one sample to the next.
+    - ``command_changes``: ‖Δq̈_c‖ from one sample to the next.
+    - ``step_times``, ``rows_times``: times of the controller's calls, and of rows and task [µs],
+      without the first.
+
+    ``switches`` and ``command_changes`` end with the scenario's duration.
     """
 
     record: RunRecord
@@ -89,13 +94,14 @@ class Measured:
         self.rows_times = run.rows_time[1:] * 1e6
 
     def named(self, depth: Array) -> str:
-        """Labels of the rows with a depth (m,), separated by semicolons."""
+        """Return the labels of the rows with a positive depth (m,), separated by semicolons."""
         return "; ".join(self.run.labels[i] for i in np.flatnonzero(depth > 0.0))
 
     @cached_property
     def usage_at_speed(self) -> Array:
-        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: 1 where the arm may come no faster, by φ = σ + K σ̇
-        = 0.
+        """(N, m) 1 − (c + K ċ)/L, from 0 to 1.
+
+        It is 1 at the highest approach speed that φ = σ + K σ̇ = 0 permits.
         """
         c = self.run.clearance
         if len(c) < 2:
@@ -103,12 +109,13 @@ class Measured:
         with np.errstate(invalid="ignore"):
             left = c + self.record.approach_time * np.gradient(c, self.Ts, axis=0)
             usage = np.clip(1.0 - left / self.record.length, 0.0, 1.0)
-        return np.nan_to_num(usage)  # where no boundary is in sight, nothing is used
+        return np.nan_to_num(usage)  # without a boundary in range the usage is 0
 
     @cached_property
     def held(self) -> BoolArray:
-        """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and
-        after.
+        """(N, m) True while a row restrains the arm.
+
+        This is the case while the row is active and, in a sliding mode, between two activations.
         """
         held = self.run.active.copy()
         steps = self.Ts * self.record.switching_gain
@@ -120,8 +127,9 @@ class Measured:
         return held
 
     def utilization(self) -> float:
-        """Mean usage where the baseline is outside, while both runs last; NaN if not converged, or
-        it never is.
+        """Return the mean usage while the baseline violates a row and both runs last.
+
+        NaN if the run did not converge or the baseline never violates a row.
         """
         common = min(len(self.usage), len(self.outside_alone))
         when = self.outside_alone[:common]
@@ -131,9 +139,7 @@ class Measured:
 
     @cached_property
     def band(self) -> tuple[float, float]:
-        """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the
-        other; NaN if none.
-        """
+        """Band of φ and its bound T_s u⁺, for the row with the largest ratio; NaN if none."""
         bounds = self.Ts * self.record.switching_gain
         bands = np.array(
             [_band(phi, bound) for phi, bound in zip(self.run.phi.T, bounds, strict=True)]
@@ -144,14 +150,14 @@ class Measured:
         return float(bands[worst]), float(bounds[worst])
 
     def largest_acceleration(self) -> float:
-        """Return the largest acceleration commanded of one joint in any sample; NaN if there is
-        none.
-        """
+        """Return the largest commanded acceleration of any joint in any sample; NaN if none."""
         return over(np.abs(self.run.qdd_command).ravel(), np.fmax.reduce)
 
     def sliding_lost(self) -> float:
-        """Time for which some row's φ stays at or above zero for longer than a sliding mode does,
-        beyond T_s u⁺ [s].
+        """Return the time during which sliding is lost on some row [s].
+
+        Sliding is lost if φ stays at or above zero for longer than in a sliding mode, and exceeds
+        T_s u⁺.
         """
         lost = np.zeros(len(self.run.t), dtype=np.bool_)
         for phi, bound in zip(self.run.phi.T, self.Ts * self.record.switching_gain, strict=True):
@@ -161,16 +167,17 @@ class Measured:
         return float(lost.sum() * self.Ts) if len(lost) > 1 else np.nan
 
     def longest_positive_runs(self) -> Array:
-        """(m,) longest time with φ ≥ 0 of each row [s]."""
+        """(m,) Longest time with φ ≥ 0 of each row [s]."""
         return np.array([longest_run(phi >= 0.0) * self.Ts for phi in self.run.phi.T])
 
     def per_second(self, changes: Array | BoolArray) -> float:
-        """Sum of changes from sample to sample per second; NaN for a run of one sample."""
+        """Return the sum of changes between samples per second; NaN for a run of one sample."""
         return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
 
     def settling_time(self) -> float:
-        """From the beginning of each goal until it is reached for good [s], added up; NaN if it did
-        not converge.
+        """Return the time from the start of each goal until it is finally reached [s], summed.
+
+        NaN if the run did not converge.
         """
         if self.run.status != "converged":
             return float("nan")
@@ -184,8 +191,9 @@ class Measured:
         return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
 
     def missed_periods(self) -> float:
-        """Samples but the first that took longer than a period, NaN without; on an arm, what its
-        loop missed.
+        """Count the samples, except the first, that took longer than a period; NaN without samples.
+
+        On an arm, this is the number of periods that the control loop missed.
         """
         if self.record.missed is not None:
             return self.record.missed
@@ -194,13 +202,14 @@ class Measured:
 
 
 def _in_period(record: RunRecord) -> Array:
-    """(N, m) least clearance of each sampling period, at its beginning and inside."""
+    """Return the least clearance of each sampling period (N, m), at its start and inside it."""
     return cast(Array, np.minimum(record.trajectory.clearance, record.trajectory.between_clearance))
 
 
 def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
-    """(T, m) whether each row is as deep outside as violated ones, in any part of periods of
-    sampling time Ts [s].
+    """Flag the periods in which each row is violated under the strict standard (T, m).
+
+    The periods have the sampling time Ts [s]; any part of a period counts.
     """
     outside = _in_period(record) < -NEGLIGIBLE * record.length
     begins = np.arange(0.0, len(outside) - ROUNDING, Ts / record.Ts) + ROUNDING
@@ -208,8 +217,9 @@ def _outside_at(record: RunRecord, Ts: float) -> BoolArray:
 
 
 def mean_while(values: Array, when: BoolArray) -> Array:
-    """(m,) mean of values (N, m) over the samples in which a flag (T, m) is set, of those that both
-    have; else NaN.
+    """Return the mean (m,) of values (N, m) over the samples in which a flag (T, m) is set.
+
+    Only samples that both arrays have are used. NaN if no flag is set.
     """
     common = min(len(values), len(when))
     count = when[:common].sum(axis=0)
@@ -218,28 +228,31 @@ def mean_while(values: Array, when: BoolArray) -> Array:
 
 
 def first_active(t: Array, active: BoolArray) -> Array:
-    """(m,) when each row acts (N, m) for the first time [s]; NaN where it never does."""
+    """Return the time (m,) at which each row is first active (N, m) [s]; NaN if it never is."""
     return np.where(active.any(axis=0), t[active.argmax(axis=0)], np.nan)
 
 
 def over(values: Array, how: Callable[[Array], Any]) -> float:
-    """A number of values (n,); NaN of none."""
+    """Reduce values (n,) to one number; NaN if there are no values."""
     return float(how(values)) if len(values) else np.nan
 
 
 def longest_run(flags: BoolArray) -> int:
-    """Most flags (N,) in a row."""
+    """Return the length of the longest sequence of set flags (N,)."""
     return max((end - begin for begin, end in _intervals(flags)), default=0)
 
 
 def _intervals(flags: BoolArray) -> list[tuple[int, int]]:
-    """Begin and end of each stretch of flags (N,)."""
+    """Return the start and end of each sequence of set flags (N,)."""
     edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _band(phi: Array, bound: float) -> float:
-    """Greatest extent of φ (N,) and zero while the row is at its boundary; NaN if it never is."""
+    """Return the greatest extent of φ (N,) and zero while the row is at its boundary.
+
+    NaN if the row is never at its boundary.
+    """
     at = np.flatnonzero(phi >= 0.0)
     bands = []
     for interval in np.split(at, np.flatnonzero(np.diff(at) > SLIDING_GAP) + 1) if len(at) else ():
@@ -253,19 +266,19 @@ def _band(phi: Array, bound: float) -> float:
 class Metric:
     """A column of results.csv or constraints.csv, and of the tables of reports.
 
-    ``value`` is that of a run or, in constraints.csv, of each of its rows; None for the ratio
-    ``column / over``. ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number
-    that differs from run to run on the same machine. Columns stand in the order in which they were
-    ``added``: a new one has a greater number than all others. Tables of earlier versions can be
-    read without it if it is a number.
+    ``value`` computes the value of a run or, in constraints.csv, of each of its rows; None for the
+    ratio ``column / over``. ``better`` is None for facts and noise. A ``kind`` of ``time`` is a
+    number that differs between runs on the same machine. Columns are ordered by ``added``: a new
+    column gets a greater number than all others. Tables of earlier versions can be read without a
+    column if it is a number.
 
-    In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a
-    scenario, ``overall`` in the tables over all scenarios, where runs are ``condensed``: to the
-    median of those that converged, of a time of all, or to the worst. ``factor`` and ``style`` make
-    the shown number: three digits; not less than a thousandth; two decimals; whole. ``finding`` is
-    the sentence that names the best law, and the unit. ``judged`` says whose values are compared,
-    of the runs that converged: ``any``, those ``inside`` that violated no row, or of these the ones
-    ``sliding`` that never lost a sliding mode.
+    In reports, ``header`` (with unit; hidden if empty) is the heading in the table ``group`` of a
+    scenario, and ``overall`` in the tables over all scenarios. There, runs are ``condensed`` to the
+    worst, or to the median of those that converged (for times: of all runs). ``factor`` and
+    ``style`` format the number: three digits; at least a thousandth; two decimals; whole.
+    ``finding`` is the sentence that names the best law, and the unit. ``judged`` selects the
+    converged runs that are compared: ``any``; those ``inside``, which violated no row; or, of
+    these, the ones ``sliding``, which never lost a sliding mode.
     """
 
     column: str
@@ -295,7 +308,7 @@ _DEFINITIONS = tomllib.loads(Path(__file__).with_name("metrics.toml").read_text(
 
 
 def _described(what: str, metrics: Sequence[Metric]) -> tuple[Metric, ...]:
-    """With their definitions, where those are in the file beside this one; ratios have none."""
+    """Add the definitions of the file ``metrics.toml`` to metrics; ratios have none."""
     texts = {
         metric.column: _DEFINITIONS[what].get(metric.column, "").format(**_NUMBERS)
         for metric in metrics
@@ -305,54 +318,60 @@ def _described(what: str, metrics: Sequence[Metric]) -> tuple[Metric, ...]:
     )
 
 
-#: Of a run, in the order in which a scenario's tables show them.
+#: Metrics of a run, in the order in which a scenario's tables show them.
 METRICS = _described("run", (
     Metric("status", lambda m: m.run.status, kind="text"),
     Metric("reason", lambda m: m.run.reason, kind="text"),
     Metric("duration_s", lambda m: m.run.t[-1]),
     Metric("settling_time_s", Measured.settling_time, "settling time [s]", group="task"),
-    Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]", group="task",
-           factor=1e3, style="error"),
-    Metric("final_rotation_error_rad", lambda m: m.run.camera_error[-1, 1], "orientation error [mrad]", group="task",
-           factor=1e3, style="error"),
-    Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]", group="task",
-           style="error"),
-    Metric("utilization", Measured.utilization, "utilization [%]", "more", group="outcome", style="percent",
-           overall="median utilization [%]", finding=("Most of the allowed space used", "%")),
+    Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
+           group="task", factor=1e3, style="error"),
+    Metric("final_rotation_error_rad", lambda m: m.run.camera_error[-1, 1],
+           "orientation error [mrad]", group="task", factor=1e3, style="error"),
+    Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
+           group="task", style="error"),
+    Metric("utilization", Measured.utilization, "utilization [%]", "more", group="outcome",
+           style="percent", overall="median utilization [%]",
+           finding=("Most of the allowed space used", "%")),
     Metric("violated", lambda m: m.named(m.violated), kind="text"),
-    Metric("violation_depth", lambda m: float((m.violated / m.record.length).max(initial=0.0)), "worst depth [% of L]",
-           group="outcome", judged="any", factor=100.0, overall="worst depth [% of L]", condensed="worst"),
-    Metric("violation_time_s", lambda m: float(m.outside.any(axis=1).sum() * m.Ts), "time outside [s]",
-           group="outcome", judged="any"),
+    Metric("violation_depth", lambda m: float((m.violated / m.record.length).max(initial=0.0)),
+           "worst depth [% of L]", group="outcome", judged="any", factor=100.0,
+           overall="worst depth [% of L]", condensed="worst"),
+    Metric("violation_time_s", lambda m: float(m.outside.any(axis=1).sum() * m.Ts),
+           "time outside [s]", group="outcome", judged="any"),
     Metric("phi_band", lambda m: m.band[0], "φ band", None),
     Metric("phi_band_bound", lambda m: m.band[1], "bound T_s u⁺", None),
-    Metric("phi_band", None, "band / bound", judged="sliding", over="phi_band_bound", overall="worst φ band / bound",
-           condensed="worst"),
+    Metric("phi_band", None, "band / bound", judged="sliding", over="phi_band_bound",
+           overall="worst φ band / bound", condensed="worst"),
     Metric("sliding_lost_s", Measured.sliding_lost, "sliding lost [s]", judged="sliding", added=3),
     Metric("switching_rate_hz", lambda m: m.per_second(m.switches), "switching rate [Hz]",
            overall="switching rate [Hz]"),
-    Metric("acceleration_variation", lambda m: m.per_second(m.command_changes), "acceleration variation [rad/s³]",
-           overall="acceleration variation "
-                   "[rad/s³]", finding=("Least chattering (acceleration variation)", "rad/s³")),
-    Metric("jerk_rms", lambda m: over(m.command_changes, lambda change: np.sqrt((change**2).mean()) / m.Ts),
+    Metric("acceleration_variation", lambda m: m.per_second(m.command_changes),
+           "acceleration variation [rad/s³]", overall="acceleration variation [rad/s³]",
+           finding=("Least chattering (acceleration variation)", "rad/s³")),
+    Metric("jerk_rms",
+           lambda m: over(m.command_changes, lambda change: np.sqrt((change**2).mean()) / m.Ts),
            "RMS jerk [rad/s³]"),
-    Metric("step_time_median_us", lambda m: over(m.step_times, np.median), "call, median [µs]", None, kind="time",
-           group="time", overall="median call [µs]"),
-    Metric("step_time_p99_us", lambda m: over(m.step_times, lambda each: np.quantile(each, 0.99)), "p99 [µs]", None,
-           kind="time", group="time"),
-    Metric("step_time_max_us", lambda m: over(m.step_times, np.max), "max [µs]", None, kind="time", group="time"),
-    Metric("rows_time_median_us", lambda m: over(m.rows_times, np.median), "rows and task, median [µs]", None,
-           kind="time", group="time"),
-    Metric("missed_periods", Measured.missed_periods, "missed periods", None, kind="time", group="time", style="count"),
+    Metric("step_time_median_us", lambda m: over(m.step_times, np.median), "call, median [µs]",
+           None, kind="time", group="time", overall="median call [µs]"),
+    Metric("step_time_p99_us", lambda m: over(m.step_times, lambda each: np.quantile(each, 0.99)),
+           "p99 [µs]", None, kind="time", group="time"),
+    Metric("step_time_max_us", lambda m: over(m.step_times, np.max), "max [µs]", None, kind="time",
+           group="time"),
+    Metric("rows_time_median_us", lambda m: over(m.rows_times, np.median),
+           "rows and task, median [µs]", None, kind="time", group="time"),
+    Metric("missed_periods", Measured.missed_periods, "missed periods", None, kind="time",
+           group="time", style="count"),
     Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1),
     Metric("within_band", lambda m: m.named(m.within_band), kind="text", added=2),
     Metric("held_time_s", lambda m: float(m.held.sum() * m.Ts), added=4),
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5),
     Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), added=6),
-    Metric("violated_tolerant", kind="text", added=7, value=lambda m: m.named(m.fraction - TOLERANT)),
+    Metric("violated_tolerant", kind="text", added=7,
+           value=lambda m: m.named(m.fraction - TOLERANT)),
     Metric("acceleration_max", Measured.largest_acceleration, added=8),
 ))  # fmt: skip
-#: Of each row of a run.
+#: Metrics of each row of a run.
 ROW_METRICS = _described("row", (
     Metric("constraint", lambda m: m.run.labels, kind="text"),
     Metric("kind", lambda m: m.record.kinds, kind="text"),
@@ -363,7 +382,8 @@ ROW_METRICS = _described("row", (
     Metric("last_active_s", lambda m: first_active(m.run.t[::-1], m.run.active[::-1])),
     Metric("clearance_min", lambda m: m.least),
     Metric("usage_max", lambda m: 1.0 - m.least / m.record.length),
-    Metric("mean_unused_margin", lambda m: mean_while(np.maximum(m.run.clearance, 0.0), m.outside_alone)),
+    Metric("mean_unused_margin",
+           lambda m: mean_while(np.maximum(m.run.clearance, 0.0), m.outside_alone)),
     Metric("violation_depth", lambda m: m.violated),
     Metric("violation_time_s", lambda m: m.outside.sum(axis=0) * m.Ts),
     Metric("phi_max", lambda m: m.run.phi.max(axis=0)),
@@ -376,7 +396,7 @@ ROW_METRICS = _described("row", (
     Metric("utilization", lambda m: mean_while(m.usage, m.outside_alone)),
 ))  # fmt: skip
 
-#: columns of both files that say which run it is
+#: Columns of both files that identify the run.
 RUN = ("suite", "scenario", "controller", "trial")
 STORED = tuple(
     sorted(
@@ -385,14 +405,14 @@ STORED = tuple(
 )
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))
-#: Columns that tables of earlier versions may lack: they then read as empty. Only numbers can,
-#: since an empty text says something.
+#: Columns that tables of earlier versions may lack; they are then read as empty. Only numbers are
+#: permitted, because an empty text has a meaning.
 LATER_COLUMNS = tuple(
     each.column for each in STORED if each.added and each.kind in ("number", "time")
 )
 #: The columns of results.csv that differ from run to run on the same machine.
 TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "time")
-#: What the scores mean, and words that this uses: the one source of reports and documentation.
+#: Definitions of scores and of the terms in them: the single source of reports and documentation.
 DEFINITIONS: dict[str, str] = _DEFINITIONS["term"] | {
     metric.column: metric.definition for metric in (*METRICS, *ROW_METRICS) if metric.definition
 }
@@ -400,8 +420,9 @@ DEFINITIONS: dict[str, str] = _DEFINITIONS["term"] | {
 
 @dataclass(frozen=True)
 class Score:
-    """One line of results.csv and one of constraints.csv for each row, without suite, scenario,
-    controller, trial.
+    """Scores of a run: its line of results.csv, and one line of constraints.csv per row.
+
+    The columns of :data:`RUN`, which identify the run, are not included.
     """
 
     result: Mapping[str, Any]
@@ -417,10 +438,10 @@ class Score:
 
 
 def score(record: RunRecord, baseline: RunRecord | None) -> Score:
-    """Score a run; where it has no sample, what is a number does not exist.
+    """Score a run; numbers are NaN if it has no sample.
 
-    ``baseline`` is the tracking-only run of the same scenario and trial; without one no row counts
-    as challenged.
+    ``baseline`` is the run of the unconstrained baseline in the same scenario and trial. Without
+    one, no row counts as challenged.
     """
     run = Measured(record, baseline)
     some = len(record.trajectory.t) > 0

@@ -1,4 +1,4 @@
-"""One stored run: its trajectory and what is needed to score it, in one .npz file."""
+"""Record of one run: its trajectory and everything needed to score it, in one .npz file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..simulation.trajectory import Outcome
 from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
-SAMPLE_MEMORY = 65_536.0  # bytes that a sample may take: thousands of rows and robot points
+SAMPLE_MEMORY = 65_536.0  # maximum bytes of a sample: thousands of rows and robot points
 
 #: Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points
 #: p, goals g.
@@ -42,7 +42,7 @@ SHAPES = {
 
 TEXTS = ("labels", "kinds", "units")
 FLAGS = ("active", "saturated", "settled")
-#: What else a record holds.
+#: Types of the other entries of a record.
 FACTS: dict[str, Any] = dict.fromkeys(("status", "reason", "fingerprint"), str)
 FACTS |= {
     "fallbacks": int,
@@ -58,30 +58,29 @@ TRAJECTORY = [f.name for f in fields(Trajectory)]
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run and the description of its rows."""
+    """Trajectory of a run and the description of its rows."""
 
     trajectory: Trajectory
-    #: (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
+    #: (m,) kind, unit, characteristic length L in that unit, and switching gain u⁺ of each row.
     kinds: tuple[str, ...]
     units: tuple[str, ...]
     length: Array
     switching_gain: Array
-    #: (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row,
-    #: in its unit.
+    #: (m,) approach time K of each row [s], 0 for rows on speeds; depth that sampling alone causes,
+    #: in the unit of the row.
     approach_time: Array
     sampling_band: Array
-    #: (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins
-    #: [s].
+    #: (N,) True if the current goal is reached at the sample; (g,) start time of each goal [s].
     settled: BoolArray
     goal_begins: Array
-    #: Samples of the scenario's duration, which all laws share: scores per second are of these.
+    #: Samples within the scenario's duration, common to all laws: the basis of rates per second.
     common: int
     Ts: float  #: Sampling time [s].
-    #: Hash of scenario, controller, trial, seed and code; hashes of the other files that it was
-    #: made from.
+    #: Hash of scenario, controller, trial, seed and code; hashes of the other files that the run
+    #: depends on.
     fingerprint: str
     files: Files = field(default_factory=dict)
-    #: On an arm, how many periods the loop has missed; None in a simulation.
+    #: Number of periods that the loop missed on an arm; None in a simulation.
     missed: int | None = None
 
     @in_one_line
@@ -90,7 +89,7 @@ class RunRecord:
 
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:
-        """The record of a run of this setup."""
+        """Build the record of a run of this setup."""
         told = replace(trajectory, reason=one_line(trajectory.reason))
         own = setup.constraints
         rows = (
@@ -106,7 +105,7 @@ class RunRecord:
 
     @classmethod
     def failed(cls, reason: str, fingerprint: str) -> RunRecord:
-        """The record of a run that left nothing but its reason."""
+        """Build the record of a run that failed without a trajectory, with its reason."""
         values: dict[str, Any] = dict.fromkeys(TEXTS, ())
         for name, axes in SHAPES.items():
             shape = [int(axis) if axis.isdecimal() else 0 for axis in axes]
@@ -121,13 +120,14 @@ class RunRecord:
 
     @classmethod
     def _from(cls, values: Mapping[str, Any]) -> RunRecord:
-        """From its attributes and those of its trajectory."""
+        """Build a record from its attributes and those of its trajectory."""
         others = {name: value for name, value in values.items() if name not in TRAJECTORY}
         return cls(Trajectory(**{name: values[name] for name in TRAJECTORY}), **others)
 
     def save(self, path: Path) -> None:
-        """Write the file whole or not at all; raises OSError, and what an own part's strange arrays
-        may raise.
+        """Write the file completely or not at all.
+
+        Raises OSError, and any error that invalid arrays of a custom part may raise.
         """
         values = {name: getattr(self.trajectory, name) for name in TRAJECTORY}
         values |= {f.name: getattr(self, f.name) for f in fields(self)[1:]}
@@ -135,10 +135,11 @@ class RunRecord:
 
     @classmethod
     def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
-        """What the file holds, unless it is no whole record of this version, or has more samples;
-        else None.
+        """Read a record; return None unless the file is a complete record of this version.
+
+        None is also returned if it has more than the given number of samples.
         """
-        # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
+        # a damaged file can raise any error: from the archive, its compression, NumPy or JSON
         with suppress(Exception):
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             values |= {name: tuple(map(str, values[name])) for name in TEXTS}
@@ -148,8 +149,9 @@ class RunRecord:
 
 
 def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
-    """Raise ValueError, KeyError or TypeError unless arrays of a record fit each other, and facts
-    are what they are.
+    """Raise unless the arrays of a record have consistent shapes and all entries have their types.
+
+    The error is ValueError, KeyError or TypeError.
     """
     sizes: dict[str, int] = {}
     for name, axes in SHAPES.items():
@@ -176,9 +178,7 @@ def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
 
 
 def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
-    """What a comparison's folder holds of this run; None unless all that it was made from is as it
-    is now.
-    """
+    """Return the stored record of a run; None unless everything that it depends on is unchanged."""
     record = RunRecord.load(run_file(folder, *spec.key))
     if record is None or record.fingerprint != spec.fingerprint:
         return None
@@ -186,5 +186,5 @@ def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
 
 
 def run_file(folder: Path, scenario: str, controller: str, trial: int) -> Path:
-    """Where a run's trajectory is stored below a comparison's folder."""
+    """Return the path of a run's trajectory in a comparison's folder."""
     return folder / TRAJECTORIES / f"{scenario}--{controller}--{trial}.npz"

@@ -1,4 +1,4 @@
-"""Repeat a share of a study's runs, and compare what comes of them with what the study says."""
+"""Repetition of a random share of a study's runs, compared with the stored results."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .runs.pool import Failure, OpenWorkers, processes
 from .runs.spec import BASELINE, ControllerSpec
 from .study import CONDITION, OUTCOME, SCENE, Study
 
-TOLERANCE = 1e-9  #: Relative difference of numbers that are the same on another machine.
-NUDGE = 1e-13  #: Relative change of the start by which it is found whether rounding decides a run.
+TOLERANCE = 1e-9  #: Relative difference up to which numbers of two machines count as equal.
+NUDGE = 1e-13  #: Relative change of the start that reveals runs decided by rounding.
 MAX_SECRET = 2**32  #: Secret seeds are below this number.
-RUNS_OF_CALL = 4  #: The law and its baseline, and both again from the moved start.
+RUNS_OF_CALL = 4  #: Runs per call: the law and its baseline, both also from the moved start.
 
 Line = Mapping[str, Any]  #: One run of a study: its values by column.
 ON_ALL_CORES = processes()
@@ -29,11 +29,11 @@ ON_ALL_CORES = processes()
 
 @dataclass(frozen=True)
 class Repetition:
-    """Runs of a study that were made again.
+    """Result of repeating runs of a study.
 
-    ``differences`` are sentences on runs that differ, ``by_rounding`` sentences on those that
-    differ because rounding decides them. ``changed_files`` are names of files that own laws have
-    loaded or read and that have another content on this machine than the study was made with.
+    ``differences`` are sentences on runs that differ. ``by_rounding`` are sentences on runs that
+    differ only because rounding decides them. ``changed_files`` are the names of files that custom
+    laws have loaded or read and whose content on this machine differs from that in the study.
     """
 
     runs: int
@@ -43,7 +43,7 @@ class Repetition:
 
     @property
     def agreeing(self) -> int:
-        """Number of repeated runs that are what the study says."""
+        """Number of repeated runs that agree with the study."""
         return self.runs - len(self.differences) - len(self.by_rounding)
 
 
@@ -69,11 +69,11 @@ def repeat(
     workers: OpenWorkers = ON_ALL_CORES,
     on_progress: Callable[[int, int], object] = lambda done, total: None,
 ) -> Repetition:
-    """Make a share of a study's runs again, drawn by ``seed``, and name those that differ.
+    """Repeat a share of a study's runs, drawn by ``seed``, and report those that differ.
 
-    Numbers differ by more than :data:`TOLERANCE`. Rounding decides a run that ends as differently
-    when its start is moved by :data:`NUDGE`. Raises ConfigurationError for laws that do not come
-    with the package, unless they are trusted.
+    Numbers differ if they deviate by more than :data:`TOLERANCE`. Rounding decides a run whose
+    result also changes when its start is moved by :data:`NUDGE`. Raises ConfigurationError for laws
+    that do not come with the package, unless they are trusted.
     """
     own_laws = [law.law for law in study.laws.values() if ":" in law.law]
     if own_laws and not trust:
@@ -110,9 +110,7 @@ def repeat(
 
 
 def changed_files(study: Study) -> tuple[str, ...]:
-    """Names of the files of own laws whose content here differs from that with which a study was
-    made.
-    """
+    """Return the names of the custom laws' files whose content differs from that in the study."""
     own_laws = tuple(law for law in study.laws.values() if ":" in law.law)
     if not own_laws:
         return ()
@@ -126,8 +124,9 @@ def _in_order(sentences: Mapping[int, str]) -> tuple[str, ...]:
 def repeat_run(
     line: Line, family: Family, law: ControllerSpec, seed: int
 ) -> tuple[list[str], bool]:
-    """Make the run of a line again; what differs, and whether rounding decides it. Called in
-    workers.
+    """Repeat the run of a line, in a worker.
+
+    Return sentences on the differences, and True if rounding decides the run.
     """
     made = _made(line, family, law, seed)
     found = _differences(line, made)

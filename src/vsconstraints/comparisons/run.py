@@ -1,4 +1,4 @@
-"""A run with its rows looked up by their labels, and runs that an unfinished command keeps."""
+"""A run with access to its rows by label, and runs kept until their command has finished."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from .record import RunRecord
 from .runs.law_process import LawRun, simulate_apart
 from .runs.spec import RunSpec
 
-#: Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses
-#: zero repeatedly.
+#: Active times of a row that are closer than this are merged into one interval [s], because φ
+#: crosses zero repeatedly in a sliding mode.
 MERGE = 0.6
 
 
 @dataclass(frozen=True)
 class Run:
-    """A simulation: its setup, and the record that it left."""
+    """A simulation: its setup and its record."""
 
     setup: Setup
     record: RunRecord
 
     @property
     def trajectory(self) -> Trajectory:
-        """Of the simulation."""
+        """Trajectory of the simulation."""
         return self.record.trajectory
 
     @property
@@ -52,84 +52,83 @@ class Run:
 
     @cached_property
     def score(self) -> Score:
-        """Its scores without a baseline: no row counts as challenged, and there is no
-        utilization.
-        """
+        """Scores without a baseline: no row counts as challenged, and there is no utilization."""
         return score(self.record, None)
 
     @property
     def settling_time(self) -> float:
-        """From the last change of the goal until the error stays within tolerance [s]; NaN if it
-        does not.
+        """Time from the start of each goal until it is finally reached [s], summed over goals.
+
+        NaN if the run does not converge.
         """
         return float(self.score.result["settling_time_s"])
 
     def index(self, label: str) -> int:
-        """Index of a row; raises ValueError that names the label if there is none."""
+        """Return the index of a row; raises ValueError that names an unknown label."""
         return self.trajectory.labels.index(label)
 
     def labels(self, name: str) -> list[str]:
-        """Labels of the rows of a kind (``"fov"``) or of an entry whose sides are rows
-        (``"range[joint 6]"``).
+        """Return the labels of the rows that belong to a kind or entry.
+
+        ``name`` is a kind (``"fov"``) or an entry whose sides are rows (``"range[joint 6]"``).
         """
         return [label for label in self.trajectory.labels if label.startswith(name)]
 
     def phi(self, label: str) -> Array:
-        """(N,) φ of a row."""
+        """Return φ of a row (N,)."""
         return self.trajectory.phi[:, self.index(label)]
 
     def sigma(self, label: str) -> Array:
-        """(N,) σ of a row; φ for rows that have none of their own."""
+        """Return σ of a row (N,); φ for rows without a σ."""
         return self.trajectory.sigma[:, self.index(label)]
 
     def row(self, label: str) -> Mapping[str, Any]:
-        """The row's line of constraints.csv."""
+        """Return the row's line of constraints.csv."""
         return self.score.constraints[self.index(label)]
 
     def bound(self, label: str) -> float:
-        """T_s u⁺ of a row: eq. (43)."""
+        """Return T_s u⁺ of a row, eq. (43)."""
         return self.sampling_time * float(self.record.switching_gain[self.index(label)])
 
     def length(self, label: str) -> float:
-        """Characteristic length of a row in its unit."""
+        """Return the characteristic length of a row in its unit."""
         return float(self.record.length[self.index(label)])
 
     def unit(self, label: str) -> str:
-        """Natural unit of a row's clearance."""
+        """Return the natural unit of a row's clearance."""
         return self.record.units[self.index(label)]
 
     def constraint(self, label: str) -> Constraint:
-        """The constraint that a row belongs to; raises KeyError if there is none."""
+        """Return the constraint that a row belongs to; raises KeyError if no such row exists."""
         for constraint in self.setup.constraints.constraints:
             if label in constraint.labels(self.setup.scene):
                 return constraint
         raise KeyError(label)
 
     def positive_samples(self, label: str) -> int:
-        """The longest series of samples with φ ≥ 0."""
+        """Return the length of the longest series of samples with φ ≥ 0."""
         return round(float(self.row(label)["longest_positive_run_s"]) / self.sampling_time)
 
     def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
-        """When φ ≥ 0 of any of these rows [s]."""
+        """Return the intervals in which φ ≥ 0 for any of these rows [s], with short gaps closed."""
         at = [self.index(label) for label in labels]
         return intervals(self.t, np.asarray((self.trajectory.phi[:, at] >= 0.0).any(axis=1)), gap)
 
     def ever_active(self, kind: str = "") -> list[str]:
-        """Labels of the rows of a kind with φ ≥ 0 at any time."""
+        """Return the labels of the rows of a kind with φ ≥ 0 in any sample."""
         return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
 
     def while_sliding(self, label: str, gap: float = 0.1) -> Array:
-        """φ of a row from the first to the last sample of each active interval, without the time
-        between.
-        """
+        """Return φ of a row in its active intervals, from first to last sample of each."""
         inside = np.zeros(len(self.t), dtype=np.bool_)
         for first, last in self.active_intervals(label, gap=gap):
             inside |= (self.t >= first) & (self.t <= last)
         return self.phi(label)[inside]
 
     def approach_speed(self, label: str) -> Array:
-        """(N,) how fast a row's clearance shrinks [its unit per second], averaged over five
-        samples.
+        """Return the speed at which a row's clearance shrinks (N,) [its unit per second].
+
+        It is averaged over five samples.
         """
         clearance = self.trajectory.clearance[:, self.index(label)]
         rate: Array = -np.convolve(
@@ -139,8 +138,9 @@ class Run:
 
     @cached_property
     def drift(self) -> Array:
-        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along
-        this motion.
+        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, 0 for others.
+
+        These are the terms of eq. (12) along this motion.
         """
         world = self.setup.world()
         drift = np.zeros_like(self.trajectory.phi)
@@ -152,15 +152,17 @@ class Run:
         return drift
 
     def needed_gain(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this
-        motion.
+        """Return Σ max(L_fφ, 0) over the rows with φ ≥ 0 (N,).
+
+        It is the right-hand side of eq. (12) along this motion.
         """
         needed: Array = self.drift.sum(axis=1)
         return needed
 
     def needed_share(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, each by its own u⁺: (12) requires it
-        to be below 1.
+        """Return Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0 (N,), each with its own u⁺.
+
+        Eq. (12) requires it to be below 1.
         """
         share: Array = (self.drift / self.record.switching_gain).sum(axis=1)
         return share
@@ -169,15 +171,14 @@ class Run:
 def perform(
     spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False, apart: bool = False
 ) -> Run:
-    """Make a run; raises what the scenario, the controller or the simulation raise.
+    """Execute a run; raises the errors of the scenario, the controller and the simulation.
 
-    ``by_public_call`` is that of :func:`.simulate`; with ``to_the_goal`` it goes on, see
-    :func:`.until_settled`. With ``apart`` the controller runs in a process of its own, see
-    :func:`.simulate_apart`, which also says what is raised.
+    ``by_public_call`` is passed to :func:`.simulate`. With ``to_the_goal`` the run continues, see
+    :func:`.until_settled`. With ``apart`` the controller runs in a separate process, see
+    :func:`.simulate_apart`, which also documents the errors raised.
     """
     scenario = spec.load()
-    # own parts may change the working directory, and import what lies beside them whenever they
-    # like
+    # custom parts may change the working directory, and import neighbouring modules at any time
     with chdir("."), beside(scenario.folder, spec.controller.folder):
         setup = scenario.setup(spec.trial, spec.seed)
         setup = until_settled(setup) if to_the_goal else setup
@@ -193,27 +194,30 @@ def perform(
 
 
 def kept_run(spec: RunSpec, file: Path) -> Run:
-    """Make a run and keep it in a file, or take it from there; raises as :func:`perform`."""
+    """Load a run from a file, or execute it and save it there; raises as :func:`perform`."""
     record = RunRecord.load(file)
     if record is not None:
         return Run(spec.controller.run.of(spec.load().setup(spec.trial, spec.seed)), record)
     run = perform(spec)
-    with suppress(OSError):  # the run is there: it only cannot be resumed
+    with suppress(OSError):  # the run is complete; the command just cannot resume from it
         run.record.save(file)
     return run
 
 
 def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
-    """Where something of a run is kept; another file if anything it depends on, the code included,
-    has changed.
+    """Return the path where data of a run is kept.
+
+    The path changes if anything that the run depends on has changed, including the code.
     """
     return folder / f"{spec.fingerprint}-{what}.npz"
 
 
 @contextmanager
 def unfinished(folder: Path | None) -> Iterator[Path]:
-    """The folder ``unfinished`` below a command's, or a temporary one if None; removed when the
-    block is complete.
+    """Provide the folder ``unfinished`` below a command's folder, until the block completes.
+
+    After an error it is kept. If ``folder`` is None, a temporary folder is used. Raises
+    ConfigurationError if the folder cannot be created.
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:

@@ -1,4 +1,4 @@
-"""Runs a suite on all cores; every result is stored as soon as it is there."""
+"""Runner: executes a suite on all cores and stores every result as soon as it is available."""
 
 from __future__ import annotations
 
@@ -35,19 +35,18 @@ from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
 
-#: Called for each finished run with its score and whether it was stored before.
+#: Called for each finished run with its score, and True if it was stored before.
 Report = Callable[[RunSpec, Score, bool], None]
 
 Key = tuple[str, str, int]  # scenario, controller and trial
-NOT_STORED = ""  #: Fingerprint of a run that is made again next time, since its process was lost.
+NOT_STORED = ""  #: Fingerprint of a run that must be repeated because its process was lost.
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a comparison: a score per run, fewer if it was ended by the signal
-    ``interrupted``.
+    """Result of a comparison: one score per run, fewer if the signal ``interrupted`` ended it.
 
-    ``stored_before`` runs were not made again; it took ``wall_time`` [s].
+    ``stored_before`` runs were not repeated. ``wall_time`` is the duration of the comparison [s].
     """
 
     folder: Path
@@ -58,7 +57,7 @@ class Finished:
 
     @property
     def all_failed(self) -> bool:
-        """Whether all runs of the compared controllers failed."""
+        """True if all runs of the compared controllers failed."""
         compared = [key for key in self.scores if key[1] != BASELINE] or list(self.scores)
         return all(self.scores[key].result["status"] == "failed" for key in compared)
 
@@ -76,18 +75,20 @@ def compare(
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
-    Runs stored there before with the same scenario, controller, trial, seed, code and files are
-    kept, unless ``fresh``, which also replaces another comparison. The unconstrained baseline is
-    always run. A run that fails in any way, even by ending its process or by never ending, becomes
-    a row with its reason.
+    Stored runs with the same scenario, controller, trial, seed, code and files are kept. ``fresh``
+    repeats them, and also replaces another comparison. The unconstrained baseline is always run. A
+    run that fails in any way, even by ending its process or by never ending, becomes a row with its
+    reason.
 
-    ``workers`` is the maximum number of processes, 0 for this one, which also runs what no other
-    can. Custom laws run in further processes, one for each, or in this one if ``workers`` is 0.
-    ``limit`` is how long a run may take [s], by its number of samples if None. ``warnings`` of
-    scenarios are kept for the report, those of :meth:`.Suite.warnings` if None. ``on_finished`` is
-    called with every finished run. Raises ConfigurationError if the folder cannot be made, is held
-    by another process, or holds something else that would be lost, and StorageError if the tables
-    cannot be written; what could be stored stays.
+    ``workers`` is the maximum number of processes; 0 runs everything in this process, which also
+    executes the runs that no other process can. Custom laws run in further processes, one for each,
+    or in this one if ``workers`` is 0. ``limit`` is the time limit of a run [s]; if None, it
+    follows from the number of samples. ``warnings`` of scenarios are stored for the report; if
+    None, those of :meth:`.Suite.warnings`. ``on_finished`` is called with every finished run.
+
+    Raises ConfigurationError if the folder cannot be created, is locked by another process, or
+    contains other data that would be lost. Raises StorageError if the tables cannot be written;
+    everything already stored is kept.
     """
     with locked(folder, "a comparison"):
         started = time.perf_counter()
@@ -122,15 +123,15 @@ def compare(
         def done(key: Key, answer: tuple[Score, bool] | Failure) -> None:
             nonlocal stored_before
             if isinstance(answer, Failure):
-                # what was stored before is not this run; this is not stored: memory, say, may
-                # suffice next time
+                # the trajectory stored before does not belong to this failure; the failure is not
+                # stored, because the run may succeed next time, for example with more memory
                 run_file(folder, *key).unlink(missing_ok=True)
                 answer = score(RunRecord.failed(answer.reason, ""), None), False
-            # earlier results stay until there is something to replace them
+            # earlier results are kept until the first new one replaces them
             first = not scores
             scores[key], stored = answer
             stored_before += stored
-            with suppress(OSError):  # a full disk: the tables are written once more at the end
+            with suppress(OSError):  # disk full: the tables are written again at the end
                 for name, lines in _lines(suite, {key: scores[key]}).items():
                     append_lines(folder / name, TABLES[name], lines, first)
                 if not stored:
@@ -138,8 +139,8 @@ def compare(
             on_finished(runs[key], *answer)
 
         interrupted = 0
-        # baselines first, since the others are scored against them; in other processes, where those
-        # can make the run
+        # baselines come first, since the others are scored against them; they run in other
+        # processes where possible
         baselines = {
             (run.name, run.trial): run for run in runs.values() if run.controller.name == BASELINE
         }
@@ -157,7 +158,7 @@ def compare(
             run_all(run_stored, *batches, workers=workers, limits=limits, here=here, on_answer=done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
-        # in the suite's order, whatever order they finished in
+        # in the order of the suite, not in the order of completion
         scores = {key: scores[key] for key in runs if key in scores}
         wall_time = time.perf_counter() - started
         compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
@@ -184,14 +185,13 @@ def run_stored(
     baseline: RunSpec | None = None,
     apart: bool = False,
 ) -> tuple[Score, bool]:
-    """Make a run, or take it from the folder, and score it against its baseline; what fails becomes
-    a failed run.
+    """Execute a run, or load it from the folder, and score it against its baseline.
 
-    With ``apart`` a custom law runs in a process of its own.
+    Any error turns into a failed run. With ``apart`` a custom law runs in a separate process.
     """
 
     def scored(record: RunRecord) -> Score:
-        # the baseline of an earlier comparison does not count
+        # a baseline of an earlier comparison is not used
         own = (
             record
             if spec == baseline
@@ -201,26 +201,26 @@ def run_stored(
         )
         return score(record, own)
 
-    with suppress(Exception):  # what cannot be read or scored is damaged, and run again
+    with suppress(Exception):  # a record that cannot be read or scored is damaged: run again
         record = None if fresh else stored_run(spec, folder)
         if record is not None:
             return scored(record), True
     path = run_file(folder, *spec.key)
     try:
-        # an older trajectory is removed, however this run ends
+        # an older trajectory is removed even if this run fails
         path.unlink(missing_ok=True)
         record = _simulated(spec, apart and spec.controller.apart)
         result = scored(record)
         if record.fingerprint != NOT_STORED:
             record.save(path)
-    except Exception as error:  # this is where one run ends and the others begin
+    except Exception as error:  # a failure of one run must not end the others
         result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
     return result, False
 
 
 def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
     files: Files = {}
-    # own parts may change the working directory
+    # custom parts may change the working directory
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
         try:
             files = digests(spec.files)
@@ -229,12 +229,12 @@ def _simulated(spec: RunSpec, apart: bool) -> RunRecord:
             return RunRecord.failed(str(lost), NOT_STORED)
         except LawFailedError as failure:
             record = RunRecord.failed(str(failure), spec.fingerprint)
-        except INTERRUPTS:  # of this process, where it runs here
+        except INTERRUPTS:  # they concern this process if the run is executed here
             raise
         except BaseException as error:  # even SystemExit
             record = RunRecord.failed(described(error), spec.fingerprint)
-    # of several readings the first: what was there before an edit is never taken for what is there
-    # after it; a process of a law has read some files before
+    # the first reading of a file counts: its content before an edit must not be mistaken for the
+    # content after it; the process of a law may have read some files earlier
     found = {**files, **read} if apart else {**read, **files}
     return replace(record, files={**found, **(imported() if spec.has_own_parts else {})})
 

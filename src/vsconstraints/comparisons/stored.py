@@ -1,6 +1,4 @@
-"""A comparison's folder: its files, what would be lost to another one, and all of it read back for
-reports.
-"""
+"""Folder of a comparison: its files, protection against data loss, and reading for reports."""
 
 from __future__ import annotations
 
@@ -32,21 +30,19 @@ TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 Number = float | None
 Texts = Sequence[str]
 
-#: What a run on an arm leaves in its folder beside what all runs do.
+#: Additional file that a run on an arm stores in its folder.
 ARM_LOG = Path("arm", "log.npz")
-ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: How the reason of a run on an arm begins.
+ON_ARM = re.compile(r"on [\w-]+://[^;]*")  #: Start of the reason of a run on an arm.
 
 
 def stored_files(folder: Path) -> list[Path]:
-    """The files that a comparison consists of, reports apart, where they are there."""
+    """List the files of a comparison, except reports; some may not exist."""
     named = (folder / name for name in (MANIFEST, *TABLES, str(ARM_LOG)))
     return [*named, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
-    """Raise ConfigurationError if finished runs are no part of a suite, or have other settings in
-    it.
-    """
+    """Raise ConfigurationError if finished runs are not in a suite or have other settings in it."""
     earlier = _settings(manifest_of(folder).get("configuration"))
     now = _settings(plain(suite.resolved()))
     planned = {(name, law, str(trial)) for name, law, trial in (run.key for run in suite.runs())}
@@ -67,9 +63,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
 
 
 def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
-    """Raise ConfigurationError if a run on an arm would be made again, which only a simulation
-    would be.
-    """
+    """Raise ConfigurationError if a run on an arm would be replaced by a simulation."""
     if not (folder / ARM_LOG).is_file():
         return
     demand_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
@@ -88,8 +82,9 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
 
 
 def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
-    """What results depend on: the seed, and scenarios and controllers by their names, of whatever a
-    manifest holds.
+    """Extract the settings that results depend on from a manifest's configuration.
+
+    These are the seed, and the scenarios and controllers by name. Invalid entries are ignored.
     """
     settings: dict[tuple[str, str], Any] = {}
     with suppress(KeyError, TypeError, AttributeError):
@@ -106,8 +101,9 @@ def _settings(configuration: Any) -> dict[tuple[str, str], Any]:
 
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
-    """Scenario, controller and trial of every line of results.csv that can be read, and its
-    reason.
+    """Return the keys of all readable lines of results.csv, with their reasons.
+
+    A key consists of scenario, controller and trial.
     """
     names = ("scenario", "controller", "trial")
     try:
@@ -122,11 +118,10 @@ def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
-    """Remove the trajectories of all other runs of a stored comparison but those on an arm; how
-    many stay.
+    """Remove all trajectories of a stored comparison except those to keep and those on an arm.
 
-    Raises ConfigurationError if there is no comparison in the folder, StorageError if one cannot be
-    removed.
+    Return the number of trajectories that remain. Raises ConfigurationError if the folder contains
+    no comparison, StorageError if a trajectory cannot be removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]
@@ -149,7 +144,7 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
 
 @dataclass(frozen=True)
 class StoredComparison(StoredResults):
-    """The results of a comparison in their folder."""
+    """Results of a comparison in their folder."""
 
     with_code = ("scenarios",)
 
@@ -165,7 +160,7 @@ class StoredComparison(StoredResults):
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
-        """The scenarios as they were run, by name, in the suite's order."""
+        """Scenarios as they were run, by name, in the suite's order."""
         stored = self.manifest["configuration"]["scenarios"]
         # shipped scenarios are stored without the folder, which differs from machine to machine
         return {
@@ -180,19 +175,17 @@ class StoredComparison(StoredResults):
 
     @property
     def warnings(self) -> Mapping[str, Sequence[str]]:
-        """What was to be said of scenarios before their runs, by name: see
-        :meth:`.Suite.warnings`.
-        """
+        """Warnings about scenarios before their runs, by name: see :meth:`.Suite.warnings`."""
         warnings: Mapping[str, Sequence[str]] = self.manifest.get("warnings", {})
         return warnings
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The same, one sentence each that names the scenario."""
+        """Warnings as sentences, each of which names its scenario."""
         return tuple(f"{name}: {text}" for name, own in self.warnings.items() for text in own)
 
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
-        """A stored run; None if its trajectory is not there, or longer than its scenario allows."""
+        """Load a run; None if its trajectory is missing or longer than its scenario allows."""
         file = run_file(self.folder, scenario, controller, trial)
         return RunRecord.load(file, most_samples(self.scenarios[scenario].tables))
 
@@ -258,7 +251,7 @@ class StoredComparison(StoredResults):
             checked(own.get("constraints", []), Sequence[Table], f"{at}.tables", "constraints")
         for name, controller in configuration["controllers"].items():
             entry = ControllerSpec.from_table(name, controller, f"{where}.controllers")
-            if entry.law in CONTROLLERS:  # own laws may be elsewhere
+            if entry.law in CONTROLLERS:  # custom laws may not exist on this machine
                 try:
                     entry.make()
                 except VsconstraintsError as error:

@@ -1,6 +1,4 @@
-"""A study: runs of laws with the situation that each was in, kept as one table that others can
-check and read.
-"""
+"""Study: runs of laws with the situation of each run, stored as one table to check and read."""
 
 from __future__ import annotations
 
@@ -20,31 +18,31 @@ from .evidence.parquet import KEYS, Column, Kind
 from .runs.spec import BASELINE, ControllerSpec
 from .statistics import OUTCOMES
 
-SHIPPED = Path(__file__).with_name("study.parquet")  #: the study that comes with the package
-FORMAT = 2  #: of a study's table: another number is another version's
+SHIPPED = Path(__file__).with_name("study.parquet")  #: The study that comes with the package.
+FORMAT = 2  #: Format of a study's table; other versions have other numbers.
 
 
 @dataclass(frozen=True)
 class Situation:
-    """A scene in a condition, as laws meet it; None is what is not said, and is like anything."""
+    """Properties of a scene in a condition that matter to laws; None matches anything."""
 
     joints: int | None = None
     feature: str | None = None
     fixed_camera: bool | None = None  #: Fixed in space, not carried by the robot.
-    constraints: tuple[str, ...] | None = None  #: Their types, sorted.
+    constraints: tuple[str, ...] | None = None  #: Sorted types of the constraints.
     sampling_time: float | None = None  #: T_s [s].
-    delay: float | None = None  #: How old an image is when it can be used [s].
+    delay: float | None = None  #: Age of an image when it becomes usable [s].
     noise: float | None = None  #: Standard deviation of a pixel coordinate [px].
-    unknown_motion: bool | None = None  #: Of the target or of something forbidden.
-    #: Whether calibration, depths, gradients or actuation are not as believed.
+    unknown_motion: bool | None = None  #: Unknown motion of the target or of an obstacle.
+    #: True if calibration, depths, gradients or actuation deviate from the model.
     wrong_model: bool | None = None
-    limits: bool | None = None  #: Of accelerations.
-    mass: bool | None = None  #: Of the arm.
-    images: bool | None = None  #: Whether the control sees rendered images.
+    limits: bool | None = None  #: True if accelerations are limited.
+    mass: bool | None = None  #: True if the dynamics of the arm are simulated.
+    images: bool | None = None  #: True if the controller uses rendered images.
 
     @classmethod
     def of(cls, scenario: Scenario) -> Situation:
-        """That of a scenario; raises what :meth:`.Scenario.setup` raises."""
+        """Return the situation of a scenario; raises the errors of :meth:`.Scenario.setup`."""
         setup = scenario.setup()
         own = setup.disturbances
         images = setup.images
@@ -62,25 +60,25 @@ class Situation:
         )
         wrong = any((*believed, own.time_constant, own.acceleration_noise, *own.acceleration))
         return cls(
-            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None, tuple(sorted(types)),
-            setup.Ts, delay, own.pixel_noise, unknown, wrong, setup.limits.any, setup.dynamics is not None,
-            images is not None,
+            setup.scene.robot.n, setup.task.feature.name, setup.scene.camera.fixed is not None,
+            tuple(sorted(types)), setup.Ts, delay, own.pixel_noise, unknown, wrong,
+            setup.limits.any, setup.dynamics is not None, images is not None,
         )  # fmt: skip
 
     @property
     def said(self) -> dict[str, Any]:
-        """What is not None, by name."""
+        """Specified properties by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 
-SCENE = ["family", "scene"]  #: conditions of a scene are not independent of each other
+SCENE = ["family", "scene"]  #: Key of a scene; its conditions are not independent of each other.
 CONDITION = "condition"
 _KINDS: Mapping[str, Kind] = {"int": "whole", "float": "number", "bool": "flag"}
 _SITUATION = [
     Column(each.name, _KINDS.get(str(each.type).partition(" ")[0], "text"))
     for each in fields(Situation)
 ]
-#: What came of a run, the same wherever it is made again; see ``results.csv``.
+#: Result of a run, which does not depend on the machine; see ``results.csv``.
 _NUMBERS = "violation_fraction", "settling_time_s", "utilization", "acceleration_variation"
 OUTCOME = (
     Column("status", "text", category=True),
@@ -92,22 +90,21 @@ _SUCCESS = (
     Column("tolerant_success", "flag"),
     Column("call_us", "number"),
 )
-#: Columns that have no number for runs that failed at once, or never settled: cells of all others
-#: are never empty.
+#: Columns that are empty for runs that failed immediately or never settled. Cells of all other
+#: columns are never empty.
 _MAY_BE_EMPTY = (*_NUMBERS, "call_us")
-#: Of a study's table, which has one line for each run of a law: its keys, its situation, and what
-#: came of it.
+#: Columns of a study's table, which has one line for each run of a law: keys, situation, result.
 COLUMNS = (*KEYS, *_SITUATION, *_SUCCESS, *OUTCOME)
 
 
 @dataclass(frozen=True)
 class Study:
-    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by the names that runs
-    have.
+    """Runs of laws, a DataFrame with :data:`COLUMNS`, and the laws' settings by controller name.
 
-    ``requires`` says what each uses beside rows and task, None for an own one whose code was not
-    trusted; ``frozen`` says of each family of a test set the seed and the hash of its scenes, by
-    half. ``files`` are hashes of what own laws have loaded or read, see :mod:`.own_files`.
+    ``requires`` holds the required information of each law beyond rows and task; None for a custom
+    law whose code was not trusted. ``frozen`` holds, for each family of a test set and by half, the
+    seed and the hash of its scenes. ``files`` are hashes of the files that custom laws have loaded
+    or read, see :mod:`.own_files`.
     """
 
     runs: Any
@@ -124,12 +121,12 @@ class Study:
         on_scene: Callable[[int, int], Any] = max,
         own: bool = False,
     ) -> Study:
-        """A table that was kept, or a folder of ``vsconstraints evidence``, whose scenes are set up
-        again.
+        """Load a stored table, or build the study from a folder of ``vsconstraints evidence``.
 
-        Laws that do not come with the package are left out unless ``own``; their code is never
-        imported. Raises ConfigurationError that names what cannot be read, is another version's, or
-        holds no run of a law.
+        The scenes of such a folder are set up again. Laws that do not come with the package are
+        left out unless ``own``; their code is never imported. Raises ConfigurationError that names
+        the problem if the data cannot be read, belongs to another version, or contains no run of a
+        law.
         """
         if path.is_dir():
             study = _of_evidence(Evidence.load(path, trust), on_scene)
@@ -175,7 +172,7 @@ class Study:
         return study
 
     def keep(self, path: Path) -> None:
-        """Write the table, which :meth:`load` reads; raises OSError."""
+        """Write the table for :meth:`load`; raises OSError."""
         laws = {name: law.table for name, law in self.laws.items()}
         facts = {"controllers": laws, "requires": dict(self.requires), "frozen": dict(self.frozen)}
         facts |= {"files": dict(self.files)} if self.files else {}
@@ -184,9 +181,7 @@ class Study:
 
     @cached_property
     def scenes(self) -> Any:
-        """A DataFrame with one line for each scene in each condition: its keys and its
-        situation.
-        """
+        """DataFrame with one line per scene and condition: its keys and its situation."""
         scenes = self.runs.drop_duplicates([*SCENE, CONDITION])[
             [*SCENE, CONDITION, *vars(Situation())]
         ]
@@ -196,7 +191,7 @@ class Study:
 
 
 def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
-    """By name, without tracking alone."""
+    """Read the laws by name, without the unconstrained baseline."""
     return {
         name: ControllerSpec.from_table(name, own)
         for name, own in entries.items()
@@ -205,9 +200,7 @@ def _laws(entries: Mapping[str, Any]) -> dict[str, ControllerSpec]:
 
 
 def _of_table(path: Path, facts: Mapping[str, Any]) -> Study:
-    """A table that was kept, with the facts in its footer; raises ConfigurationError for a wrong
-    one.
-    """
+    """Read a stored table with the facts in its footer; raises ConfigurationError if invalid."""
     where = str(path)
     requires = checked(facts["requires"], dict[str, Sequence[str] | None], where, "requires")
     frozen = checked(facts["frozen"], dict[str, Table], where, "frozen")

@@ -1,4 +1,4 @@
-"""A suite: which scenarios are run with which controllers, how often, and with what seed."""
+"""Suite: scenarios, controllers, number of trials and seed of a comparison."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
-MAX_VARIANTS = 10_000  # that one entry of a suite may stand for
-MAX_RUNS = 100_000  # of a comparison: the scores of all are kept in memory
+MAX_VARIANTS = 10_000  # maximum number of variants that one entry of a suite may define
+MAX_RUNS = 100_000  # maximum number of runs of a comparison: all scores are kept in memory
 
 
 @dataclass(frozen=True)
 class Suite(Experiment):
-    """Every scenario is run with every controller, so many trials: the first as it says, others
-    with random starts.
+    """Experiment that runs every scenario with every controller for a number of trials.
+
+    The first trial starts as the scenario defines; the others have random starts.
     """
 
     name: str
@@ -46,14 +47,15 @@ class Suite(Experiment):
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Suite:
-        """The suite of a TOML file; without a path the default one: the paper's scenarios and two
-        real arms.
+        """Load the suite of a TOML file; without a path, the default suite.
+
+        The default suite contains the paper's scenarios and two real arms.
 
         An entry of ``scenarios`` is a shipped scenario's name, a path, or a table: ``scenario``
         (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys and values, ``{
         "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
         keys and lists of values: one variant for every combination). Raises ConfigurationError or
-        InvalidInput for an unknown key, and if something in it cannot be built or started.
+        InvalidInput for an unknown key, and if a part cannot be built or started.
         """
         source = Path(path or DEFAULT)
         if (source / "results.csv").is_file():
@@ -86,11 +88,11 @@ class Suite(Experiment):
         seed: int | None = None,
         settings: Iterable[str] = (),
     ) -> Suite:
-        """The suite a command line asks for, with scenarios and controllers of these names, or
-        paths, if any.
+        """Return the suite that a command line selects.
 
-        KEY of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name
-        and a key in it, a controller's name and an option, ``trials`` or ``seed``.
+        Scenarios and controllers are selected by name or path; if none is given, all are kept. KEY
+        of ``settings``, ``KEY=VALUE``, is ``scenario.…`` (every scenario), a scenario's name and a
+        key in it, a controller's name and an option, ``trials`` or ``seed``.
         """
         suite = self if seed is None else replace(self, seed=seed)
         suite = suite._selected("scenarios", Scenario.load, scenarios, controllers)
@@ -114,7 +116,7 @@ class Suite(Experiment):
         return replace(self, scenarios=tuple(scenarios))
 
     def checked(self) -> Suite:
-        """The suite itself; raises what is wrong if something in it cannot be built or started."""
+        """Return the suite; raises the error found if a part cannot be built or started."""
         if not self.scenarios or not self.controllers:
             missing = "scenario" if self.controllers else "controller"
             raise ConfigurationError(
@@ -142,8 +144,9 @@ class Suite(Experiment):
         return self
 
     def remarks(self) -> list[str]:
-        """What a reader should know of starts, and of own constraints that raise; raises why one
-        cannot be started.
+        """Return warnings about starts, and about custom constraints that raise.
+
+        Raises an error that names the cause if a scenario cannot be started.
         """
         return [
             f"{scenario.name}: {remark}"
@@ -152,22 +155,21 @@ class Suite(Experiment):
         ]
 
     def warnings(self) -> dict[str, list[str]]:
-        """Everything that a reader of the results should know of each scenario before its runs, by
-        its name.
+        """Return the warnings about each scenario before its runs, by its name.
 
-        Beside what :meth:`remarks` finds at the start, this is what is wrong at goals: out of
-        reach, forbidden, not to be seen. Scenarios without a warning are left out.
+        In addition to the start (:meth:`remarks`), goals are checked: they may be out of reach,
+        forbidden, or not visible. Scenarios without a warning are left out.
         """
         found = {}
         for scenario in self.scenarios:
             try:
                 setup, warnings = _remarks_at_start(scenario)
-                # own parts may change the working directory
+                # custom parts may change the working directory
                 with chdir("."), beside(scenario.folder):
-                    # what a goal forbids is said with the distance below
+                    # the checks of goals below repeat these warnings, with the distance
                     warnings = [text for text in warnings if text not in setup.forbidden]
                     at_goals = problems_at_goals(setup)
-            except Exception as error:  # own parts may raise anything; their runs say it again
+            except Exception as error:  # custom parts may raise anything; their runs report it too
                 warnings = [f"no run would start: {described(error)}"]
                 at_goals = []
             known = {text.partition(": ")[2] for text in at_goals} & set(warnings)
@@ -177,7 +179,7 @@ class Suite(Experiment):
         return found
 
     def runs(self) -> list[RunSpec]:
-        """All runs, in the order of the results."""
+        """Return all runs, in the order of the results."""
         every = product(self.scenarios, self.controllers, range(self.trials))
         return [
             RunSpec(scenario, entry, trial=trial, seed=self.seed)
@@ -185,7 +187,7 @@ class Suite(Experiment):
         ]
 
     def resolved(self) -> dict[str, Any]:
-        """Everything that determines the results, as data."""
+        """Return everything that determines the results, as plain data."""
         return {
             "suite": self.name,
             "title": self.title,
@@ -203,8 +205,8 @@ class Suite(Experiment):
 
 
 def _remarks_at_start(scenario: Scenario) -> tuple[Setup, list[str]]:
-    """The setup, and what a reader should know of its start; raises why it cannot be started."""
-    with chdir("."):  # own parts may change the working directory
+    """Return the setup and warnings about its start; raises an error if it cannot be started."""
+    with chdir("."):  # custom parts may change the working directory
         setup = scenario.setup()
     try:
         with beside(scenario.folder):
@@ -220,8 +222,9 @@ def _remarks_at_start(scenario: Scenario) -> tuple[Setup, list[str]]:
 
 
 def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
-    """The scenarios of an entry of a suite; raises ConfigurationError that names ``where`` (see
-    :meth:`Suite.load`).
+    """Return the scenarios of a suite's entry, see :meth:`Suite.load`.
+
+    Raises ConfigurationError that names ``where``.
     """
     if isinstance(value, str):
         return [Scenario.load(value, folder)]
@@ -267,7 +270,7 @@ def _variants(
 
 def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
-    with chdir("."):  # own parts may change the working directory
+    with chdir("."):  # custom parts may change the working directory
         first = scenario.setup(0, seed)
         second = scenario.setup(1, seed)
     drawn = first.disturbances.random or (first.images is not None and first.images.random)

@@ -1,4 +1,4 @@
-"""results.csv and constraints.csv: written line by line, read back with numbers as numbers."""
+"""Tables results.csv and constraints.csv: written line by line, read with typed values."""
 
 from __future__ import annotations
 
@@ -28,12 +28,15 @@ _KINDS = {
 
 
 def cell(value: object) -> str:
-    """A value as text; empty where it is not a number, so that one NaN blanks one cell only."""
+    """Format a value as text; empty for a number that is not finite.
+
+    One NaN therefore leaves only one cell empty.
+    """
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (float, np.floating)):
         return f"{value:.9g}" if math.isfinite(value) else ""
-    # a text may hold what no encoding has
+    # a text may contain characters that UTF-8 cannot encode
     return str(value).encode("utf-8", "backslashreplace").decode()
 
 
@@ -46,7 +49,7 @@ def _text(columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> str:
 
 
 def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
-    """Write a whole table; the file is replaced at once, never left half written."""
+    """Write a whole table; the file is replaced atomically, never left half written."""
     with replaced(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         file.write(_text(columns, [dict(zip(columns, columns, strict=True)), *lines]))
 
@@ -54,8 +57,9 @@ def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, An
 def append_lines(
     path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False
 ) -> None:
-    """Add lines to a table, which is begun if it is ``new`` or not there; where they do not fit,
-    none is added.
+    """Append lines to a table, which is created if it is ``new`` or does not exist.
+
+    If the lines do not fit on the disk, none is appended, and OSError is raised.
     """
     if new or not path.exists():
         write_table(path, columns, lines)

@@ -1,5 +1,6 @@
-"""Learned laws: policies as controllers; scenes for Gymnasium are in
-:mod:`vsconstraints.learning.environment`.
+"""Learned laws: policies as controllers.
+
+Environments for Gymnasium are in :mod:`vsconstraints.learning.environment`.
 """
 
 from .policy import Observer, Policy

@@ -1,4 +1,4 @@
-"""Scenes as an environment of Gymnasium."""
+"""Environment of Gymnasium based on scenes."""
 
 from __future__ import annotations
 
@@ -22,41 +22,43 @@ from .policy import ACCELERATION, Observer
 
 
 class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
-    """The closed loop of a simulation, compiled, in which an action is what a law would command.
+    """Compiled closed loop of a simulation, in which an action replaces the command of a law.
 
-    The observation is that of :class:`.Observer`, of what the control believes. The action (n,) in
-    [-1, 1] is q̈/a, or with a ``law`` what is added to its q̈, by a. The reward of the step to
-    sample k is
+    The observation is that of :class:`.Observer`, for the rows and task that a law would receive.
+    The action (n,) in [-1, 1] is q̈/a. With a ``law`` it is the acceleration added to the law's q̈,
+    divided by a. The reward of the step to sample k is
 
         (‖e_{k−1}‖ − ‖e_k‖)/‖e_0‖ − w T_s Σ_{σ_i > 0} (1 + min(σ_i/s_i, 1)) + 1 at success,
 
-    with the task's error e and the rows' σ and s, and −1 at failure. ``terminated`` at success, the
-    last goal reached for as long as the tolerances say, and at failure, a state that cannot be
-    evaluated, such as a marker behind the camera: the observation is then the last one.
-    ``truncated`` at the end of the duration. ``info`` has the ``scene``'s number, the time ``t``
-    [s], ``violation``, the greatest σ/s so far, and ``success``. ``reset(seed=…)`` draws one of the
-    scenes, ``options={"scene": 3}`` names one; its noise is always the same. Raises
-    ConfigurationError if a scene is not compiled as a whole, or has not the sizes of the first one.
+    with the task's error e and the rows' σ and s, and −1 at failure.
+
+    An episode is ``terminated`` at success and at failure. Success means that the last goal has
+    been reached for as long as the tolerances require. Failure means that the state cannot be
+    evaluated, for example with a marker behind the camera; the observation is then the previous
+    one. An episode is ``truncated`` at the end of the duration. ``info`` contains the number of the
+    ``scene``, the time ``t`` [s], ``violation``, the greatest σ/s so far, and ``success``.
+    ``reset(seed=…)`` draws one of the scenes, ``options={"scene": 3}`` selects one; its noise is
+    always the same. Raises ConfigurationError if a scene cannot be compiled as a whole, or differs
+    in size from the first one.
 
     Parameters
     ----------
     scenes
         A scenario, or a family of scenes, or the name of either.
     half, condition, count
-        Of a family: the half that scenes are of, their condition, and how many there are, from
-        number 0.
+        For a family: half and condition of the scenes, and their number, starting at scene 0.
     law
-        The law that actions are added to, or its name; None for none.
+        The law to whose command actions are added, or its name; None for no law.
     acceleration
-        a where the scene states no limit of q̈ [rad/s² or m/s²].
+        a for joints without a limit of q̈ in the scene [rad/s² or m/s²].
     violation_weight
         w [1/s].
     """
 
     def __init__(
-        self, scenes: str | Family | Scenario = "planar-arm", *, half: str = "training", condition: str = "nominal",
-        count: int = 100, law: str | Controller | None = None, acceleration: float = ACCELERATION,
-        violation_weight: float = 1.0,
+        self, scenes: str | Family | Scenario = "planar-arm", *, half: str = "training",
+        condition: str = "nominal", count: int = 100, law: str | Controller | None = None,
+        acceleration: float = ACCELERATION, violation_weight: float = 1.0,
     ) -> None:  # fmt: skip
         if isinstance(scenes, str):
             scenes = Family.load(scenes) if scenes in families() else Scenario.load(scenes)
@@ -112,7 +114,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self._last_goal, self._dwell = (int(np.ceil(time / setup.Ts - 1e-6)) for time in times)
 
     def _look(self) -> None:
-        """Take the observation and the error of a sample."""
+        """Update the observation and the error of a sample."""
         loop = self.run.loop
         self._observation: Array = self._observer(*self.seen, *loop.plant.x[:2]).astype(np.float32)
         self._error = float(loop.task.error @ loop.task.error) ** 0.5
@@ -132,8 +134,9 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         return self._observation, self._info(False)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One sampling period; see the class. Raises InvalidInput unless the action is n finite
-        numbers.
+        """Simulate one sampling period; see the class.
+
+        Raises InvalidInput unless the action consists of n finite numbers.
         """
         action = vector(action, len(self._observer.action), "an action")
         loop = self.run.loop
@@ -154,7 +157,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 * self.run.setup.Ts
                 * float((1.0 + np.minimum(outside, 1.0)).sum())
             )
-        # sample k is the last one that is judged
+        # sample k is the last judged sample
         success = k - max(int(loop.scores.unreached[-1]) + 1, self._last_goal) >= self._dwell
         return (
             self._observation,
@@ -170,7 +173,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
 
 def _demand_usable(scenes: object, count: object, law: object) -> None:
-    """Raise ConfigurationError unless these can be an environment's."""
+    """Raise ConfigurationError unless the arguments can define an environment."""
     if not isinstance(scenes, Family | Scenario):
         raise ConfigurationError(
             f"scenes must be a scenario, a family, or the name of either, not {shown(scenes)}"
@@ -182,8 +185,9 @@ def _demand_usable(scenes: object, count: object, law: object) -> None:
 
 
 def _scene_number(name: str, options: object, drawn: int, count: int) -> int:
-    """Return the scene that options of ``reset`` name, or the one that was drawn; raises
-    ConfigurationError.
+    """Return the scene that the options of ``reset`` name, or else the drawn one.
+
+    Raises ConfigurationError for invalid options.
     """
     if options is not None and not isinstance(options, Mapping):
         raise ConfigurationError(

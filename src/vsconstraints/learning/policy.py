@@ -1,4 +1,4 @@
-"""A policy as a law: a small neural network gives q̈, and rows may filter it."""
+"""Policy as a law: a small neural network computes q̈, which rows may filter."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ..errors import ConfigurationError, InvalidInput, one_line
 from ..plugins.regular_files import demand_regular
 from ..rows import Array, Command, Rows, Task
 
-#: What an action of 1 stands for where the scene states no limit [rad/s² or m/s²].
+#: Acceleration of an action of 1 if the scene states no limit [rad/s² or m/s²].
 ACCELERATION = 10.0
 LARGE = 1e30  #: Weights below cannot overflow.
-MAX_BYTES = 1_000_000_000  #: Of the arrays of a file of weights.
+MAX_BYTES = 1_000_000_000  #: Maximum size of the arrays of a weights file.
 
 _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -28,13 +28,13 @@ _HEADERS = {
 
 
 class Observer:
-    """What a policy sees of a sample with m rows, n joints and k features: 2 m + m n + k n + k + 2
-    n numbers.
+    """Observation of a policy: 2 m + m n + k n + k + 2 n numbers for m rows, n joints, k features.
 
-    φ/s, L_fφ/s and L_gφ a/s, with each row's ``scale`` s (m,); J a/‖J a‖ and b/‖J a‖; q from the
-    middle of its range by half of it, and q̇ by the greatest speed, both as they are where there is
-    no limit. Matrices come row by row. Of each number x it is x/(1 + |x|). ``action`` is a (n,):
-    the limit of ``acceleration`` (n,), or ``otherwise`` where that is infinite. For ``ranges`` see
+    It consists of φ/s, L_fφ/s and L_gφ a/s, where s (m,) is the ``scale`` of the rows; of J a/‖J a‖
+    and b/‖J a‖; of q, relative to the middle of its range and divided by half of the range; and of
+    q̇, divided by the greatest speed. Joints without a limit are not scaled. Matrices are flattened
+    row by row. Each number x is mapped to x/(1 + |x|). ``action`` is a (n,): the limit of
+    ``acceleration`` (n,), or ``otherwise`` if that is infinite. For ``ranges`` see
     :attr:`vsconstraints.robots.Robot.ranges`.
     """
 
@@ -55,7 +55,7 @@ class Observer:
         self._of_joints = 1.0 / np.concatenate((half, np.nan_to_num(speed, nan=1.0)))
 
     def __call__(self, rows: Rows, task: Task, q: Array, qd: Array) -> Array:
-        """The observation of rows and task at q and q̇ (n,)."""
+        """Return the observation of rows and task at q and q̇ (n,)."""
         of_rows = np.concatenate((rows.phi, rows.Lf, rows.Lg.ravel())) * self._of_rows
         Ja = (task.J * self.action).ravel()
         of_task = np.concatenate((Ja, task.b)) / (float(Ja @ Ja) ** 0.5 or 1.0)
@@ -68,20 +68,20 @@ class Observer:
 class Policy(Controller):
     """A learned law: q̈ = a π(x), or q̈ = q̈_law + a π(x), with x and a of :class:`Observer`.
 
-    π is a network of layers W x + b with tanh between them, whose result is cut to [-1, 1]. It
-    keeps no row by itself: q̈ is the task of a demand and a resolver. With ``demand="barrier",
-    resolver="filter"`` the command is the nearest to q̈ that meets the barriers of all rows. Raises
-    ConfigurationError if the file cannot be read, or an array lacks, has the wrong shape, or a
-    number that is not finite.
+    π is a network of layers W x + b with tanh between them, whose output is clipped to [-1, 1]. The
+    network does not enforce any row: q̈ is the task of a demand and a resolver. With
+    ``demand="barrier", resolver="filter"`` the command is the closest to q̈ that satisfies the
+    barriers of all rows. Raises ConfigurationError if the file cannot be read, or an array is
+    missing, has the wrong shape, or contains a number that is not finite.
 
     Parameters
     ----------
     weights
-        A file of NumPy, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the
+        A NumPy file, .npz: ``W0`` (h, i), ``b0`` (h,), ``W1`` and so on. If they differ from the
         default, also ``acceleration``, a where the scene states no limit [rad/s² or m/s²], and
         ``law``, the name of that law.
     demand, resolver, options
-        As of :class:`vsconstraints.controllers.laws.Pair`; no row counts if not given.
+        As in :class:`vsconstraints.controllers.laws.Pair`; no row is enforced by default.
     """
 
     name = "policy"
@@ -98,28 +98,29 @@ class Policy(Controller):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """L_fφ, a model, for q and q̇, and what filter and law use."""
+        """Required information: L_fφ, a model (for q and q̇), and that of filter and law."""
         return tuple(
             dict.fromkeys(("L_fφ", "model", *(known for law in self.laws for known in law.uses)))
         )
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Begin again; see :class:`.Controller`."""
+        """Reset filter and law; see :class:`.Controller`."""
         self.model = model or self.model
         self._observer = None
         for law in self.laws:
             law.reset() if period is None else restart(law, period, lambda: self.model)
 
     def action(self, x: Array) -> Array:
-        """π(x) of an observation."""
+        """Return π(x) of an observation."""
         for W, b in self.layers[:-1]:
             x = np.tanh(W @ x + b)
         W, b = self.layers[-1]
         return np.minimum(np.maximum(W @ x + b, -1.0), 1.0)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput without a model, and if the network is not of this scene's
-        size.
+        """Return the filtered command; see the class.
+
+        Raises InvalidInput without a model, and if the network does not fit the size of the scene.
         """
         model = self.model
         n = task.J.shape[1]
@@ -141,8 +142,9 @@ class Policy(Controller):
 
 
 def _demand_small(opened: BinaryIO) -> None:
-    """Raise ValueError if arrays of an archive claim more than :data:`MAX_BYTES`, before any of
-    them is expanded.
+    """Raise ValueError if the arrays of an archive declare more than :data:`MAX_BYTES`.
+
+    No array is expanded for the check.
     """
     with ZipFile(opened) as archive:
         size = sum(member.file_size for member in archive.infolist())
@@ -165,14 +167,17 @@ def _demand_small(opened: BinaryIO) -> None:
 
 
 def read_weights(path: Path) -> tuple[list[tuple[Array, Array]], float, str]:
-    """Layers (W, b), acceleration and the name of a law, or empty; raises as :class:`Policy`."""
+    """Return the layers (W, b), the acceleration and the name of a law, empty for none.
+
+    Raises the errors of :class:`Policy`.
+    """
     try:
         demand_regular(path)
         with path.open("rb") as opened:
             _demand_small(opened)
             with np.load(opened, allow_pickle=False) as file:
                 arrays = dict(file)
-    except Exception as error:  # NumPy raises anything for headers and archives that are none
+    except Exception as error:  # NumPy raises any error for invalid headers and archives
         what = one_line(str(error)) or type(error).__name__
         raise ConfigurationError(
             f"{path}: no weights can be read: {what}; numpy.savez writes such files"

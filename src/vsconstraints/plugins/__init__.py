@@ -1,3 +1,1 @@
-"""What is not the package's own: parts of users, packages that are not there, where results come
-from.
-"""
+"""Code and files from outside the package: custom parts, optional packages, file provenance."""

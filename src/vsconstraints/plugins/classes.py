@@ -1,4 +1,4 @@
-"""Own controllers and constraints named in files as ``module:Class``."""
+"""Custom controllers and constraints, named in files as ``module:Class``."""
 
 from __future__ import annotations
 
@@ -18,23 +18,22 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
-#: The module of what is defined in a notebook or a script that runs; other processes have another
-#: one.
+#: Module of classes defined in a notebook or a running script; it differs between processes.
 IN_SESSION = "__main__"
 
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
-    """The class derived from ``base`` that ``"my_laws:Cautious"`` names; ``my_laws.py`` is first
-    sought in ``folder``.
+    """Import the class that ``"my_laws:Cautious"`` names, which must be derived from ``base``.
 
-    Raises ConfigurationError if the module cannot be imported, or holds no such class.
+    ``my_laws.py`` is first searched for in ``folder``. Raises ConfigurationError if the module
+    cannot be imported, or does not contain such a class.
     """
     module_name, class_name = _parts(name)
     file = plugin_file(name, folder)
     try:
         with chdir("."), noted_import(module_name):
             module = importlib.import_module(module_name) if file is None else _module_from(file)
-    # an own module can fail in any way while it is imported
+    # a custom module can fail in any way while it is imported
     except (Exception, SystemExit) as error:
         raise ConfigurationError(
             f"{name!r}: cannot import {module_name!r}: {described(error)}"
@@ -50,11 +49,10 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
 
 @contextmanager
 def beside(*folders: Path | None) -> Iterator[None]:
-    """Modules in these folders can be imported meanwhile, where no other of their names comes
-    first.
+    """Allow imports of modules in these folders within the block.
 
-    Own modules import their neighbours whenever they like, for which Python looks nowhere but in
-    ``sys.path``.
+    Modules of the same names elsewhere in ``sys.path`` take precedence. Custom modules may import
+    their neighbours at any time, and Python searches only ``sys.path``.
     """
     added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
     sys.path += added
@@ -66,14 +64,15 @@ def beside(*folders: Path | None) -> Iterator[None]:
 
 
 def plugin_file(name: str, folder: Path | None) -> Path | None:
-    """The file in ``folder`` that ``module:Class`` means; None if it means an installed module."""
+    """Return the file in ``folder`` that ``module:Class`` names; None for an installed module."""
     file = None if folder is None else folder / f"{_parts(name)[0].replace('.', '/')}.py"
     return file if file is not None and file.is_file() else None
 
 
 def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
-    """The files of the modules that these names of parts name as ``module:Class``, where they have
-    one.
+    """Return the files of the modules that are named as ``module:Class``.
+
+    Modules without a file are left out.
     """
     files = []
     for name in names:
@@ -87,8 +86,9 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
 
 
 def _spec_of(module: str) -> ModuleSpec | None:
-    """As ``importlib.util.find_spec``, which imports the packages that a module lies in: here no
-    code is run.
+    """Find the specification of a module without running code; None if it does not exist.
+
+    ``importlib.util.find_spec`` would import the packages that contain the module.
     """
     name = ""
     path = None
@@ -104,7 +104,7 @@ def _spec_of(module: str) -> ModuleSpec | None:
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
-    """Every ``module:Class`` that nested tables name as the ``type`` of something."""
+    """Yield every ``module:Class`` that is named as a ``type`` in nested tables."""
     if isinstance(tables, Mapping):
         for key, inner in tables.items():
             yield from code_named(inner, typed or key == "type")
@@ -116,9 +116,7 @@ def code_named(tables: object, typed: bool = False) -> Iterator[str]:
 
 
 def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
-    """Error for what cannot be had of stored results since it takes code that they name, which
-    reading does not run.
-    """
+    """Return the error for stored results that name code, which runs only if they are trusted."""
     code = ", ".join(map(shown, dict.fromkeys(names)))
     return ConfigurationError(
         f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)"
@@ -132,11 +130,10 @@ def _parts(name: str) -> list[str]:
 
 
 def _module_from(file: Path) -> ModuleType:
-    """Import a file under a name of its own, so that files of the same name in two folders stay
-    apart.
+    """Import a file under a unique name, so that files of equal names in two folders stay separate.
 
-    The name has no dots, with which it would seem to be in a package, and nothing of it could be
-    pickled.
+    The name has no dots. With dots, the module would seem to be in a package, and none of its
+    objects could be pickled.
     """
     path = file.resolve()
     unique = f"vsconstraints own file {path}".replace(".", "%2E")

@@ -1,4 +1,4 @@
-"""Packages that only some parts need: what to install where one is missing."""
+"""Optional packages, and the extra to install if one is missing."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from ..errors import ConfigurationError, unknown_name
 
 
 class Extra(NamedTuple):
-    """What needs ``pip install 'vsconstraints[NAME]'``, and the names by which its packages are
-    imported.
-    """
+    """Purpose of ``pip install 'vsconstraints[NAME]'``, and the modules that it installs."""
 
     what: str
     modules: tuple[str, ...]
@@ -19,7 +17,7 @@ class Extra(NamedTuple):
 
 _TABLES = ("pandas", "pyarrow")
 
-#: By their names in pyproject.toml.
+#: Extras by their names in pyproject.toml.
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna")),
@@ -39,8 +37,9 @@ EXTRAS = {
 
 
 def demand(name: str, what: str = "") -> None:
-    """Raise ConfigurationError that says what to install for ``what``, unless all packages of an
-    extra are there.
+    """Raise ConfigurationError unless all packages of an extra are installed.
+
+    The message states what to install for ``what``.
     """
     if name not in EXTRAS:
         raise unknown_name("extra", name, EXTRAS)

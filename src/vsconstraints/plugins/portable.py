@@ -1,6 +1,6 @@
-"""Parts that not every operating system has: locks of files, some signals, masks of signals.
+"""Features that not every operating system has: file locks, some signals, signal masks.
 
-The rest of the package takes them from here, so that it can be imported everywhere.
+The rest of the package uses them through this module, so that it can be imported on any system.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import IO, Any
 
 
 def _module(name: str) -> Any:
-    """Return a module of the standard library, or None where the platform lacks it."""
+    """Return a module of the standard library; None if the platform lacks it."""
     try:
         return import_module(name)
     except ImportError:
@@ -25,17 +25,18 @@ fcntl = _module("fcntl")  #: Locks of files; None where there are none.
 
 
 def signals(*names: str) -> tuple[signal.Signals, ...]:
-    """Return those of the named signals that this platform has."""
+    """Return the named signals that this platform has."""
     return tuple(signal.Signals[name] for name in names if hasattr(signal, name))
 
 
-#: Sent to a process whose terminal is closed; None where there is no such signal.
+#: Signal to a process whose terminal is closed; None if the platform has no such signal.
 HANGUP: int | None = getattr(signal, "SIGHUP", None)
 
-#: Whether this platform has what stops an arm from another thread or process.
+#: True if this platform can stop an arm from another thread or process.
 STOPS_ARMS = hasattr(signal, "SIGUSR1") and hasattr(signal, "pthread_kill")
 
-#: Interrupts a call that hangs in the main thread: no shell ignores it, as some do with Ctrl-C's.
+#: Signal that interrupts a blocked call in the main thread. No shell ignores it, in contrast to
+#: the signal of Ctrl-C.
 TAKE_OVER: signal.Signals = getattr(signal, "SIGUSR1", signal.SIGINT)
 
 
@@ -56,7 +57,7 @@ def lock(file: IO[Any], wait: bool) -> None:
 
 @contextmanager
 def blocked(numbers: Iterable[int]) -> Iterator[None]:
-    """Block signals in this thread; do nothing where signals cannot be blocked."""
+    """Block signals in this thread; do nothing if the platform cannot block signals."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -68,6 +69,6 @@ def blocked(numbers: Iterable[int]) -> Iterator[None]:
 
 
 def unblock(numbers: Iterable[int]) -> None:
-    """Let signals through to this thread again; do nothing where signals cannot be blocked."""
+    """Unblock signals in this thread; do nothing if the platform cannot block signals."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, numbers)

@@ -1,7 +1,6 @@
-"""How this process ends: with the one that started it, after a deadline, and on a signal.
+"""Termination of this process: with its parent, after a deadline, and on a signal.
 
-SIGTERM and SIGHUP do what Ctrl-C does: what was finished is kept, and the exit code is 128 + the
-signal.
+SIGTERM and SIGHUP act as Ctrl-C: finished results are kept, and the exit code is 128 + the signal.
 """
 
 from __future__ import annotations
@@ -20,43 +19,44 @@ from types import FrameType
 
 from . import portable
 
-#: What asks a command to stop: Ctrl-C, the system, and a terminal that is closed.
+#: Signals that stop a command: from Ctrl-C, from the system, and from a closed terminal.
 SIGNALS = portable.signals("SIGINT", "SIGTERM", "SIGHUP")
 
-PR_SET_PDEATHSIG = 1  #: of Linux' prctl: the signal that a process gets when its parent ends
-# signals within this time of one that was obeyed [s] mean the same: closing terminals send several
+PR_SET_PDEATHSIG = 1  #: Option of Linux' prctl: the signal sent to a process when its parent ends.
+# a signal within this time after an obeyed one [s] is ignored: closing terminals send several
 SAME_REQUEST = 2.0
-SLACK = 1.0  # a step may take so much longer than its limit [s]: its watcher looks rarely
-TICK = 0.5  # how often the watcher of a process looks at its stopwatch [s]
-LONGEST_TICK = 2.0  # a longer time between two looks [s] means that the watcher was stopped
+SLACK = 1.0  # tolerance of a step's time limit [s], since its watcher checks rarely
+TICK = 0.5  # period at which the watcher of a process checks its stopwatch [s]
+LONGEST_TICK = 2.0  # a longer time between two checks [s] means that the watcher was stopped
 
 
 class Stopped(BaseException):
-    """A signal, with this number, asked this process to stop."""
+    """A signal requested this process to stop; the argument is its number."""
 
 
-#: What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is
-#: KeyboardInterrupt.
+#: Exceptions that signals raise. Programs that use this package handle signals themselves; there
+#: Ctrl-C raises KeyboardInterrupt.
 INTERRUPTS = (KeyboardInterrupt, Stopped)
 
 
 def signal_of(interrupt: BaseException) -> int:
-    """Number of the signal that raised one of :data:`INTERRUPTS`."""
+    """Return the number of the signal that raised one of :data:`INTERRUPTS`."""
     return int(interrupt.args[0]) if isinstance(interrupt, Stopped) else int(signal.SIGINT)
 
 
 def exit_code(number: int) -> int:
-    """That of a process that was ended by this signal."""
+    """Return the exit code of a process that this signal ended."""
     return 128 + number
 
 
-class _Held:  # signals of this process: how often they are held, and which one waits
+class _Held:  # nesting depth of blocks that hold signals of this process, and the pending signal
     depth = waiting = 0
 
 
 def obey_signals() -> None:
-    """From now on each of :data:`SIGNALS` raises :class:`Stopped` in the main thread; those ignored
-    stay ignored.
+    """Let each of :data:`SIGNALS` raise :class:`Stopped` in the main thread from now on.
+
+    Ignored signals stay ignored.
     """
     terminals = [stream.fileno() for stream in (sys.stdout, sys.stderr) if stream.isatty()]
     obeyed = -SAME_REQUEST
@@ -64,8 +64,7 @@ def obey_signals() -> None:
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal obeyed
         if number == portable.HANGUP:
-            # what is written to a terminal that was closed would raise in the middle of keeping
-            # results
+            # writing to a closed terminal would raise while results are being stored
             nowhere = os.open(os.devnull, os.O_WRONLY)
             for terminal in terminals:
                 os.dup2(nowhere, terminal)
@@ -74,20 +73,21 @@ def obey_signals() -> None:
             obeyed = time.monotonic()
             if not _Held.depth:
                 raise Stopped(number)
-            # the mask is that of one thread: another one, such as that of a progress bar, has let
-            # it through
+            # a signal mask applies to one thread: another thread, such as that of a progress bar,
+            # has let the signal through
             _Held.waiting = number
 
     for number in SIGNALS:
-        # `nohup`, and shells that start something in the background, ignore some on purpose
+        # `nohup`, and shells that start a background process, ignore some signals on purpose
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
 
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """What arrives meanwhile is delivered at the end; a process that is started inherits that it is
-    held.
+    """Hold signals in the block and deliver them at its end.
+
+    A process that is started in the block inherits the signal mask.
     """
     try:
         with portable.blocked(SIGNALS):
@@ -104,25 +104,25 @@ def signals_held() -> Iterator[None]:
 
 
 class Stopwatch:
-    """Time that a process had for something, without the time during which it or its watcher was
-    stopped.
+    """Running time of a process, without the time during which it or its watcher was stopped.
 
-    A process is stopped by a signal, by a batch system, or with the whole machine. Who watches it
-    counts in short ticks: of a tick that lasts longer than :data:`LONGEST_TICK`, the watcher itself
-    was stopped for the rest.
+    A process is stopped by a signal, by a batch system, or with the whole machine. The watcher
+    counts in short ticks. If a tick lasts longer than :data:`LONGEST_TICK`, the watcher itself was
+    stopped, and the excess does not count.
     """
 
     def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
-        """Begin at zero."""
+        """Restart at zero."""
         self.seconds = 0.0
         self._counted = time.monotonic()
 
     def tick(self, process: int | None = None) -> None:
-        """Count the time since the last tick, unless the process with this id, if it is another
-        one, is stopped now.
+        """Add the time since the last tick, unless the process with this id is stopped now.
+
+        Without an id, the stopwatch measures this process.
         """
         now = time.monotonic()
         passed = min(now - self._counted, LONGEST_TICK)
@@ -132,26 +132,23 @@ class Stopwatch:
 
 
 def is_stopped(process: int) -> bool:
-    """Return True if a process is stopped by a signal or a debugger; False also where the system
-    does not say.
-    """
+    """Return True if a process is stopped by a signal or a debugger; False if unknown."""
     try:
         status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return False
-    # the state follows the name in parentheses, which may hold anything
+    # the state follows the name in parentheses, which may contain any character
     state = status.rpartition(")")[2].split()[0]
     return state in ("T", "t")
 
 
 @contextmanager
 def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
-    """End this process if a step takes longer than its limit [s], also in compiled code; None is no
-    limit.
+    """End this process if a step exceeds its limit [s], also in compiled code; None means no limit.
 
-    The function that it yields is called where a step begins and the one before has ended. Time
-    during which the process is stopped does not count. A thread ends steps that wait; the system
-    ends those that compute, whether or not they let other threads run.
+    Call the yielded function at the start of each step, which ends the previous one. Time during
+    which the process is stopped does not count. A thread ends steps that wait; the system ends
+    steps that compute, even if they block other threads.
     """
     if limit is None:
         yield lambda: None
@@ -182,22 +179,20 @@ def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
 
 
 def _limit_processor_time(limit: float) -> None:
-    """Let the system end this process after so much processor time of its own [s]; 0 is no
-    limit.
-    """
+    """Let the system end this process after this much processor time [s]; 0 means no limit."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_PROF, limit)
 
 
 def end_with(parent: int) -> None:
-    """End this process when its parent, which has this id, ends, for whatever reason."""
+    """End this process when its parent, which has this id, ends for any reason."""
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:
             os._exit(1)
-    # on other systems, or where prctl is not allowed; this waits while compiled code keeps the
-    # interpreter busy
+    # for other systems, and if prctl is not permitted; the thread cannot run while compiled code
+    # blocks the interpreter
     if (starter := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_end_after, args=(starter,), daemon=True).start()
 

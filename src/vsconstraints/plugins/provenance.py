@@ -1,4 +1,4 @@
-"""What files a result was made from: their content, as it was just before Python read them."""
+"""Files that a result depends on: hashes of their content just before Python read them."""
 
 from __future__ import annotations
 
@@ -15,39 +15,40 @@ from typing import Any
 
 from .regular_files import demand_regular
 
-#: absolute paths and hashes of what the files hold; the hash is empty where there is no file
+#: Hashes of files' contents by absolute path; the hash is empty if the file does not exist.
 Files = dict[str, str]
 
-#: Folders of installed packages: their versions stand for their files, those of own parts apart.
+#: Folders of installed packages. Their versions identify their files, except for packages of
+#: custom parts.
 INSTALLED = ("site-packages", "dist-packages")
 
 _PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
 _SYSTEM = ("/proc", "/sys", "/dev", "/run", "/etc")
 _FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), *_SYSTEM)
-#: Folders whose files are nobody's own: the standard library, this package, the system's.
+#: Folders without custom files: the standard library, this package, and the system's.
 LIBRARIES = tuple(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS)
 
-#: Endings of the files in caches of compiled code, checksums included: the code itself is noted.
+#: Suffixes of files of compiled code and their checksums, whose source is noted itself.
 COMPILED = (".nbi", ".nbc", ".nbi.sha256", ".nbc.sha256")
 
 _own_packages: set[str] = set()
-#: Packages of own parts, and files that they read while they were imported, which happens once in a
-#: process.
+#: Packages of custom parts, and files read during their import, which happens once per process.
 read_by_imports: Files = {}
-#: Files that own parts have read in this process while they ran, as they were when they were read
-#: last.
+#: Files that running custom parts have read in this process, as they were at the last reading.
 read_by_runs: Files = {}
-written_by_runs: set[str] = set()  # what own parts write themselves is not what results depend on
+written_by_runs: set[str] = set()  # results do not depend on files that custom parts write
 
+#: Active notes: files with their hashes, and paths of files that were written.
 _notes: list[tuple[Files, set[str]]] = []
-#: What is being noted, and whether the audit hook is there: one serves the whole process, and none
-#: can be removed.
+#: True once the audit hook is installed. One hook serves the whole process, and hooks cannot be
+#: removed.
 _hooked = False
 
 
 def digest(path: str | Path) -> str:
-    """Hash of what a file holds; empty if there is no such file, it is a pipe or a device, or it
-    cannot be read.
+    """Return the hash of a file's content.
+
+    It is empty if the file does not exist, is a pipe or a device, or cannot be read.
     """
     try:
         demand_regular(path)
@@ -58,18 +59,17 @@ def digest(path: str | Path) -> str:
 
 
 def digests(paths: Iterable[str | Path]) -> Files:
-    """Hashes of files by their absolute paths."""
+    """Return hashes of files by their absolute paths."""
     return {path: digest(path) for path in map(os.path.realpath, paths)}
 
 
 @contextmanager
 def noted() -> Iterator[Files]:
-    """Note the files that Python opens for reading meanwhile, each with its hash just before it is
-    first opened.
+    """Note the files that Python opens for reading in the block.
 
-    Source stands for the bytecode kept of it. Not noted are installed packages other than those of
-    own parts, files that are written meanwhile or gone at the end, and what is read by other means
-    than Python's ``open``.
+    Each is noted with its hash just before it is first opened. For cached bytecode, the source file
+    is noted. Not noted are installed packages other than those of custom parts, files that are
+    written in the block or missing at its end, and files that are not read with Python's ``open``.
     """
     global _hooked
     if not _hooked:
@@ -89,9 +89,7 @@ def noted() -> Iterator[Files]:
 
 
 def add_to_notes(files: Files) -> None:
-    """Add files that another process has read, on behalf of this one, to what is being noted
-    here.
-    """
+    """Add files that another process has read on behalf of this one to the active notes."""
     for noted_files, _ in _notes:
         for path, content in files.items():
             noted_files.setdefault(path, content)
@@ -99,13 +97,14 @@ def add_to_notes(files: Files) -> None:
 
 @contextmanager
 def noted_import(module: str) -> Iterator[None]:
-    """Keep for :func:`imported` what is read while an own module is imported, modules that it
-    imports included.
+    """Note files that are read while a custom module is imported, for :func:`imported`.
+
+    Modules that it imports are included.
     """
     _own_packages.add(module.partition(".")[0])
     before = sys.dont_write_bytecode
-    # bytecode is told from its source's size and second only: two edits in a second could be mixed
-    # up
+    # bytecode is matched to its source by size and second only: two edits within a second could be
+    # confused
     sys.dont_write_bytecode = True
     try:
         with noted() as files:
@@ -114,8 +113,7 @@ def noted_import(module: str) -> Iterator[None]:
         sys.dont_write_bytecode = before
         for path, content in files.items():
             read_by_imports.setdefault(path, content)
-    # what was there before, for example because the program that asked for the comparison imports
-    # it
+    # modules imported earlier, for example by the program that started the comparison
     for name, loaded in list(sys.modules.items()):
         file = getattr(loaded, "__dict__", {}).get("__file__")
         if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
@@ -125,18 +123,19 @@ def noted_import(module: str) -> Iterator[None]:
 
 
 def imported() -> Files:
-    """What own modules have read while they were imported in this process; each file as it was
-    then.
+    """Return the files that custom modules read during their import in this process.
+
+    Each file has the hash that it had then.
     """
     return dict(read_by_imports)
 
 
 @contextmanager
 def own_parts_noted() -> Iterator[Files]:
-    """Note the files that own parts depend on; the table is complete when the block ends.
+    """Note the files that custom parts depend on; the table is complete when the block ends.
 
-    These are the files that they read meanwhile, and all that they have read before in this
-    process: a part may keep what it has read, and Python keeps the modules that it has imported.
+    These are the files read in the block, and all files that custom parts have read before in this
+    process: a part may keep data that it has read, and Python keeps imported modules.
     """
     files: Files = {}
     with noted() as read:
@@ -149,12 +148,12 @@ def own_parts_noted() -> Iterator[Files]:
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:
-    """Audit hook; it must not raise, since that would keep the file from being opened."""
+    """Audit hook, which must not raise: an error would prevent the file from being opened."""
     if event != "open" or not _notes or not isinstance(arguments[0], (str, bytes, os.PathLike)):
         return
     path, mode, flags = arguments
     notes = _notes[:]
-    _notes.clear()  # not for what is opened here
+    _notes.clear()  # files opened below are not noted
     try:
         name = os.path.realpath(os.fsdecode(path))
         if name.endswith(".pyc"):
@@ -169,7 +168,7 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
                     files.pop(name, None)
                 elif name not in files and name not in written:
                     files[name] = digest(name)
-    except Exception:  # whatever is wrong with the path, it is told by who opens it
+    except Exception:  # an invalid path is reported by the code that opens it
         pass
     finally:
         _notes.extend(notes)

@@ -1,6 +1,4 @@
-"""Files that users name: read as a whole, unless they are none, such as pipes and devices, or too
-large.
-"""
+"""Files named by users, which are read whole; pipes, devices and large files are refused."""
 
 from __future__ import annotations
 
@@ -8,12 +6,12 @@ import os
 import stat
 from pathlib import Path
 
-MAX_BYTES = 100_000_000  #: Of a file that is read as a whole.
-PIECE = 1_000_000  # bytes that are read at once: memory is taken for what is there
+MAX_BYTES = 100_000_000  #: Maximum size of a file that is read whole.
+PIECE = 1_000_000  # bytes read at once, so that memory is allocated only for existing data
 
 
 def demand_regular(path: str | Path) -> None:
-    """Raise OSError unless there is a regular file: reading a pipe or a device may never end."""
+    """Raise OSError unless a path is a regular file: reading a pipe or a device may never end."""
     mode = os.stat(path).st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(f"it is a folder, not a file: {str(path)!r}")
@@ -22,11 +20,10 @@ def demand_regular(path: str | Path) -> None:
 
 
 def read_regular(path: str | Path, most: int = MAX_BYTES) -> bytes:
-    """Return what a regular file holds; raises OSError if it is none, cannot be read, or has more
-    than ``most`` bytes.
+    """Return the content of a regular file.
 
-    It is opened only after it has been looked at, since opening a pipe waits for whoever writes to
-    it.
+    Raises OSError if it is not a regular file, cannot be read, or has more than ``most`` bytes. The
+    type is checked before opening, because opening a pipe waits for its writer.
     """
     demand_regular(path)
     content = bytearray()

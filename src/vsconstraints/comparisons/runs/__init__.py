@@ -1,3 +1,1 @@
-"""How runs are carried out: processes of their own, time limits, signals, and what an unfinished
-command keeps.
-"""
+"""Execution of runs: worker processes, time limits, signals, and data of unfinished commands."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and their SHA-256 in the format of ``sha256sum``."""
+"""Files written completely or not at all, with SHA-256 checksums in the format of ``sha256sum``."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ import numpy as np
 from ...errors import ConfigurationError, StorageError
 from ...plugins.regular_files import read_regular
 
-MAX_BYTES = 2e9  # of the arrays of a file; a run may take as much memory
-MAX_NAMED = 3  # files that a message names
-# an array is compressed if its first bytes become smaller than this share
+MAX_BYTES = 2e9  # maximum size of the arrays of a file [bytes]; a run may use as much memory
+MAX_NAMED = 3  # maximum number of files named in a message
+# an array is compressed if its first SAMPLE bytes shrink below the share WORTH
 SAMPLE = 1 << 13
 WORTH = 0.7
-#: Time of all arrays in a file. That of the system is not stored: it may lie where ZIP has no
-#: dates, before 1980 or after 2107, as on a controller whose battery is empty.
+#: Time stamp of all arrays in a file. The system time is not used, because ZIP has no dates before
+#: 1980 or after 2107, which a controller with an empty battery may have.
 MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
-# level 6, which is that of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
+# level 6, the default of NumPy, takes 1.7 times as long for files that are 0.3 % smaller
 LEVEL = 1
 
-#: Lines are added as files come, and written anew when the command that makes them ends.
+#: File of checksums. Lines are appended as files are written; the whole file is rewritten when the
+#: command ends.
 SUMS = "checksums.sha256"
-TRAJECTORIES = "trajectories"  #: Folder of the runs' records, below that of the results.
+TRAJECTORIES = "trajectories"  #: Folder of the runs' records, inside the results folder.
 
-Sums = dict[str, str]  #: SHA-256 of files, by their names as seen from the folder.
+Sums = dict[str, str]  #: SHA-256 of files, by their paths relative to the folder.
 
 
 @contextmanager
 def storing(what: str, folder: Path) -> Iterator[None]:
-    """Raise what the system raises meanwhile as a StorageError that says what stays."""
+    """Turn an OSError in the block into a StorageError that names the results that are kept."""
     try:
         yield
     except OSError as error:
@@ -50,8 +51,9 @@ def storing(what: str, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A file that then takes the place of ``path``; if anything is raised, it is removed
-    instead.
+    """Provide a temporary file that replaces ``path`` when the block ends.
+
+    If the block raises, the temporary file is removed and ``path`` is unchanged.
     """
     part = path.with_name(path.name + ".part")
     try:
@@ -63,19 +65,19 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 def write_json(path: Path, data: object) -> None:
-    """Write data as JSON, whole or not at all; raises OSError."""
+    """Write data as JSON, completely or not at all; raises OSError."""
     text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
     with replaced(path) as part:
         part.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def plain(data: object) -> Any:
-    """Data as it comes back from JSON."""
+    """Return data as it would be after storing it as JSON."""
     return json.loads(json.dumps(data, default=str))
 
 
 def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
-    """Write a .npz file of arrays by their names; everything else is in ``facts``, as JSON."""
+    """Write a .npz file of arrays by name; all other values are stored in ``facts``, as JSON."""
     arrays: dict[str, Any] = {
         name: value for name, value in values.items() if isinstance(value, np.ndarray)
     }
@@ -86,8 +88,7 @@ def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, array, allow_pickle=False)
             member = buffer.getbuffer()
-            # measured numbers are hardly smaller compressed, and take longer than all else of a
-            # file
+            # measured numbers hardly shrink, and compressing them takes most of the time
             begin = member[:SAMPLE]
             worth = len(zlib.compress(begin, LEVEL)) < WORTH * len(begin)
             kind = zipfile.ZIP_DEFLATED if worth else zipfile.ZIP_STORED
@@ -96,10 +97,10 @@ def write_arrays(path: Path, values: Mapping[str, Any]) -> None:
 
 
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
-    """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
+    """Read a file of :func:`write_arrays`; raises any error if it is missing or damaged.
 
-    Nothing is expanded unless the archive and each array's header claim no more than ``most`` bytes
-    together.
+    No data is expanded unless the archive and the array headers together declare at most ``most``
+    bytes.
     """
     with path.open("rb") as file:
         with zipfile.ZipFile(file) as archive:
@@ -123,7 +124,7 @@ def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
 
 
 def digests(folder: Path, paths: Iterable[Path]) -> Sums:
-    """The hashes of files in a folder; those that are not there are left out."""
+    """Return the hashes of files in a folder; missing files are left out."""
     sums = {}
     for path in paths:
         if path.is_file():
@@ -135,10 +136,10 @@ def digests(folder: Path, paths: Iterable[Path]) -> Sums:
 
 
 def recorded(folder: Path) -> Sums | None:
-    """The hashes recorded in a folder, without an incomplete last line of a process that was ended;
-    None without any.
+    """Return the hashes recorded in a folder; None if there is no record.
 
-    Raises ConfigurationError if another line is no checksum, or the file cannot be read.
+    An incomplete last line, of a process that was terminated, is ignored. Raises ConfigurationError
+    if another line is not a checksum, or the file cannot be read.
     """
     path = folder / SUMS
     try:
@@ -156,15 +157,15 @@ def recorded(folder: Path) -> Sums | None:
 
 
 def write_sums(folder: Path, sums: Mapping[str, str]) -> None:
-    """Replace what is recorded; raises OSError."""
+    """Replace the recorded hashes; raises OSError."""
     with replaced(folder / SUMS) as part:
         part.write_bytes(_lines(sums))
 
 
 def add_sums(folder: Path, paths: Iterable[Path]) -> None:
-    """Record files that have just been written, in one line each; raises OSError."""
+    """Record files that have just been written, one line each; raises OSError."""
     lines = _lines(digests(folder, paths))
-    # in one piece: a process that is ended leaves all of it, or none
+    # a single write: a process that is terminated writes all lines or none
     with (folder / SUMS).open("ab", buffering=0) as file:
         file.write(lines)
 
@@ -174,8 +175,9 @@ def _lines(sums: Mapping[str, str]) -> bytes:
 
 
 def seal(folder: Path, paths: Iterable[Path]) -> None:
-    """Record these files and no other, all that will not be written again, those not read that are;
-    raises OSError.
+    """Record exactly these files, which will not be written again; raises OSError.
+
+    Files that are already recorded are not read again.
     """
     known = recorded(folder) or {}
     names = {path.relative_to(folder).as_posix(): path for path in paths if path.is_file()}
@@ -184,7 +186,10 @@ def seal(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
-    """Remove files that are not as they were stored, where that is recorded; raises OSError."""
+    """Remove files that differ from their recorded checksum; raises OSError.
+
+    Nothing is removed from a folder without checksums.
+    """
     if (sums := recorded(folder)) is not None:
         for name, digest in digests(folder, paths).items():
             if sums.get(name) != digest:
@@ -194,11 +199,11 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
 def check_sums(
     folder: Path, paths: Iterable[Path], finished: bool = True, all_there: bool = True
 ) -> tuple[list[str], str]:
-    """Sentences on what is wrong with the files of results, and a remark for the reader; empty
-    where nothing is.
+    """Check the files of results; return sentences on problems, and a remark for the reader.
 
-    Before the command that makes them has ``finished``, those that it still writes are not
-    recorded. Trajectories may be missing, which reports name, unless ``all_there``.
+    Both are empty if all files are intact. While the command that writes them is not ``finished``,
+    files that it still writes are not recorded. Unless ``all_there``, trajectories may be missing;
+    reports name these.
     """
     if (sums := recorded(folder)) is None:
         return (
@@ -228,8 +233,9 @@ def check_sums(
 def demand_unchanged(
     folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False
 ) -> str:
-    """The remark of :func:`check_sums`; raises ConfigurationError if a file was changed, put there
-    later, or lost.
+    """Raise ConfigurationError if a file was changed, added later, or lost.
+
+    Return the remark of :func:`check_sums`.
     """
     problems, remark = check_sums(folder, paths, finished, all_there)
     if problems:

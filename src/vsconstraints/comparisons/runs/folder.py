@@ -1,5 +1,6 @@
-"""A folder of results: of one kind, locked by one process at a time; whose trajectories are kept in
-it.
+"""Results folder, which holds one kind of results and is locked by one process at a time.
+
+The module also selects the trajectories that are kept.
 """
 
 from __future__ import annotations
@@ -21,22 +22,21 @@ from .files import demand_unchanged
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
-MANIFEST = "manifest.json"  #: Says what was run; every kind of results has one.
-#: File that names the process that holds the folder. It stays, and says that what is there are
-#: results.
+MANIFEST = "manifest.json"  #: Description of the runs; every kind of results has one.
+#: File that names the process that has locked the folder. It is never removed, and marks the
+#: folder as a results folder.
 LOCK = ".vsconstraints-lock"
-#: Folders that this process holds: locks are a process' own, and a second one of the same file
-#: would refuse itself.
+#: Folders locked by this process, which could not lock the same file a second time.
 _locked: set[Path] = set()
 
 
 @contextmanager
 def locked(folder: Path, kind: Kind) -> Iterator[None]:
-    """Lock a folder, created if need be, so that no other process stores anything in it; a process
-    may do so twice.
+    """Lock a folder, created if necessary, against other processes that store results in it.
 
-    Raises ConfigurationError if the folder cannot be created, holds something else, or another
-    process has locked it; nothing in it has been touched then.
+    A process may lock the same folder again. Raises ConfigurationError if the folder cannot be
+    created, contains other data, or is locked by another process; in these cases nothing in it is
+    changed.
     """
     path = folder.absolute()
     if path in _locked:
@@ -69,8 +69,8 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
                 f"{storing}: wait until it ends, or give another folder"
             ) from None
         except OSError:
-            pass  # a file system without locks
-        with suppress(OSError):  # a full disk: others are refused without the process id
+            pass  # the file system does not support locks
+        with suppress(OSError):  # disk full: the message for others then lacks the process id
             lock.truncate(0)
             lock.write(f"{os.getpid()}\n")
             lock.flush()
@@ -82,9 +82,7 @@ def locked(folder: Path, kind: Kind) -> Iterator[None]:
 
 
 def demand_inside(folder: Path) -> None:
-    """Raise ConfigurationError if a link in a folder leads out of it: what is written to it would
-    go elsewhere.
-    """
+    """Raise ConfigurationError if a link in a folder leads out of it, so that writing would too."""
     whole = os.path.realpath(folder)
     for at, folders, files in os.walk(folder):
         for path in (os.path.join(at, name) for name in (*folders, *files)):
@@ -97,7 +95,7 @@ def demand_inside(folder: Path) -> None:
 
 
 def kind_of(folder: Path) -> Kind | None:
-    """What a folder holds, by its manifest; None if there is none that can be read."""
+    """Return the kind of results in a folder, from its manifest; None if none can be read."""
     manifest = manifest_of(folder)
     configuration = manifest.get("configuration")
     if "tuning" in manifest:
@@ -108,7 +106,7 @@ def kind_of(folder: Path) -> Kind | None:
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a folder; empty if there is none that can be read."""
+    """Return the manifest of a folder; empty if none can be read."""
     try:
         manifest = read_manifest(folder / MANIFEST)
     except (OSError, ValueError, RecursionError):
@@ -117,9 +115,9 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def read_manifest(path: Path) -> Any:
-    """What a manifest holds; raises OSError, ValueError or RecursionError if it cannot be read."""
+    """Read a manifest; raises OSError, ValueError or RecursionError if it cannot be read."""
     manifest = json.loads(read_regular(path).decode())
-    json.dumps(manifest, ensure_ascii=False).encode()  # what is made of it is written, in UTF-8
+    json.dumps(manifest, ensure_ascii=False).encode()  # reports write its texts in UTF-8
     return manifest
 
 
@@ -127,8 +125,8 @@ def read_manifest(path: Path) -> Any:
 class StoredResults:
     """Results in their folder, with their manifest.
 
-    Where they are ``trusted``, code that is named in them as ``module:Class`` may run. ``remarks``
-    are what a reader should know: that there are no checksums, or that code is not run.
+    If they are ``trusted``, code that they name as ``module:Class`` may run. ``remarks`` inform the
+    reader that checksums are missing, or that code is not run.
     """
 
     folder: Path
@@ -140,10 +138,10 @@ class StoredResults:
 
     @classmethod
     def load(cls, folder: Path, trust: bool = False) -> Self:
-        """Read a folder; nothing that is named in it is imported unless it is trusted.
+        """Read a folder; code that is named in it is imported only if it is trusted.
 
-        Raises ConfigurationError that says what is missing in it, was changed, or is not what was
-        stored; and for links that lead out of it.
+        Raises ConfigurationError that names the problem if a file is missing, was changed or is
+        invalid, or if a link leads out of the folder.
         """
         files = cls._files(folder)
         demand_inside(folder)
@@ -166,20 +164,19 @@ class StoredResults:
 
     @classmethod
     def _files(cls, folder: Path) -> Sequence[Path]:
-        """Those whose checksums are looked at; raises ConfigurationError if there are no such
-        results.
+        """List the files whose checksums are verified.
+
+        Raises ConfigurationError if the folder contains no results of this kind.
         """
         raise NotImplementedError
 
     @classmethod
     def _demand_readable(cls, manifest: Mapping[str, Any], where: str) -> None:
-        """Raise ConfigurationError if something in a manifest is not what is written there."""
+        """Raise ConfigurationError if an entry of a manifest is invalid."""
         raise NotImplementedError
 
     def _demand_planned(self) -> None:
-        """Raise ConfigurationError unless all lines of all tables are what the manifest asks
-        for.
-        """
+        """Raise ConfigurationError unless all lines of all tables belong to the manifest."""
         raise NotImplementedError
 
     @property
@@ -191,8 +188,10 @@ class StoredResults:
 def entries(
     value: object, where: str, needed: Mapping[str, Any], others: Mapping[str, Any] = NOTHING
 ) -> Table:
-    """The entries of a table that readers need, by what they are; raises ConfigurationError for
-    wrong ones.
+    """Return the entries of a table that readers need, with checked types.
+
+    ``needed`` and ``others`` map required and optional keys to types. Raises ConfigurationError for
+    a missing key or a wrong type.
     """
     table = demand_table(value, where)
     for name in needed:
@@ -206,15 +205,15 @@ def entries(
     }
 
 
-#: Runs whose trajectories are kept; ``worst`` of each kind of run is the one with the deepest
-#: violation, or the first.
+#: Runs whose trajectories are kept. ``worst`` is the run with the deepest violation of each kind of
+#: run, if a row was violated.
 Keep = Literal["none", "failed", "worst", "first", "all"]
 
 Line = TypeVar("Line", bound=Mapping[str, Any])
 
 
 def demand_keep(keep: str) -> Keep:
-    """The way to keep of this name; raises ConfigurationError if there is none."""
+    """Return the selection of this name; raises ConfigurationError if it is unknown."""
     if keep not in get_args(Keep):
         raise unknown_name("--keep", keep, get_args(Keep))
     return cast("Keep", keep)
@@ -223,11 +222,11 @@ def demand_keep(keep: str) -> Keep:
 def kept_lines(
     lines: Sequence[Line], keep: Keep, kind: Sequence[str], first: tuple[str, str]
 ) -> list[Line]:
-    """Lines of the runs whose trajectories are kept, of those with ``status`` and
-    ``violation_depth``.
+    """Select the lines of the runs whose trajectories are kept.
 
-    ``kind`` are the columns that runs of one kind have in common; ``first`` are the column within
-    which the lowest number counts as first, and that of the numbers.
+    Lines have the columns ``status`` and ``violation_depth``. ``kind`` are the columns that runs of
+    one kind have in common. ``first`` is a pair of columns: a group, and the number that is lowest
+    for the first runs of the group.
     """
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]

@@ -1,9 +1,8 @@
-"""Runs of custom laws, each law in a process of its own, which says what the law commands and
-nothing else.
+"""Runs of custom laws, each law in a separate process that only returns the law's commands.
 
-The motion that follows from the commands is simulated, judged and scored in the process that asks:
-it never loads the law's code, so that nothing that the law changes in its own process reaches the
-runs of others or its own scores.
+The calling process simulates, judges and scores the motion that follows from these commands. It
+never loads the law's code. The law therefore cannot affect the runs of other laws or its own scores
+by changing its process.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from ...simulation.recorded import Recorded, replay
 from .pool import Failure, Pool
 from .spec import ControllerSpec
 
-#: Laws whose processes are kept for further runs; the one that has waited longest ends first.
+#: Maximum number of law processes kept for further runs; the one unused for longest ends first.
 MAX_PROCESSES = 8
 EXIT_PRIORITY = 100  # before the interpreter waits for its children, which wait for it
 
-#: Processes of laws, by the laws; the one used last comes last.
+#: Processes by law; the one used last comes last.
 _processes: dict[str, _LawProcess] = {}
 _finalizers: list[Finalize] = []
-_read_here: Files = {}  #: In a law's process: what its code has read in all its runs.
+_read_here: Files = {}  #: In a law's process: the files that its code has read in all its runs.
 
 
 class _LawProcess:
@@ -72,19 +71,19 @@ def _state_of(path: str) -> tuple[int, int]:
 
 
 class LawFailedError(Exception):
-    """The process of a law left no run; the message is the reason."""
+    """The process of a law returned no run; the message is the reason."""
 
 
 class LawProcessLostError(LawFailedError):
-    """The process of a law is gone, or cannot be told of the run: another time it may go well."""
+    """The process of a law died or could not receive the run; the run may succeed another time."""
 
 
 @dataclass(frozen=True)
 class LawRun:
-    """A run as the process of its law is told of it.
+    """Description of a run that is sent to the process of its law.
 
-    ``time_limit`` [s] is that of the setup, see :func:`.until_settled`; ``by_public_call`` that of
-    :func:`.simulate`.
+    ``time_limit`` [s] is that of the setup, see :func:`.until_settled`. ``by_public_call`` is
+    passed to :func:`.simulate`.
     """
 
     scenario: Scenario
@@ -101,10 +100,10 @@ def simulate_apart(
     remarks: Sequence[str] | None = None,
     prepared: Prepared | None = None,
 ) -> Trajectory:
-    """As :func:`.simulate`, with the law in a process of its own; ``setup`` is what the run is
-    scored on.
+    """Simulate as :func:`.simulate`, with the law in a separate process.
 
-    Raises LawFailedError if the law's process leaves no run.
+    ``setup`` is the setup on which the run is scored. Raises LawFailedError if the law's process
+    returns no run.
     """
     answer: object = _asked(run)
     if isinstance(answer, Failure):
@@ -125,8 +124,9 @@ def simulate_apart(
 
 
 def record(run: LawRun) -> dict[str, Any]:
-    """Run a law in its process, and say what it commanded, or why it failed, and which files it
-    read.
+    """Run a law in its process; return its commands or the reason of its failure.
+
+    The files that it has read are returned too.
     """
     said: dict[str, Any] = {}
     with chdir("."), noted() as read:
@@ -137,7 +137,7 @@ def record(run: LawRun) -> dict[str, Any]:
                     run.law.run.of(setup), run.law.make(), by_public_call=run.by_public_call
                 )
                 said["recorded"] = recorded.plain()
-        except BaseException as error:  # even SystemExit: this is where a run of the law ends
+        except BaseException as error:  # even SystemExit: a failure of the law ends its run only
             said["failed"] = described(error)
     _read_here.update(read)
     said["files"] = {**_read_here, **imported()}
@@ -149,7 +149,7 @@ def _asked(run: LawRun) -> dict[str, Any] | Failure:
         _finalizers.append(Finalize(None, end_law_processes, exitpriority=EXIT_PRIORITY))
     try:
         law = hashlib.sha256(pickle.dumps(run.law)).hexdigest()
-    # options and instances of own laws can raise anything when they are pickled
+    # options and instances of custom laws can raise any error when they are pickled
     except Exception as error:
         return Failure.of(error, "it cannot be sent to a process: ")
     process = _processes.pop(law, None)

@@ -1,6 +1,4 @@
-"""What results depend on besides what is run: the machine, the packages, and this package's own
-source.
-"""
+"""Machine, package versions and source of this package: dependencies of results besides the run."""
 
 from __future__ import annotations
 
@@ -25,20 +23,20 @@ from ...compiled import available
 from ...plugins.extras import EXTRAS
 
 VERSION = version("vsconstraints")
-# required, but no result depends on them
+# required packages that no result depends on
 OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
-OPTIONAL = ("quadprog",)  # used wherever they are installed
+OPTIONAL = ("quadprog",)  # used if installed
 
-# of a process that simulates [bytes]: interpreter, Pinocchio, compiler and a trajectory
+# memory of a simulating process [bytes]: interpreter, Pinocchio, compiler and a trajectory
 PROCESS_MEMORY = 300e6
 
-# how long a run may take [s], which may have to compile, and each sample
+# time limit of a run, which may have to compile, and of each sample [s]
 MIN_LIMIT = 120.0
 LIMIT_PER_SAMPLE = 0.1
 
 
 def machine() -> dict[str, str | int]:
-    """Processor, cores, system and Python."""
+    """Return processor, number of cores, system and Python."""
     processor = _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine()
     system = f"{platform.system()} {platform.machine()}"
     return {
@@ -50,15 +48,13 @@ def machine() -> dict[str, str | int]:
 
 
 def python_version() -> str:
-    """Implementation and version of Python."""
+    """Return implementation and version of Python."""
     return f"{platform.python_implementation()} {platform.python_version()}"
 
 
 @cache
 def code_hash() -> str:
-    """Hash of the package's own source, so that results of other code are never taken for this
-    one's.
-    """
+    """Return a hash of this package's source, which separates results of different code."""
     digest = hashlib.sha256()
     package = Path(__file__).parents[2]
     for path in sorted(package.rglob("*.py")):
@@ -69,16 +65,18 @@ def code_hash() -> str:
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Versions of Python and of all required packages that results can depend on; others:
-    :func:`used_versions`.
+    """Return the versions of Python and of all required packages that results can depend on.
+
+    Optional packages: :func:`used_versions`.
     """
     names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
     return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}
 
 
 def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
-    """Versions of optional packages that the tables of a scenario, a family or a law's options use;
-    they are loaded.
+    """Return the versions of the optional packages that tables use; these packages are loaded.
+
+    The tables are those of a scenario, a family or a law's options.
     """
     used: dict[str, str] = {}
     for key, value in tables.items():
@@ -86,7 +84,7 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
             used |= module_versions(EXTRAS["images"].modules)
         elif key == "solver":
             used |= {name: _version(name) for name in _required("qpsolvers", str(value))}
-        elif key == "type" and "mujoco" in str(value):  # or one of several of a family
+        elif key == "type" and "mujoco" in str(value):  # a family may list several types
             used |= module_versions(EXTRAS["physics"].modules)
         if isinstance(value, Mapping):
             used |= used_versions(value)
@@ -94,14 +92,12 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
-    """Versions of modules by their names: see :func:`module_version`."""
+    """Return versions of modules by name, see :func:`module_version`."""
     return {name: module_version(name) for name in modules}
 
 
 def module_version(name: str) -> str:
-    """The version of a module, which is loaded for it, after the name of the distribution that it
-    comes from.
-    """
+    """Load a module and return the name of its distribution and its version."""
     try:
         module = import_module(name)
     except ImportError:
@@ -111,8 +107,9 @@ def module_version(name: str) -> str:
 
 
 def loaded_versions() -> dict[str, str]:
-    """Versions of all distributions of which this process has loaded a module, those that own parts
-    use included.
+    """Return versions of all distributions from which this process has loaded a module.
+
+    Those that custom parts use are included.
     """
     owners = _owners()
     files = [
@@ -125,11 +122,11 @@ def loaded_versions() -> dict[str, str]:
 
 @cache
 def _owners() -> dict[str, tuple[str, str]]:
-    """Name and version of the distribution that every installed module belongs to, by its file."""
+    """Map the file of every installed module to the name and version of its distribution."""
     owners = {}
     modules = tuple(all_suffixes())
     for distribution in distributions():
-        # once for each distribution: done for each of its files they took 17 s
+        # called once per distribution: calling it per file took 17 s
         folder = str(distribution.locate_file(""))
         owner = (distribution.name, distribution.version)
         files = (
@@ -143,7 +140,7 @@ def _owners() -> dict[str, tuple[str, str]]:
 
 @cache
 def _required(name: str, extra: str = "") -> tuple[str, ...]:
-    """Names of the packages that a package requires, or those of one of its extras."""
+    """Return the names of the packages that a package, or one of its extras, requires."""
     lines = [
         re.match(r"([\w.-]+)(?:.*extra == ['\"](.+?)['\"])?", line) for line in requires(name) or ()
     ]
@@ -157,8 +154,10 @@ def _version(name: str) -> str:
 
 
 def code_identity() -> dict[str, Any]:
-    """Source, versions of Python and of the packages that all results can depend on, and whether
-    runs are compiled.
+    """Return source and versions that all results can depend on.
+
+    These are the versions of this package, of Python and of the required packages, the hash of the
+    source, and a flag that is True if runs are compiled.
     """
     return {
         "version": VERSION,
@@ -169,8 +168,9 @@ def code_identity() -> dict[str, Any]:
 
 
 def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
-    """Entries of a manifest: this version, the command as it was typed, machine, and versions, also
-    of what it uses.
+    """Return the manifest entries on version, command as typed, machine and packages.
+
+    ``used`` are the versions of the optional packages that are used.
     """
     return {
         "version": VERSION,
@@ -184,8 +184,9 @@ def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any
 
 
 def git_commit() -> str:
-    """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git
-    checkout.
+    """Return the git commit of the package's source, with ``+`` if it was changed.
+
+    The text is empty outside a git checkout.
     """
 
     def git(*arguments: str) -> str:
@@ -198,8 +199,8 @@ def git_commit() -> str:
         except (OSError, subprocess.SubprocessError):
             return ""
 
-    # an installed copy can lie inside the checkout of another project: only where git knows this
-    # file it is its commit
+    # an installed copy can lie inside the checkout of another project: the commit is only valid
+    # if git tracks this file
     known = git("ls-files", "--error-unmatch", Path(__file__).name)
     return (
         git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*").strip()
@@ -216,20 +217,25 @@ def _field(path: str, name: str) -> str:
 
 
 def cores() -> int:
-    """Cores that this process may use, which can be fewer than there are; only Linux says so."""
+    """Return the number of cores that this process may use.
+
+    Only Linux reports a limit; elsewhere it is the number of all cores.
+    """
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def process_count(asked: int | None = None) -> int:
-    """How many processes to use: as requested, or as possible if None, but no more than cores and
-    memory allow.
+    """Return the number of processes to use: as requested, or as many as possible if None.
+
+    It is limited by cores and memory, and at least 1.
     """
     return max(1, min(asked or cores(), cores(), int(available_memory() // PROCESS_MEMORY)))
 
 
 def available_memory() -> float:
-    """Memory that can be had without swapping [bytes]; all there is where the system does not
-    say.
+    """Return the memory available without swapping [bytes].
+
+    If the system does not report it, return all memory.
     """
     if available := _field("/proc/meminfo", "MemAvailable:"):
         return 1024.0 * float(available.split()[0])
@@ -237,18 +243,17 @@ def available_memory() -> float:
 
 
 def most_samples(tables: Mapping[str, Any]) -> float:
-    """How many samples a run of a scenario may leave; without a bound where its tables hold no
-    numbers.
+    """Return the maximum number of samples of a run of a scenario; inf if its tables are invalid.
 
-    It may take three durations until it settles, of a law that is called four times as often; or
-    the stop of an arm.
+    It allows for three durations until the run settles, a law that is called four times as often,
+    and the stop of an arm.
     """
     return 1000.0 + 16.0 * _samples(tables, math.inf)
 
 
 def run_limit(tables: Mapping[str, Any]) -> float:
-    """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
-    # what is wrong is said where the scenario is built
+    """Return the time limit of a run [s], from the duration and sampling time of its scenario."""
+    # invalid values are reported when the scenario is built
     return MIN_LIMIT + LIMIT_PER_SAMPLE * _samples(tables, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Calls in processes of their own: what happens to one of them costs only its own call."""
+"""Calls in worker processes: a failure in one of them affects only its own call."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from .machine import process_count
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
 
-#: Set to 1 in workers: matrices are small, threads would only make times noisy and sums
-#: order-dependent.
+#: Set to 1 in workers: for small matrices, threads only make times noisy and sums dependent on
+#: order.
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -39,27 +39,27 @@ THREAD_VARIABLES = (
 )
 
 DIED = "the process that ran it died"
-CHECK = 1.0  # how often silent processes are checked [s]
-PATIENCE = 5.0  # how long processes may take to end by themselves when nothing is left to do [s]
-# what is sent to a process before another function than it has called until then
+CHECK = 1.0  # period at which silent processes are checked [s]
+PATIENCE = 5.0  # time that idle processes have to end without being killed [s]
+# announces to a process that the next message is another function to call
 NEXT_FUNCTION = b"function"
-MAX_FAILED_STARTS = 5  # processes in a row that may die before they are ready
+MAX_FAILED_STARTS = 5  # successive processes that may die before they are ready
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a call has no answer: what it raised, that its process died, or that it took too long."""
+    """Reason of a call without answer: an error, the death of its process, or its time limit."""
 
     reason: str
 
     @classmethod
     def of(cls, error: BaseException, what: str = "") -> Failure:
-        """From what was raised."""
+        """Build the reason from an exception."""
         return cls(f"{what}{type(error).__name__}: {error}")
 
 
 class Workers(Protocol):
-    """What calls one function elsewhere: a :class:`Pool`, or a cluster."""
+    """Interface for calling one function elsewhere: a :class:`Pool`, or a cluster."""
 
     def run(
         self,
@@ -68,27 +68,28 @@ class Workers(Protocol):
         *,
         again: bool = True,
     ) -> Iterator[tuple[Key, Any]]:
-        """Answers as they come, with their keys, a :class:`Failure` where there is none: see
-        :meth:`Pool.run`.
+        """Yield answers with their keys as they arrive.
+
+        A call without answer yields a :class:`Failure`, see :meth:`Pool.run`.
         """
 
 
-#: From a function of a module to the workers that call it, for as long as the ``with`` block lasts.
+#: Opens workers that call a function of a module while the ``with`` block lasts.
 OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 
 
 class Pool(Generic[Answer]):
-    """Calls one function of a module in several processes, which are started when they are needed.
+    """Worker processes that call one function of a module; they are started when needed.
 
     A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure`. If a
-    process dies, its call is made once more when all others are done. A call that takes longer than
-    its limit is ended with its process; time during which the process or this one is stopped does
-    not count. Processes end with the pool, at once if its block is left by an exception, and with
-    the process that started them.
+    process dies, its call is repeated once after all others. A call that takes longer than its
+    limit is ended with its process; time during which the process or this one is stopped does not
+    count. Processes end with the pool, at once if its block is left by an exception, and with the
+    process that started them.
 
-    With ``plain``, the function runs code that is not trusted: its answers may hold plain data
-    alone, such as texts, numbers and bytes, since anything else could run code where it is read,
-    and its processes serve no other pool.
+    With ``plain``, the function runs code that is not trusted. Its answers may then contain only
+    plain data, such as texts, numbers and bytes, because reading any other data could run code. Its
+    processes serve no other pool.
     """
 
     def __init__(
@@ -121,11 +122,10 @@ class Pool(Generic[Answer]):
         *,
         again: bool = True,
     ) -> Iterator[tuple[Key, Answer | Failure]]:
-        """Answers as they come, with their keys; raises VsconstraintsError if processes cannot be
-        started.
+        """Yield answers with their keys as they arrive.
 
-        ``limits`` say how long calls may take [s]; ``again`` whether a call whose process died is
-        made once more.
+        ``limits`` are the time limits of calls [s]. With ``again``, a call whose process died is
+        repeated once. Raises VsconstraintsError if processes cannot be started.
         """
         limits = limits or {}
         waiting = deque(calls)
@@ -136,7 +136,7 @@ class Pool(Generic[Answer]):
                 waiting.append(suspects.popleft())
                 repeated.add(waiting[0])
             while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
-                # listed before it starts: it ends with the pool even if its start is interrupted
+                # listed before its start, so that it ends with the pool even if interrupted
                 self._workers.append(
                     worker := _handed_on.pop() if _handed_on and not self._plain else _Worker()
                 )
@@ -146,7 +146,7 @@ class Pool(Generic[Answer]):
                     key = waiting.popleft()
                     try:
                         worker.begin(key, pickle.dumps(calls[key]), limits.get(key, math.inf))
-                    except Exception as error:  # user code can raise anything when it is pickled
+                    except Exception as error:  # user code can raise any error in pickling
                         yield key, Failure.of(error, "it cannot be sent to a process: ")
             nearest = min((worker.remaining() for worker in self._workers), default=CHECK)
             wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
@@ -160,7 +160,7 @@ class Pool(Generic[Answer]):
                     worker.key = None
                     if was_ready:
                         yield key, unpacked_plain(message) if self._plain else unpacked(message)
-                    else:  # the first message says that it is ready
+                    else:  # the first message reports that it is ready
                         self._failed_starts = 0
                 elif worker.dead:
                     self._dismiss(worker)
@@ -196,14 +196,15 @@ class Pool(Generic[Answer]):
             raise VsconstraintsError(f"{ended} exit code {worker.process.exitcode}; {needs}")
 
 
-#: Idle processes of pools before; None where each has its own.
+#: Idle processes of earlier pools; None if pools do not share processes.
 _handed_on: list[_Worker] | None = None
 
 
 @contextmanager
 def processes_kept() -> Iterator[None]:
-    """Let each pool in the block take over the idle processes of the one before: starting one takes
-    over a second.
+    """Let each pool in the block reuse the idle processes of earlier ones.
+
+    Starting a process takes more than a second.
     """
     global _handed_on
     before = _handed_on
@@ -216,7 +217,7 @@ def processes_kept() -> Iterator[None]:
 
 
 def _end_all(workers: list[_Worker], patience: float) -> None:
-    """End these processes, at the latest after so long [s]."""
+    """End these processes, at the latest after ``patience`` [s]."""
     for worker in workers:
         worker.connection.close()
     deadline = time.monotonic() + patience
@@ -226,7 +227,10 @@ def _end_all(workers: list[_Worker], patience: float) -> None:
 
 
 def processes(count: int | None = None) -> OpenWorkers:
-    """Processes of this machine, as many as requested, or as there are cores and memory for."""
+    """Return an opener for worker processes on this machine.
+
+    Their number is ``count``, or as many as cores and memory allow if None.
+    """
     return lambda function: Pool(function, process_count(count))
 
 
@@ -239,12 +243,11 @@ def run_all(
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
-    """Make calls in a :class:`Pool` of at most so many ``workers``, and return all answers by their
-    keys.
+    """Make calls in a :class:`Pool` of at most ``workers`` processes; return all answers by key.
 
-    Calls of a batch are started when all of the one before are answered; those ``here`` are made by
-    this process. ``on_progress`` is called with the numbers of calls that are answered and that
-    there are.
+    Calls of a batch start when all calls of the previous batch are answered. Calls with keys in
+    ``here`` are made by this process. ``on_progress`` is called with the number of answered calls
+    and the number of all calls.
     """
     answers: dict[Key, Answer | Failure] = {}
     total = sum(map(len, batches))
@@ -261,18 +264,18 @@ def run_all(
 
 
 def unpacked(packed: bytes) -> Any:
-    """The answer of another process; a :class:`Failure` if it cannot be read."""
+    """Return the answer of another process; a :class:`Failure` if it cannot be read."""
     try:
         return pickle.loads(packed)
-    except Exception as error:  # user code can raise anything when it is unpickled
+    except Exception as error:  # user code can raise any error in unpickling
         return Failure.of(error, "the answer cannot be read: ")
 
 
 class _PlainUnpickler(pickle.Unpickler):
-    """Reads data that holds nothing but texts, numbers, bytes, and lists and tables of these, or a
-    Failure.
+    """Unpickler of plain data: texts, numbers, bytes, lists and tables of these, or a Failure.
 
-    Pickled data names classes and functions, which ``find_class`` looks up: here it finds no other.
+    Pickled data names classes and functions, which ``find_class`` looks up. Here it finds only
+    Failure.
     """
 
     def find_class(self, module: str, name: str) -> Any:
@@ -282,16 +285,16 @@ class _PlainUnpickler(pickle.Unpickler):
 
 
 def unpacked_plain(packed: bytes) -> Any:
-    """As :func:`unpacked`, but only of plain data: no code is run to read it."""
+    """Return the answer as :func:`unpacked`, but of plain data only: reading it runs no code."""
     try:
         return _PlainUnpickler(io.BytesIO(packed)).load()
-    except Exception as error:  # damaged data can raise anything
+    except Exception as error:  # damaged data can raise any error
         return Failure.of(error, "the answer cannot be read: ")
 
 
 class _Worker:
     def __init__(self) -> None:
-        # they start alike on every system and inherit no threads
+        # with spawn they start the same way on every system and inherit no threads
         context = multiprocessing.get_context("spawn")
         self.connection, self._theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
@@ -301,9 +304,9 @@ class _Worker:
         self.ready = self.dead = False
 
     def serve(self, function: Callable[..., object]) -> None:
-        """Let it answer calls of this function; where it has not started yet, start it."""
+        """Let the worker answer calls of this function; start its process if necessary."""
         if self.process.pid is None:
-            # else the first process starts it, and it lets signals through again
+            # otherwise the first process would start the tracker, which unblocks signals
             resource_tracker.ensure_running()
             with signals_held(), _single_threaded():
                 self.process.start()
@@ -319,11 +322,11 @@ class _Worker:
         self._send(packed)
 
     def _send(self, packed: bytes) -> None:
-        with suppress(OSError):  # it died: receive() notices
+        with suppress(OSError):  # if it died, receive() notices
             self.connection.send_bytes(packed)
 
     def receive(self) -> bytes | None:
-        alive = self.process.is_alive()  # first: what it sent before it died is still there
+        alive = self.process.is_alive()  # first, since messages sent before its death remain
         try:
             if self.connection.poll():
                 return self.connection.recv_bytes()
@@ -333,7 +336,7 @@ class _Worker:
         return None
 
     def tick(self) -> None:
-        """Count the time of the call that it is at."""
+        """Update the elapsed time of the current call."""
         if self.key is not None:
             self._stopwatch.tick(self.process.pid)
 
@@ -349,7 +352,7 @@ class _Worker:
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile."""
+    """Set :data:`THREAD_VARIABLES` for processes that start in the block."""
     missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:
@@ -360,12 +363,13 @@ def _single_threaded() -> Iterator[None]:
 
 
 def _serve(connection: Connection, parent: int) -> None:
-    """In a worker: receive functions, which it confirms, and answer tuples of arguments until the
-    connection closes.
+    """Serve calls in a worker until the connection closes.
+
+    The worker receives functions, which it confirms, and tuples of arguments, which it answers.
     """
     end_with(parent)
-    warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
-    # the pool handles it: Ctrl-C reaches all processes of a terminal
+    warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process warns
+    # Ctrl-C reaches all processes of a terminal; the pool's process handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     portable.unblock(SIGNALS)
     with suppress(EOFError, OSError):  # the pool is gone
@@ -373,21 +377,21 @@ def _serve(connection: Connection, parent: int) -> None:
             message = connection.recv_bytes()
             if message == NEXT_FUNCTION:
                 function = connection.recv()
-                # what is loaded by now is no garbage: looking for it takes a twentieth of a call
+                # objects loaded so far are permanent: checking them takes a twentieth of a call
                 gc.freeze()
                 connection.send(None)
             else:
                 connection.send_bytes(_answer(function, message))
-    gc.freeze()  # nor at the end, which looks for it several times
+    gc.freeze()  # the exit of the interpreter would check all objects several times
 
 
 def _answer(function: Callable[..., object], packed: bytes) -> bytes:
     try:
         answer = function(*pickle.loads(packed))
-    # even SystemExit: this is where one call ends and the others begin
+    # even SystemExit: a failure of one call must not end the others
     except BaseException as error:
         answer = Failure.of(error)
     try:
         return pickle.dumps(answer)
-    except Exception as error:  # user code can raise anything when it is pickled
+    except Exception as error:  # user code can raise any error in pickling
         return pickle.dumps(Failure.of(error, "the answer cannot be sent: "))

@@ -1,4 +1,4 @@
-"""A run as it is asked for, by comparisons, studies and the reproduction alike."""
+"""Specification of a run, used by comparisons, studies and the reproduction of the paper."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ from ...scenarios.reading import checked, demand_table, from_table
 from ...simulation import Setup
 from .machine import code_identity, run_limit, used_versions
 
-MAX_FACTOR = 4.0  #: How many times as often, or as rarely, as a scene says a law may be called.
-MAX_CALL = 10.0  #: How much later than in the scene a law's commands may act [s].
-ROUNDING = 1e-9  #: Of numbers of periods, relative to one.
+MAX_FACTOR = 4.0  #: Maximum ratio between the sampling times of a law and its scene, or inverse.
+MAX_CALL = 10.0  #: Maximum additional delay of a law's commands [s].
+ROUNDING = 1e-9  #: Rounding tolerance of numbers of periods [periods].
 
 
 @dataclass(frozen=True)
 class RunTiming:
-    """When a law is called, and when its commands act: what a table ``run`` changes in the scenes
-    of one law alone.
+    """Sampling time and command delay of one law, relative to the scene.
+
+    A table ``run`` sets them for the runs of one law alone.
     """
 
-    #: T_s of the law by that of the scene. Images come as before, or once a period if that is less
-    #: often, none fresher; the noise of accelerations is drawn for the law's periods, and makes
-    #: speeds as uncertain.
+    #: Ratio of the law's T_s to that of the scene. Images arrive as before, or once per period if
+    #: that is less often, and are never fresher. Acceleration noise is drawn once per period of
+    #: the law, and causes the same uncertainty of speeds.
     sampling_time_factor: float = 1.0
-    #: How much later commands begin to act [s], added to the ``command_delay`` of the scene.
+    #: Additional delay of commands [s], added to the ``command_delay`` of the scene.
     call_time: float = 0.0
 
     def __post_init__(self) -> None:
@@ -51,7 +52,7 @@ class RunTiming:
 
     @property
     def changes(self) -> dict[str, float]:
-        """What is not as in the scene."""
+        """Values that differ from those of the scene."""
         return {
             name: value
             for name, value in vars(self).items()
@@ -59,7 +60,7 @@ class RunTiming:
         }
 
     def of(self, setup: Setup) -> Setup:
-        """A scene's setup as the law has it; raises what :class:`.Setup` raises."""
+        """Apply the timing to a scene's setup; raises the errors of :class:`.Setup`."""
         own = replace(
             setup.disturbances, command_delay=setup.disturbances.command_delay + self.call_time
         )
@@ -83,11 +84,10 @@ AS_THE_SCENE = RunTiming()
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A controller as results name it; its law is a registered name or ``module:Class``, the same
-    name if empty.
+    """A controller under the name that it has in results.
 
-    The module of an own controller is looked for in ``folder`` first; ``run`` is what only its runs
-    have.
+    Its law is a registered name or ``module:Class``; if empty, it equals ``name``. The module of a
+    custom controller is first searched for in ``folder``. ``run`` is the timing of its runs.
     """
 
     name: str
@@ -103,7 +103,7 @@ class ControllerSpec:
     def from_table(
         cls, name: str, table: object, where: str = "controllers", folder: Path | None = None
     ) -> ControllerSpec:
-        """What a table of a file or a manifest says; raises ConfigurationError for a wrong one."""
+        """Read a table of a file or a manifest; raises ConfigurationError if it is invalid."""
         at = f"{where}.{name}"
         options = demand_table(table, at)
         law = checked(options.pop("type", name), str, at, "type")
@@ -113,7 +113,7 @@ class ControllerSpec:
 
     @property
     def table(self) -> dict[str, Any]:
-        """Law, options and timing, as :meth:`from_table` takes them."""
+        """Law, options and timing, in the format of :meth:`from_table`."""
         return {
             "type": self.law,
             **self.options,
@@ -121,8 +121,9 @@ class ControllerSpec:
         }
 
     def changed(self, key: str, value: object) -> ControllerSpec:
-        """The same with another value of an option, or of a key of ``run``; raises as
-        :meth:`from_table`.
+        """Return a copy with another value of an option or of a key of ``run``.
+
+        Raises the errors of :meth:`from_table`.
         """
         if key.partition(".")[0] != "run":
             return replace(self, options={**self.options, key: value})
@@ -131,8 +132,9 @@ class ControllerSpec:
 
     @classmethod
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
-        """A controller by its registered name or ``module:Class``; without ``name`` it has that of
-        its class.
+        """Return a controller by its registered name or ``module:Class``.
+
+        If ``name`` is empty, it gets the name of its class or its registered name.
         """
         own = controller_class(law, folder).name if ":" in law else law
         if not isinstance(own, str):
@@ -141,35 +143,34 @@ class ControllerSpec:
 
     @property
     def here(self) -> bool:
-        """Whether only the process that asks for it can make it."""
+        """True if only the main process can create it."""
         return False
 
     @property
     def apart(self) -> bool:
-        """True if it is a custom law that another process can make: it runs in a process of its
-        own.
-        """
+        """True for a custom law that another process can create: it runs in a separate process."""
         return ":" in self.law and not self.here
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files that an own one is defined in."""
+        """Files in which a custom controller is defined."""
         return tuple(module_files([self.law], self.folder))
 
     def make(self) -> Controller:
-        """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
+        """Create a controller; raises ConfigurationError or InvalidInput that names the cause."""
         return make_controller(self.law, self.options, self.folder)
 
 
 def prepare_laws(laws: Iterable[ControllerSpec]) -> None:
-    """Compile, or read, what simulations need, and what only these need beside it; no code of own
-    laws is run.
+    """Compile or load the kernels that simulations of these laws need.
+
+    No code of custom laws is run.
     """
     prepare(*sorted({name for law in laws if ":" not in law.law for name in law.make().kernels}))
 
 
-#: The controller that defines which rows a scenario challenges: every comparison and every study
-#: runs it.
+#: The unconstrained baseline, which defines the challenged rows of a scenario; every comparison
+#: and every study runs it.
 BASELINE = "tracking"
 
 SLIDING_MODE = ControllerSpec("sliding-mode")
@@ -177,11 +178,11 @@ SLIDING_MODE = ControllerSpec("sliding-mode")
 
 @dataclass(frozen=True, eq=False)
 class RunSpec:
-    """One run: a scenario, or the name of a shipped one, a controller, a trial. Two are equal if
-    their results are.
+    """One run: a scenario or the name of a shipped one, a controller and a trial.
 
-    ``overrides`` are dotted keys of the scenario and other values; ``trial`` and ``seed`` say where
-    it starts; ``may_end_early``, that it is run to see how it fails or is aborted.
+    Specifications are equal if their results are. ``overrides`` are dotted keys of the scenario
+    with other values. ``trial`` and ``seed`` determine the start. ``may_end_early`` is True if the
+    run is expected to fail or to be aborted.
     """
 
     scenario: Scenario | str
@@ -193,7 +194,7 @@ class RunSpec:
 
     @property
     def name(self) -> str:
-        """The scenario's."""
+        """Name of the scenario."""
         return self.scenario if isinstance(self.scenario, str) else self.scenario.name
 
     @property
@@ -223,7 +224,7 @@ class RunSpec:
         return hash(self._identity)
 
     def load(self) -> Scenario:
-        """The scenario with its overrides; raises ConfigurationError if there is none."""
+        """Return the scenario with its overrides; raises ConfigurationError if unknown."""
         scenario = Scenario.load(self.scenario) if isinstance(self.scenario, str) else self.scenario
         for key, value in self.overrides.items():
             scenario = scenario.with_override(key, value)
@@ -231,7 +232,7 @@ class RunSpec:
 
     @property
     def tables(self) -> dict[str, Any]:
-        """Of the scenario; empty if there is none: the error is raised where it is run."""
+        """Tables of the scenario; empty if it does not exist, which raises when it is run."""
         try:
             return self.load().tables
         except VsconstraintsError:
@@ -239,23 +240,24 @@ class RunSpec:
 
     @property
     def has_own_parts(self) -> bool:
-        """Whether parts of it are somebody's own."""
+        """True if the law or a part of the scenario is custom."""
         return ":" in self.controller.law or bool(self.load().own_parts)
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files that are named for this run: own modules, URDF, meshes, SRDF."""
+        """Files that the run names: custom modules, URDF, meshes, SRDF."""
         return (*self.load().files, *self.controller.files)
 
     @property
     def here(self) -> bool:
-        """Whether only the process that asks for it can run it."""
+        """True if only the main process can execute the run."""
         return self.controller.here or self.load().in_session
 
     @property
     def fingerprint(self) -> str:
-        """Identifies what is run but for the files it is made of: the code included, and whether it
-        runs compiled.
+        """Hash of the run's identity, including the code and True if it runs compiled.
+
+        The content of the files that it uses is not included.
         """
         run = self.tables or str(self), self.controller.table, self.trial, self.seed
         what = *run, code_identity(), used_versions({**self.tables, "law": self.controller.options})
@@ -265,6 +267,9 @@ class RunSpec:
 
 
 def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:
-    """Different runs, so that no long one is left at the end, and how long each may take [s]."""
+    """Return the distinct runs, the longest first, with their time limits [s].
+
+    No long run is thus started last.
+    """
     limits = {run: run_limit(run.tables) for run in dict.fromkeys(runs)}
     return dict(sorted(limits.items(), key=lambda item: item[1], reverse=True))
