@@ -181,7 +181,10 @@ class Model:
 
 
 class ControlStep(Evaluator):
-    """Evaluator that also computes the command of a controller for its rows and task."""
+    """Evaluator that also computes the command of a controller for its rows and task.
+
+    For the parameters see :class:`Evaluator`.
+    """
 
     _controller: Controller | None = None
     _options: dict[str, Any] | None = None

@@ -71,7 +71,7 @@ class ProbabilisticBarrier(WithRate):
     the noise, in the present sample. z is the normal quantile of 1 − ε. The measured φ and the
     acceleration of each joint have independent noise: s_d² = (α noise scale)² + (acceleration_noise
     ‖L_gφ‖)². The rate refers to each row in each sample, not to a run; it is lower for rows that
-    are not the only ones held. Errors of L_fφ and L_gφ are not included.
+    are held together with others. Errors of L_fφ and L_gφ are not included.
     """
 
     violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)

@@ -225,14 +225,14 @@ class BarrierGovernor(GoalGovernor):
 
     After Nakano, Garone and Notomista (arXiv:2604.04001, 2026); formulas and differences:
     :doc:`/laws`. Its predictions are those of :class:`GoalGovernor`. The barrier h is a softmin of
-    the predicted margins of the rows, less δ. The reference takes the velocity nearest to the
-    goal's direction with ∇h ṡ_ref ≥ −α h. Where h < 0 it returns, with a speed of at most v.
+    the predicted margins of the rows, less δ. The reference moves to the goal as directly as ∇h
+    ṡ_ref ≥ −α h allows. Where h < 0 it returns, with a speed of at most v.
 
     Parameters
     ----------
     alpha, sharpness
-        α, the largest rate of decrease of h [1/s]; and κ: h is less than the least dᵢ − δ by up to
-        log(m)/κ.
+        α, the largest rate of decrease of h relative to h [1/s]; and κ: h is less than the least
+        dᵢ − δ by up to log(m)/κ.
     speed, margin, horizon, options
         As of :class:`GoalGovernor`.
     """

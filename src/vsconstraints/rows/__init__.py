@@ -112,7 +112,7 @@ class Task:
 
 @dataclass(slots=True)
 class Command:
-    """A controller's answer."""
+    """Answer of a controller: joint accelerations, their status, and the rows that shaped them."""
 
     qdd: Array  #: (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
     status: Status  #: See :data:`Status`.
