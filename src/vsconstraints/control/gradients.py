@@ -1,4 +1,4 @@
-"""One check of constraint gradients against difference quotients, before they are used."""
+"""Check of constraint gradients against difference quotients, once before they are used."""
 
 from __future__ import annotations
 

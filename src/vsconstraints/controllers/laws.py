@@ -23,10 +23,10 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 class Tracking(Law):
     """Unconstrained baseline: tracks the task and ignores the rows.
 
-    It shows which rows a scenario challenges. q̈ = q̈₀ + J† (b − J q̈₀): of all q̈ with the least ‖J q̈
-    − b‖, the nearest to the q̈₀ of the task. In a singular configuration, directions below the
-    tolerance are not used, so that the command stays finite and its status ``ok``. Near a singular
-    configuration the command can be large.
+    It shows which rows a scenario challenges. The command is q̈ = q̈₀ + J† (b − J q̈₀): of all q̈ with
+    the least ‖J q̈ − b‖, the nearest to the q̈₀ of the task. In a singular configuration, directions
+    below the tolerance are not used, so that the command stays finite and its status ``ok``. Near a
+    singular configuration the command can be large.
     """
 
     name = "tracking"

@@ -47,7 +47,7 @@ class Known(Demand):
 
 
 class KnownPush(Known):
-    """Bounds as of :class:`Known`, relative to L_gφ q̈ of tracking."""
+    """Bounds as of ``Known``, relative to L_gφ q̈ of tracking."""
 
     relative = True
 

@@ -52,7 +52,7 @@ class Projection(Additive):
             )
 
 
-AUTO = "auto"  #: The compiled descent. DEFAULT is the fallback.
+AUTO = "auto"  #: Compiled descent; ``DEFAULT`` is its first fallback.
 DEFAULT = "daqp"
 #: Largest weight of a row, and the inverse of the smallest. The default weight is 1.
 MAX_WEIGHT = 1e10
@@ -204,7 +204,7 @@ class Hierarchy(Resolver):
         return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
-        """Return the target q̈ (n,) below the rows, and the rows (m,) that shaped it."""
+        """Return the target q̈ (n,) of the lower levels, and the rows (m,) that shape it."""
         return tracking, np.zeros(c.size, dtype=np.bool_)
 
 
@@ -320,7 +320,7 @@ RESOLVERS: tuple[type[Resolver], ...] = (
 def _weight(prefix: str, value: object) -> float:
     """Return the weight as a float; raise ConfigurationError if it is out of range.
 
-    The limits keep rounding from cancelling either the weight or 1.
+    Within the limits, neither the weight nor 1 is lost in rounding.
     """
     weight = positive_number(f"weights[{prefix!r}]", value)
     if not 1.0 / MAX_WEIGHT <= weight <= MAX_WEIGHT:
