@@ -65,9 +65,9 @@ class Model:
     """Model of the controller for rows and task at future states; see :meth:`.ControlStep.model`.
 
     It has an evaluator of its own, so that the memory of the one in the loop is unchanged. If
-    anything moves that controllers do not know, all predictions are for the present time. J̇_s q̇ and
-    ṡ are exact. ``estimate`` and ``gradient_error`` are the controller's estimate of a state, and
-    of its rows, where these differ from the scene.
+    anything moves that controllers do not know, all predictions are for the present time. J̇_s q̇
+    and ṡ are exact. ``estimate`` and ``gradient_error`` are the controller's estimate of a state,
+    and of its rows, where these differ from the scene.
 
     ``labels`` are the m rows, and ``K`` (m,) [s] their approach times, 0 for rows on φ itself.
     ``acceleration`` (n,) is the known limit of the magnitude of q̈ [rad/s² or m/s²], infinite where

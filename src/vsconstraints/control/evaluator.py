@@ -90,10 +90,10 @@ class Evaluation:
 class Bound:
     """Compiled step for loops: every sample overwrites the one before.
 
-    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``). It returns 0 if ``out`` now holds
-    the step, and ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` raises the error.
-    ``measure`` takes pixels (M, 2), depths (M,), the time of their image and the present time, for
-    the next step, and returns 0 if they are valid. ``packed`` are the arrays of the step.
+    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``). It returns 0 if ``out`` now
+    holds the step, and ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` raises the
+    error. ``measure`` takes pixels (M, 2), depths (M,), the time of their image and the present
+    time, for the next step, and returns 0 if they are valid. ``packed`` are the arrays of the step.
     """
 
     __slots__ = ("evaluate", "measure", "now", "out", "packed")

@@ -42,8 +42,8 @@ def demand_gradients(
 ) -> None:
     """Raise ConfigurationError if the gradient of a constraint is not the derivative of its σ.
 
-    ``state`` is the time [s], q and q̇ (n,) of the check. ``only`` are the constraints to check, the
-    custom ones if None. The error names the row, the coordinate, the given derivative and the
+    ``state`` is the time [s], q and q̇ (n,) of the check. ``only`` are the constraints to check,
+    the custom ones if None. The error names the row, the coordinate, the given derivative and the
     difference quotient. Quotients are taken to both sides: where σ has a kink, any slope between
     the two is valid. Where σ cannot be evaluated, nothing is raised: the run will report the
     reason.

@@ -280,8 +280,8 @@ class HighOrderBarrier(Demand):
     def formula(row: Row, alpha: float, braking: float) -> Any:
         """Return σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, and −αφ − L_fφ where K = 0.
 
-        ψ₁ = −σ̇ + α₁(−σ) and α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK) with a = braking × scale. α₁ is
-        computed without cancellation.
+        ψ₁ = −σ̇ + α₁(−σ) and α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK) with a = braking × scale. α₁
+        is computed without cancellation.
         """
         a = braking * row.scale
         corner = a * row.K

@@ -43,8 +43,8 @@ class Target(NamedTuple):
     def of(cls, tracking: LeastNorm, damping: float, tolerance: float, strict: bool) -> Self:
         """Create the target of a tracking command.
 
-        With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null space
-        of J.
+        With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null
+        space of J.
         """
         size = float(np.linalg.norm(tracking.gains))
         relative = tracking.gains / size if size > 0.0 else tracking.gains

@@ -51,8 +51,8 @@ class Demand(Part, ABC):
     remembers: ClassVar[tuple[float, ...]] = ()
     #: True if the formula returns c relative to L_gφ q̈ of tracking, which it then need not use.
     relative: ClassVar[bool] = False
-    #: True if resolvers with equalities impose L_gφ q̈ = c wherever c is finite; false if only where
-    #: the tracking command exceeds c.
+    #: True if resolvers with equalities impose L_gφ q̈ = c wherever c is finite; false if only
+    #: where the tracking command exceeds c.
     everywhere: ClassVar[bool] = False
     owner: ClassVar[str] = ""  #: Name in messages; ``name`` if empty.
     _: KW_ONLY

@@ -23,10 +23,10 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 class Tracking(Law):
     """Unconstrained baseline: tracks the task and ignores the rows.
 
-    It shows which rows a scenario challenges. The command is q̈ = q̈₀ + J† (b − J q̈₀): of all q̈ with
-    the least ‖J q̈ − b‖, the nearest to the q̈₀ of the task. In a singular configuration, directions
-    below the tolerance are not used, so that the command stays finite and its status ``ok``. Near a
-    singular configuration the command can be large.
+    It shows which rows a scenario challenges. The command is q̈ = q̈₀ + J† (b − J q̈₀): of all q̈
+    with the least ‖J q̈ − b‖, the nearest to the q̈₀ of the task. In a singular configuration,
+    directions below the tolerance are not used, so that the command stays finite and its status
+    ``ok``. Near a singular configuration the command can be large.
     """
 
     name = "tracking"
@@ -61,9 +61,9 @@ class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
     ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale,
-    and 1 on the boundary. ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, with the
-    demand :class:`.RampRepulsion`: rows can be violated. ``priority`` gives the rows priority as in
-    the paper's law, with the demand :class:`.BoundaryLayer`.
+    and 1 on the boundary. ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, with
+    the demand :class:`.RampRepulsion`: rows can be violated. ``priority`` gives the rows priority
+    as in the paper's law, with the demand :class:`.BoundaryLayer`.
 
     Parameters
     ----------

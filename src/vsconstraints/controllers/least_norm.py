@@ -34,8 +34,8 @@ def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN)
     """Return the q̈ with the least ‖q̈ − q̈₀‖ among those with the least ‖J q̈ − b‖.
 
     ``rest`` is q̈₀ (n,), or (0,) for zero. Directions whose singular value is below
-    ``rank_tolerance`` times the largest count as null space, and only q̈₀ moves them: without it ‖q̈‖
-    ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no rows.
+    ``rank_tolerance`` times the largest count as null space, and only q̈₀ moves them: without it
+    ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no rows.
     """
     if len(rest):
         step = least_norm(J, b - J @ rest, rank_tolerance)

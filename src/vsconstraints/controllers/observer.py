@@ -17,11 +17,11 @@ class Observed(Wrapper):
     """Any law, on rows whose drift is observed.
 
     It is meant for targets and obstacles whose motion is unknown to the model. For each row with a
-    σ, d̂ is the rate of change of σ in addition to its σ̇. :func:`.observed_drift` estimates it by an
-    extended state observer of first order (Han, IEEE Transactions on Industrial Electronics, 2009)
-    with the time constant ``observer`` [s]. The law receives σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂, and the
-    corresponding φ. T_d is ``dead_time`` [s], the delay with which the quantities that rows depend
-    on are measured. Rows on φ itself, such as speeds, the task and all scores are unchanged.
+    σ, d̂ is the rate of change of σ in addition to its σ̇. :func:`.observed_drift` estimates it by
+    an extended state observer of first order (Han, IEEE Transactions on Industrial Electronics,
+    2009) with the time constant ``observer`` [s]. The law receives σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂,
+    and the corresponding φ. T_d is ``dead_time`` [s], the delay with which the quantities that rows
+    depend on are measured. Rows on φ itself, such as speeds, the task and all scores are unchanged.
 
     The observer also takes wrong gradients and noise for drift. :class:`.PredictiveControl` lets
     the drift fade along its plan. Any other law with a model of its own uses only the shift by the

@@ -73,17 +73,17 @@ class Hierarchy(Resolver):
     See :class:`vsconstraints.controllers.HierarchicalQP` for the levels and the options.
 
     Levels 2 and 3 are one strictly convex QP with hard rows, min ½Σⱼ(gⱼ² + damping)vⱼ². Its
-    coordinates are v = Vᵀ(q̈ − q̈_track), of the singular vectors of J with relative gains g. Level 1
-    is computed only if the rows are incompatible, and then exactly; the violated rows become
+    coordinates are v = Vᵀ(q̈ − q̈_track), of the singular vectors of J with relative gains g. Level
+    1 is computed only if the rows are incompatible, and then exactly; the violated rows become
     equalities. Measurements showed that a large weight or soft rows give wrong answers instead.
 
-    If J leaves directions free and the damping has cost the task more than a residual of 1e-6 ‖J‖‖q̈
-    − q̈_track‖, level 2 is solved separately. Level 3 is then solved within level 2, with every
-    direction whose gain is above ``rank_tolerance`` relative to J. Two exceptions apply to nearly
-    singular tasks. Where J has a relative gain below 1e-3, level 2 uses only directions above
-    √damping. Where J leaves no direction free, the minimiser of the QP is the answer. If rounding
-    prevents the proof that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met,
-    and no known point that meets them has a smaller residual.
+    If J leaves directions free and the damping has cost the task more than a residual of 1e-6
+    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately. Level 3 is then solved within level 2, with
+    every direction whose gain is above ``rank_tolerance`` relative to J. Two exceptions apply to
+    nearly singular tasks. Where J has a relative gain below 1e-3, level 2 uses only directions
+    above √damping. Where J leaves no direction free, the minimiser of the QP is the answer. If
+    rounding prevents the proof that levels 2 and 3 are met, the status is ``suboptimal``: the rows
+    are met, and no known point that meets them has a smaller residual.
     """
 
     solver: str = option(
@@ -267,10 +267,10 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS) of accelerations, for rows as well as joints.
 
-    A row or joint that would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the end of the box,
-    and is never released. The task, scaled by s, uses the remaining null space. Of all sets along
-    the way, the one with the largest s in [0, 1] is used; if no set is feasible, the command is
-    that of :class:`Hierarchy`. With ``scales=False`` the task is met in the least-squares sense
+    A row or joint that would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the end of the
+    box, and is never released. The task, scaled by s, uses the remaining null space. Of all sets
+    along the way, the one with the largest s in [0, 1] is used; if no set is feasible, the command
+    is that of :class:`Hierarchy`. With ``scales=False`` the task is met in the least-squares sense
     instead, and its direction is not preserved.
 
     Flacco, De Luca, Khatib, IEEE Transactions on Robotics 31(3), 2015; at the level of
@@ -300,8 +300,8 @@ class Saturation(Hierarchy):
 class SaturationExact(Hierarchy):
     """Largest task scale s in [0, 1] that meets all demands in the box; then least ‖q̈ − q̈₀‖.
 
-    Of all q̈ with J q̈ = s J J†b, it finds the optimum that saturation in the null space searches for
-    (Opt-SNS of Flacco, De Luca, Khatib 2015). It uses the levels of :class:`Hierarchy` in the
+    Of all q̈ with J q̈ = s J J†b, it finds the optimum that saturation in the null space searches
+    for (Opt-SNS of Flacco, De Luca, Khatib 2015). It uses the levels of :class:`Hierarchy` in the
     coordinates q̈ = s J†b + N z. If no s is feasible, the answer and its status are those of
     :class:`Hierarchy`.
     """

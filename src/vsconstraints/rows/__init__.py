@@ -1,7 +1,7 @@
 """Interface between a scene and a controller: rows, a task, and the command that answers them.
 
-Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and 18).
-Every visual task becomes one equality J q̈ = b (eq. 14). A controller sees only these.
+Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and
+18). Every visual task becomes one equality J q̈ = b (eq. 14). A controller sees only these.
 """
 
 from __future__ import annotations

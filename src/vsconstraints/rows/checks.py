@@ -15,8 +15,8 @@ FARTHEST = 1e30
 def beyond_rounding(rows: Rows, qdd: Array) -> str:
     """Report rows that cannot be verified at these accelerations; empty if all can.
 
-    The rounding error of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, then exceeds u⁺, the largest demand of the row.
-    The message names the rows and their largest φ.
+    The rounding error of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, then exceeds u⁺, the largest demand of the
+    row. The message names the rows and their largest φ.
     """
     largest = float(np.abs(qdd).max(initial=0.0))
     size = largest * float(np.linalg.norm(qdd / largest)) if largest > 0.0 else 0.0
