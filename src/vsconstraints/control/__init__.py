@@ -1,6 +1,4 @@
-"""The control step: from time, coordinates and speeds to rows and task, and on to a controller's
-command.
-"""
+"""Control step: rows and task from time, coordinates and speeds, and the command for them."""
 
 from .control_step import ControlStep, Model, Prediction
 

@@ -1,5 +1,6 @@
-"""The control step with a controller: from the state of the joints to a command; rows and task of
-future states.
+"""Control step with a controller: from the state of the joints to a command.
+
+A :class:`Model` predicts rows and task at future states.
 """
 
 from __future__ import annotations
@@ -30,19 +31,18 @@ ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
 TASK = ("J", "b", "error", "error_rate", "rest")
 FLOAT = np.dtype(np.float64)
 
-#: From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to
-#: a command.
+#: Function from time [s], q and q̇ (n,) to evaluation and command. Optional arguments are
+#: ``pixels``, ``depth``, ``taken`` and ``camera``.
 StateToCommand = Callable[..., tuple[Evaluation, Command]]
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Rows and task at N instants, with m rows, n joints, k features and M markers: see
-    :class:`.Rows`, :class:`.Task`.
+    """Rows and task at N instants, with m rows, n joints, k features and M markers.
 
-    Of rows phi, sigma, sigma_dot and Lf are (N, m), Lg (N, m, n); of the task J is (N, k, n), b,
-    error and error_rate (N, k), rest (N, n) or (N, 0); pixels (N, M, 2) are markers from the
-    image's centre [px].
+    See :class:`.Rows` and :class:`.Task`. Of the rows, phi, sigma, sigma_dot and Lf are (N, m), and
+    Lg is (N, m, n). Of the task, J is (N, k, n), b, error and error_rate are (N, k), and rest is
+    (N, n) or (N, 0). pixels (N, M, 2) are the markers, from the image's centre [px].
     """
 
     phi: Array
@@ -62,18 +62,17 @@ class Prediction:
 
 
 class Model:
-    """Rows and task at future states, as the controller believes them to be; see
-    :meth:`.ControlStep.model`.
+    """Model of the controller for rows and task at future states; see :meth:`.ControlStep.model`.
 
-    Its evaluator is its own, so that the memory of the one in the loop stays as it is. Where
-    anything moves that controllers do not know, everything is predicted at the present time. J̇_s
-    q̇ and ṡ are exact. ``estimate`` and ``gradient_error`` are what the controller believes of a
-    state, and of its rows, where that is not what the scene says.
+    It has an evaluator of its own, so that the memory of the one in the loop is unchanged. If
+    anything moves that controllers do not know, all predictions are for the present time. J̇_s q̇
+    and ṡ are exact. ``estimate`` and ``gradient_error`` are the controller's estimate of a state,
+    and of its rows, where these differ from the scene.
 
-    It has the ``labels`` of the m rows, their ``K`` (m,) [s], 0 of rows on φ itself; the limit
-    ``acceleration`` (n,) of
-    |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none; the robot's ``ranges``; the visual
-    ``task``; and the compiled ``step`` that predicts, None where anything runs in NumPy.
+    ``labels`` are the m rows, and ``K`` (m,) [s] their approach times, 0 for rows on φ itself.
+    ``acceleration`` (n,) is the known limit of the magnitude of q̈ [rad/s² or m/s²], infinite where
+    there is none. ``ranges`` are those of the robot, and ``task`` is the visual task. ``step`` is
+    the compiled step that predicts, None where anything runs in NumPy.
     """
 
     def __init__(self, of: Evaluator, estimate: Any = None, gradient_error: Any = None) -> None:
@@ -100,14 +99,14 @@ class Model:
         self.__init__(**state)  # type: ignore[misc]
 
     def ahead(self) -> Model:
-        """A model of what follows the state at which this one was evaluated last."""
+        """Create a model that starts at the state of the last evaluation of this one."""
         model = Model(self._own, self._estimate, self._gradient_error)
         model.acceleration = self.acceleration
         return model
 
     @property
     def present(self) -> CurrentState:
-        """The state at which rows and task in the loop were evaluated last."""
+        """State of the last evaluation of rows and task in the loop."""
         return self._of.present
 
     @property
@@ -117,8 +116,9 @@ class Model:
 
     @property
     def until(self) -> float:
-        """Up to which time [s] the current goal holds and what moves is known; the present where it
-        is not.
+        """Time [s] until which the current goal holds and all motion is known.
+
+        It is the present time if a motion is unknown.
         """
         if self._of.believes:
             return self.present.t
@@ -127,30 +127,29 @@ class Model:
 
     @property
     def loop(self) -> Bound | None:
-        """The compiled step in the loop; None where anything runs in NumPy."""
+        """Compiled step in the loop; None where anything runs in NumPy."""
         return self._of.bound()
 
     @property
     def frozen(self) -> bool:
-        """Whether everything is predicted at the present time."""
+        """True if all predictions are for the present time."""
         return self._of.believes
 
     def at(self, t: float, q: Array, qd: Array) -> Evaluation:
-        """Rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,), from the sample in the
-        loop on.
+        """Evaluate rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,).
 
-        Raises SceneError if a marker is not in front of the camera there, InvalidInput if a number
-        is not finite.
+        The memory is that of the sample in the loop. Raises SceneError if a marker is not in front
+        of the camera there, InvalidInput if a number is not finite.
         """
         self._own.remember(self._of)
         return self._evaluated(t, q, qd)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """Rows, task and pixels at consecutive states: (N,) times t [s], (N, n) coordinates and
-        speeds.
+        """Predict rows, task and pixels at consecutive states.
 
-        A state with a marker that is not in front of the camera, or with a number that is not
-        finite, ends the prediction, which then is shorter.
+        They are given by (N,) times t [s], and (N, n) coordinates and speeds. The prediction ends,
+        and is then shorter, before a state with a marker that is not in front of the camera, or
+        with a number that is not finite.
         """
         self._own.remember(self._of)
         packed = self._own.packed
@@ -182,22 +181,24 @@ class Model:
 
 
 class ControlStep(Evaluator):
-    """An :class:`Evaluator`, which says what it takes, and controllers on what it gives."""
+    """Evaluator that also computes the command of a controller for its rows and task.
+
+    For the parameters see :class:`Evaluator`.
+    """
 
     _controller: Controller | None = None
     _options: dict[str, Any] | None = None
     _gradients_checked = False
 
     def model(self, estimate: Any = None, gradient_error: Any = None) -> Model:
-        """Rows and task at predicted states: see :class:`Model`."""
+        """Create a model of rows and task at predicted states, see :class:`Model`."""
         return Model(self, estimate, gradient_error)
 
     def evaluate(self, t: float, q: Array, qd: Array, **measured: Any) -> Evaluation:
-        """Rows and task, as :meth:`.Evaluator.evaluate`; the first call checks the gradients of own
-        constraints.
+        """Evaluate rows and task, see :meth:`.Evaluator.evaluate`.
 
-        Raises ConfigurationError, which names the row and the coordinate, if one is not the
-        derivative of its σ.
+        The first call checks the gradients of custom constraints. It raises ConfigurationError,
+        which names the row and the coordinate, if one is not the derivative of its σ.
         """
         evaluation = super().evaluate(t, q, qd, **measured)
         if not self._gradients_checked:
@@ -213,27 +214,27 @@ class ControlStep(Evaluator):
     def command(
         self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any
     ) -> tuple[Evaluation, Command]:
-        """From state to command: as :meth:`evaluate` and then ``controller.command``, errors too.
+        """Compute the command for a state: :meth:`evaluate`, then ``controller.command``.
 
-        ``measured`` are ``pixels``, ``depth``, ``taken`` and ``camera`` of :meth:`evaluate`.
+        ``measured`` are ``pixels``, ``depth``, ``taken`` and ``camera`` of :meth:`evaluate`. Raises
+        the errors of both methods.
         """
         options = self._options
         try:
             changed = options is not None and _options_of(controller) != options
         except ValueError:
-            # arrays of its own do not compare
+            # arrays among the options cannot be compared
             changed = True
         if changed or controller is not self._controller:
             self.bind(controller)
         return self._to_command(t, q, qd, **measured)
 
     def bind(self, controller: Controller) -> StateToCommand:
-        """Make a function for loops that does as :meth:`command`, for this controller with its
-        present options.
+        """Return a function for loops, equal to :meth:`command` of this controller.
 
-        Where step and law are compiled, they run on arrays that stay where they are, and only
-        results are copied. A law that uses a model is given one, by a reset; it belongs to this
-        step from then on.
+        It uses the present options of the controller. If step and law are compiled, they run on
+        fixed arrays, and only results are copied. A law that uses a model gets one by a reset; from
+        then on it belongs to this step.
         """
         if "model" in controller.uses and controller is not self._controller:
             reset: Callable[..., None] = controller.reset
@@ -243,14 +244,14 @@ class ControlStep(Evaluator):
             in_one = partial(self._after_check, in_one)
         self._controller = controller
         self._to_command = in_one or partial(self._in_two_calls, controller)
-        # only a law that is bound has options that were read beforehand
+        # only a bound law has copied its options
         self._options = None if in_one is None else _options_of(controller)
         return self._to_command
 
     def _after_check(
         self, in_one: StateToCommand, t: float, q: Array, qd: Array, **measured: Any
     ) -> tuple[Evaluation, Command]:
-        """Step and law in one call, before the first of which gradients are checked."""
+        """Run step and law in one call; check the gradients before the first call."""
         if not self._gradients_checked:
             self._check_gradients(t, q, qd)
         return in_one(t, q, qd, **measured)
@@ -272,9 +273,9 @@ class ControlStep(Evaluator):
         )
 
     def _in_one_call(self, controller: Controller) -> StateToCommand | None:
-        """Step and law in one compiled call; None where either runs in NumPy.
+        """Return step and law as one compiled call; None if either runs in NumPy.
 
-        What the compiled functions refuse is left to :meth:`_in_two_calls`.
+        Input that the compiled functions refuse is passed to :meth:`_in_two_calls`.
         """
         step = self.bound()
         if step is None:
@@ -309,8 +310,8 @@ class ControlStep(Evaluator):
         ) -> tuple[Evaluation, Command]:
             code = refused
             try:
-                # compiled functions take type and dimension for granted, look at the rest by
-                # themselves, and would make a number of a string
+                # compiled functions check neither type nor dimension, and would convert a string
+                # to a number; they check everything else
                 plain = (
                     q.dtype is FLOAT
                     and qd.dtype is FLOAT
@@ -329,7 +330,7 @@ class ControlStep(Evaluator):
                         and pixels.ndim == 2
                         and Z.ndim == 1
                     )
-                    # of a masked array the mask counts, too
+                    # a masked array needs the other path, which heeds its mask
                     plain = plain and type(pixels) is np.ndarray and type(Z) is np.ndarray
                     seen = pixels if undistort is None or not plain else undistort(pixels)
                     plain = plain and seen is not None and not measure(seen, Z, at + 0.0, t + 0.0)
@@ -351,14 +352,15 @@ class ControlStep(Evaluator):
 
 
 def _options_of(controller: Controller) -> dict[str, Any]:
-    """Its attributes, and those of the law that it asks, if there is one."""
+    """Return the attributes of a controller, including those of its inner law if it has one."""
     own = vars(controller)
     return {**(_options_of(own["law"]) if hasattr(own.get("law"), "__dict__") else {}), **own}
 
 
 def undistortion(camera: Camera, markers: int) -> Callable[[Array], Array | None] | None:
-    """Ideal pixels (M, 2) of distorted ones, or None where they cannot be undistorted; None without
-    distortion.
+    """Return a function from distorted to ideal pixels (M, 2); None without distortion.
+
+    The function returns None where pixels cannot be undistorted.
     """
     if camera.distortion is None:
         return None

@@ -1,4 +1,4 @@
-"""Rows and task from time, coordinates and speeds."""
+"""Evaluation of rows and task at a time, coordinates and speeds."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def _view(name: str) -> property:
 class Evaluation:
     """Result of one step: views into the array that the compiled step writes.
 
-    ``rows`` and ``task`` are as a controller takes them, ``error`` (k,) is that of the visual
-    feature, ``sigma`` (m,) of each row; ``pixels`` (M, 2) are markers from the image's centre [px],
-    ``points`` (p, 3) the scene's robot points in the base frame [m], and ``camera_R`` (3, 3) and
-    ``camera_t`` (3,) [m] the camera's pose in the target's frame.
+    ``rows`` and ``task`` are the input of a controller. ``error`` (k,) is the error of the visual
+    feature, and ``sigma`` (m,) is σ of each row. ``pixels`` (M, 2) are the markers, from the
+    image's centre [px], and ``points`` (p, 3) the robot points of the scene in the base frame [m].
+    ``camera_R`` (3, 3) and ``camera_t`` (3,) [m] are the camera's pose in the target's frame.
     """
 
     __slots__ = ("_constraints", "_packed", "out")
@@ -45,14 +45,14 @@ class Evaluation:
         self.out = out
 
     def part(self, name: str) -> Array:
-        """An output of the step by its name in :attr:`.Size.outputs`."""
+        """Return an output of the step by its name in :attr:`.Size.outputs`."""
         where, shape = self._packed.parts[name]
         part = self.out[where]
         return part if len(shape) == 1 else part.reshape(shape)
 
     @property
     def rows(self) -> Rows:
-        """The rows, as a controller takes them."""
+        """Rows as input of a controller."""
         constraints = self._constraints
         part = self.part
         return Rows(
@@ -74,7 +74,7 @@ class Evaluation:
 
     @property
     def task(self) -> Task:
-        """The task, likewise."""
+        """Task as input of a controller."""
         part = self.part
         rest = part("rest") if self._packed.size.rests else UNKNOWN
         return Task(part("J"), part("b"), part("error"), part("error_rate"), rest)
@@ -88,12 +88,12 @@ class Evaluation:
 
 
 class Bound:
-    """The compiled step for loops: every sample overwrites the one before.
+    """Compiled step for loops: every sample overwrites the one before.
 
-    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``), and returns 0 if ``out`` now
-    holds the step, and ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` says what is
-    wrong. ``measure`` takes pixels (M, 2), depths (M,), the time of their image and now, for the
-    next step, and returns 0 if they fit. ``packed`` are the step's arrays.
+    ``evaluate`` takes time [s], q and q̇ (contiguous ``float64``). It returns 0 if ``out`` now
+    holds the step, and ``now`` its parts by name; otherwise :meth:`Evaluator.evaluate` raises the
+    error. ``measure`` takes pixels (M, 2), depths (M,), the time of their image and the present
+    time, for the next step, and returns 0 if they are valid. ``packed`` are the arrays of the step.
     """
 
     __slots__ = ("evaluate", "measure", "now", "out", "packed")
@@ -111,7 +111,7 @@ class Bound:
         )
 
     def bind(self, controller: Controller) -> BoundLaw | None:
-        """The controller on the rows and the task of ``now``; None where it is not compiled."""
+        """Bind a controller to the rows and the task of ``now``; None if it is not compiled."""
         size = self.packed.size
         now = self.now
         return controller.bind(
@@ -120,7 +120,7 @@ class Bound:
 
 
 class CurrentState(NamedTuple):
-    """The time [s], q and q̇ (n,) at which rows and task were evaluated last."""
+    """Time [s], q and q̇ (n,) of the last evaluation of rows and task."""
 
     t: float
     q: Array
@@ -130,18 +130,19 @@ class CurrentState(NamedTuple):
 class Evaluator:
     """Evaluates a scene, its constraints and its task together, in one compiled step.
 
-    Own constraints and features without a compiled form are evaluated in NumPy beside the compiled
-    ones. Constraints and task are compiled with the options that they have when this is made.
-    Threads need one each.
+    Custom constraints and features without a compiled form are evaluated in NumPy after the
+    compiled ones. Constraints and task are compiled with their options at construction. Every
+    thread needs its own evaluator.
 
-    With ``known``, motions that controllers do not know (section 5.4) count as known; if not, such
-    an object is where it is, but its velocity is taken for zero, and ``believes`` says that there
-    is one. With the actuators' ``limits`` and the sampling ``period`` T_s [s] rows state the box of
-    q̈ that is left at each sample; it depends on the command before, ``last_command`` (n,), see
-    :meth:`commanded`. ``innovation`` (8,) is how far the last measurement is from the model, see
-    :data:`vsconstraints.vision.measurement.INNOVATIONS`, and the greatest ratio of that to what is
-    ``plausible``: beyond 1 :meth:`doubts` and ``Command.remark`` say so. Raises ConfigurationError
-    or InvalidInput if there are limits, but not one for each joint, or no period.
+    With ``known``, motions that controllers do not know (section 5.4) count as known. Otherwise
+    such an object is at its true position, but its velocity is taken as zero, and ``believes`` is
+    true if there is one. With the actuators' ``limits`` and the sampling ``period`` T_s [s], the
+    rows state the box of q̈ that remains at each sample. It depends on the previous command,
+    ``last_command`` (n,), see :meth:`commanded`. ``innovation`` (8,) is the difference between the
+    last measurement and the model, see :data:`vsconstraints.vision.measurement.INNOVATIONS`, and
+    its greatest ratio to the ``plausible`` values. Beyond 1, :meth:`doubts` and ``Command.remark``
+    report it. Raises ConfigurationError or InvalidInput if limits are given without a period, or
+    not one for each joint.
     """
 
     def __init__(
@@ -175,7 +176,7 @@ class Evaluator:
 
     @property
     def plausible(self) -> Plausible:
-        """How far measurements may be from what the model predicts."""
+        """Largest plausible difference between measurements and the prediction of the model."""
         return self._plausible
 
     @plausible.setter
@@ -184,8 +185,9 @@ class Evaluator:
         self._bounds[:] = plausible.bounds(self.scene.camera)
 
     def doubts(self, evaluation: Evaluation) -> str:
-        """What of the last measurement cannot be right, as its evaluation shows it; empty if all of
-        it can.
+        """Describe the implausible parts of the last measurement; empty if all are plausible.
+
+        ``evaluation`` is the evaluation of that measurement.
         """
         if not self.innovation[-1] > 1.0:
             return ""
@@ -197,7 +199,7 @@ class Evaluator:
 
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:
-        """Constraints whose rows are computed in NumPy, beside the compiled ones."""
+        """Constraints whose rows are computed in NumPy instead of the compiled step."""
         return tuple(constraint for constraint, _, _ in self.packed.others)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -217,26 +219,27 @@ class Evaluator:
         self.packed.step.views[:] = state["views"]
 
     def reset(self) -> None:
-        """Forget the last sample."""
+        """Clear the memory of the last sample."""
         self.innovation[:] = 0.0
         self.packed.reset()
 
     def remember(self, other: Evaluator) -> None:
-        """Take over the memory of another one of the same scene, constraints and features, but for
-        past poses.
+        """Copy the memory of another evaluator, except for past poses.
+
+        It must have the same scene, constraints and features.
         """
         self.packed.recall(other.packed.memory)
         self.packed.step.last["views"] = 0
 
     @property
     def present(self) -> CurrentState:
-        """The state of the last evaluation; at first zeros."""
+        """State of the last evaluation; zeros before the first."""
         t, q, qd = self._now
         return CurrentState(float(t[0]), q.copy(), qd.copy())
 
     @property
     def acceleration(self) -> Array:
-        """(n,) limit of |q̈| that is known, infinite where there is none."""
+        """Known limit of |q̈| (n,), infinite where there is none."""
         limits = self._limits
         return (
             np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
@@ -253,14 +256,14 @@ class Evaluator:
         taken: float | None = None,
         camera: Pose | None = None,
     ) -> Evaluation:
-        """Rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
+        """Evaluate rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
 
         The model predicts the image, or takes a camera's measurement: see :class:`.Measurement` for
         ``pixels``, ``depth``, ``taken`` and ``camera``. Pixels are those on the sensor: where the
         camera's lens has distortion, they are undistorted first. Raises SceneError if a marker is
-        not in front of the camera; InvalidInput if t is not finite, q or qd are not (n,) finite
-        numbers, a measurement does not fit the scene, or a pixel is where the lens cannot be
-        inverted.
+        not in front of the camera. Raises InvalidInput if t is not finite, q or qd are not (n,)
+        finite numbers, a measurement does not fit the scene, or the lens cannot be inverted at a
+        pixel.
         """
         measured = None
         if any(value is not None for value in (pixels, depth, taken, camera)):
@@ -271,7 +274,7 @@ class Evaluator:
     def evaluate_measured(
         self, t: float, q: Array, qd: Array, measured: Measurement | None
     ) -> Evaluation:
-        """As :meth:`evaluate`, with a measurement that is checked and has ideal pixels."""
+        """Evaluate as :meth:`evaluate`, with a checked measurement in ideal pixels."""
         packed = self.packed
         before = packed.remembered() if packed.others or packed.own_feature else []
         if measured is not None:
@@ -291,7 +294,7 @@ class Evaluator:
             try:
                 self._add_own(t)
             except BaseException:
-                # a sample without rows is not remembered
+                # a sample without rows leaves no memory
                 packed.recall(before)
                 raise
         return Evaluation(packed, self.constraints, packed.out.copy())
@@ -312,7 +315,7 @@ class Evaluator:
             load("step").follow(packed.workspace, t)
 
     def _state(self) -> State:
-        """What the compiled step has just evaluated, for parts in NumPy."""
+        """Return the result of the compiled step, for the parts in NumPy."""
         step = self.packed.step
         eye = step.eye[0]
         seen = step.seen
@@ -343,23 +346,24 @@ class Evaluator:
         return float(t), robot.configuration(q), robot.configuration(qd, "qd")
 
     def commanded(self, qdd: Array) -> None:
-        """Tell what the robot was commanded (n,), from which limits of jerk are counted.
+        """Record the commanded q̈ (n,), to which limits of jerk refer.
 
-        :class:`.ControlStep` does so by itself; a loop that only evaluates has to.
+        :class:`.ControlStep` calls this method. A loop that only evaluates has to call it.
         """
         self.last_command[:] = qdd
 
     def bound(self) -> Bound | None:
-        """The compiled step for loops; None where anything runs in NumPy."""
+        """Return the compiled step for loops; None where anything runs in NumPy."""
         packed = self.packed
         return None if packed.others or packed.own_feature else Bound(packed, self.constraints)
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
-        """What can be seen at (N,) times t [s] and (N, n) coordinates q, without its motion.
+        """Return the markers and robot points at (N,) times t [s] and (N, n) coordinates q.
 
-        Returns (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and
-        (N,) whether all markers are in front of the camera; where they are not, the pixels do not
-        count.
+        Their motion is not evaluated. Returns (N, M, 2) pixels of the markers, (N, p, 3) robot
+        points in the base frame [m], and (N,) a mask of the instants with all markers in front of
+        the camera. Elsewhere the pixels are not valid. Raises InvalidInput if q is of the wrong
+        shape.
         """
         size = self.packed.size
         t = np.ascontiguousarray(t)

@@ -1,4 +1,4 @@
-"""Gradients of constraints against difference quotients, once, before anything relies on them."""
+"""Check of constraint gradients against difference quotients, once before they are used."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .evaluator import Evaluator
 
-#: Steps of difference quotients [rad, m or rad/s]; a gradient is wrong if it is by both.
+#: Steps of difference quotients [rad, m or rad/s]. A wrong gradient must fail with both.
 STEPS = (1e-6, 1e-4)
-PIXELS = 1e3  #: Steps in the image are that many times as long [px].
-#: Difference from the quotients, relative to the greatest entry of a row, that is rounding.
+PIXELS = 1e3  #: Factor of steps in the image [px].
+#: Tolerance of the quotients, relative to the greatest entry of a row.
 TOLERANCE = 1e-3
-SMALLEST = 1e-9  #: Entry below which it counts as 0, relative to σ over the step.
+SMALLEST = 1e-9  #: Entries below this count as 0, relative to σ over the step.
 
 Function = Callable[[Array], Array]
 
 
 def own_constraints(constraints: ConstraintSet) -> list[Constraint]:
-    """Constraints of classes that are not this package's."""
+    """Return the constraints of classes outside this package."""
     package = __name__.partition(".")[0]
     return [
         each
@@ -40,13 +40,13 @@ def demand_gradients(
     state: tuple[float, Array, Array],
     only: Sequence[Constraint] | None = None,
 ) -> None:
-    """Raise ConfigurationError if the gradient of a constraint is not the derivative of its σ at a
-    state.
+    """Raise ConfigurationError if the gradient of a constraint is not the derivative of its σ.
 
-    ``state`` is the time [s], q and q̇ (n,); ``only`` are the constraints that are checked, own
-    ones if None. The error names the row, the coordinate, and the derivative as it is given and as
-    differences of σ have it. Quotients are taken to both sides, so that any slope between the two
-    is right where σ has a kink. Where σ cannot be evaluated, nothing is said: the run will say why.
+    ``state`` is the time [s], q and q̇ (n,) of the check. ``only`` are the constraints to check,
+    the custom ones if None. The error names the row, the coordinate, the given derivative and the
+    difference quotient. Quotients are taken to both sides: where σ has a kink, any slope between
+    the two is valid. Where σ cannot be evaluated, nothing is raised: the run will report the
+    reason.
     """
     checked = own_constraints(constraints) if only is None else only
     if not checked:
@@ -69,7 +69,7 @@ def _wrong(
             try:
                 yield from _of_coordinates(evaluator, constraint, rows, points, (t, q, qd))
                 yield from _of_joints(evaluator, constraint, rows, (t, q, qd))
-            except Exception:  # own constraints may raise anything, which the run will say
+            except Exception:  # custom code may raise anything; the run reports it
                 continue
 
 
@@ -80,8 +80,9 @@ def _of_coordinates(
     points: slice,
     state: tuple[float, Array, Array],
 ) -> Iterator[str]:
-    """Sentences on derivatives of σ by pixels or by coordinates of points, as own classes give
-    them.
+    """Yield a message for each wrong derivative of σ by pixels or point coordinates.
+
+    Custom classes give these derivatives.
     """
     t, q, qd = state
     if isinstance(constraint, ImageConstraint):
@@ -117,8 +118,9 @@ def _of_coordinates(
 def _of_joints(
     evaluator: Evaluator, constraint: Constraint, rows: slice, state: tuple[float, Array, Array]
 ) -> Iterator[str]:
-    """Sentences on derivatives of σ by joint coordinates, or of φ by joint speeds where rows are
-    about those.
+    """Yield a message for each wrong derivative of σ by joint coordinates.
+
+    For rows on φ itself, derivatives of φ by joint speeds are checked.
     """
     t, q, qd = state
     constraints = evaluator.constraints
@@ -148,11 +150,11 @@ def _of_joints(
             yield _sentence(constraint, labels[row], by, gradient[row, joint], expected)
 
 
-Sides = tuple[Array, Array, Array]  #: (r,) quotients to both sides, and what of them is rounding.
+Sides = tuple[Array, Array, Array]  #: (r,) quotients to both sides, and their rounding error.
 
 
 def _quotients(value: Callable[[float], Array]) -> list[Sides]:
-    """Quotients of (r,) values, for each step."""
+    """Return the difference quotients of (r,) values, for each step."""
     here = np.asarray(value(0.0), dtype=np.float64)
     found: list[Sides] = []
     for step in STEPS:
@@ -164,8 +166,9 @@ def _quotients(value: Callable[[float], Array]) -> list[Sides]:
 
 
 def _differing(gradient: Array, coordinate: int, quotients: Sequence[Sides]) -> IntArray:
-    """Rows whose gradient (r, d) is outside both sides' quotients along a coordinate, by each of
-    the steps.
+    """Return the rows whose gradient (r, d) contradicts the quotients along a coordinate.
+
+    It does if it is outside the quotients of both sides, for each of the steps.
     """
     given = gradient[:, coordinate]
     greatest = np.abs(gradient).max(axis=1, initial=0.0)
@@ -174,7 +177,7 @@ def _differing(gradient: Array, coordinate: int, quotients: Sequence[Sides]) -> 
         low = np.minimum(ahead, behind)
         high = np.maximum(ahead, behind)
         size = np.maximum(greatest, np.maximum(np.abs(low), np.abs(high)))
-        # beside a kink or a curve, the sides differ by about what the slope may differ from either
+        # near a kink or a curve, the slope may differ from either side by their difference
         room = TOLERANCE * size + (high - low) + rounding
         wrong &= (given < low - room) | (given > high + room) | ~np.isfinite(given)
     return np.flatnonzero(wrong)

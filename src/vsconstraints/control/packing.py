@@ -1,4 +1,4 @@
-"""A scene, its constraints and its task as the arrays of the compiled step."""
+"""Scene, constraints and task in the form of the arrays of the compiled step."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}  #: Share of the goal's i
 
 
 class Packed:
-    """The compiled ``step`` of a scene, the array ``out`` that it writes to, and its ``workspace``.
+    """Arrays of the compiled ``step`` of a scene, its output array ``out`` and its ``workspace``.
 
-    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are
-    constraints without a compiled form, with their rows and their robot points: the step leaves
-    those rows out; ``own_feature`` is whether the feature is an own one, evaluated in NumPy. Raises
-    ConfigurationError if the robot is no serial chain, or the scene or the task has parts of own
-    classes that control does not know.
+    ``size`` has their sizes, ``parts`` the slice and shape of each output. ``others`` are the
+    constraints without a compiled form, with their rows and their robot points; the step omits
+    these rows. ``own_feature`` is true if the feature is a custom one, evaluated in NumPy. Raises
+    ConfigurationError if the robot is no serial chain, or if the scene or the task has parts of
+    custom classes that control does not support.
     """
 
     def __init__(
@@ -97,22 +97,22 @@ class Packed:
 
     @property
     def memory(self) -> tuple[Any, ...]:
-        """Arrays that are kept from one sample to the next, but for the camera's poses."""
+        """Arrays that are kept between samples, except for the poses of the camera."""
         step = self.step
         task = step.last_error, step.last_partial, step.last_J, step.last_reference
         return step.last, *task, step.correction, step.last_command
 
     def remembered(self) -> list[Any]:
-        """A copy of the memory."""
+        """Return a copy of the memory."""
         return [array.copy() for array in self.memory]
 
     def recall(self, remembered: Sequence[Any]) -> None:
-        """Set the memory, to that of this step or another one of the same scene."""
+        """Set the memory from this step or from another one of the same scene."""
         for array, kept in zip(self.memory, remembered, strict=True):
             array[...] = kept
 
     def reset(self) -> None:
-        """Forget the last sample."""
+        """Clear the memory of the last sample."""
         last, *others = self.memory
         last["goal"] = -1
         last["time"] = 0.0
@@ -123,8 +123,9 @@ class Packed:
         self.step.slip[:] = np.nan
 
     def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
-        """Write the rows of a constraint in NumPy between the compiled ones; InvalidInput if they
-        are misshapen.
+        """Write the rows of a constraint in NumPy between the compiled ones.
+
+        Raises InvalidInput if they are of the wrong shape.
         """
         now = self.step.rows
         r = rows.stop - rows.start
@@ -143,7 +144,7 @@ class Packed:
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def insert_feature(self, motion: FeatureMotion) -> None:
-        """Write an own feature; raises InvalidInput if it is of the wrong shape."""
+        """Write a custom feature; raise InvalidInput if it is of the wrong shape."""
         step = self.step
         k = self.size.k
         n = self.size.n
@@ -158,7 +159,7 @@ class Packed:
         step.partial[:] = motion.partial
 
     def measure(self, measured: Measurement) -> None:
-        """Let the next step take a camera's measurement, which is checked."""
+        """Write a checked measurement of a camera for the next step."""
         pose = measured.camera
         record = self.step.measurement
         record["given"] = measured.pixels is not None
@@ -171,8 +172,9 @@ class Packed:
 
 
 def _demand(part: object, kind: type) -> None:
-    """Raise ConfigurationError unless ``part`` is of exactly that class: a subclass may compute
-    anything.
+    """Raise ConfigurationError unless ``part`` is of exactly that class.
+
+    A subclass may compute anything.
     """
     if type(part) is not kind:
         raise ConfigurationError(
@@ -220,8 +222,9 @@ def _write_scene(step: Step, scene: Scene, known: bool) -> None:
 
 
 def write_camera(step: Step, camera: Camera) -> None:
-    """Write the camera's pose and intrinsics; where the tip is in the last body has to be written
-    before.
+    """Write the pose and the intrinsics of the camera.
+
+    The pose of the tip in the last body must be written before.
     """
     record = step.camera[0]
     eye = (
@@ -265,7 +268,7 @@ def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
 def _write_constraint(
     step: Step, i: int, constraint: Constraint, form: Any, rows: slice, address: int, known: bool
 ) -> None:
-    """Write part ``i``; ``known`` if the motion of what it forbids counts as known."""
+    """Write part ``i``; ``known`` if the motion of the forbidden object counts as known."""
     record = step.parts[i]
     motion = form.motion
     _write(

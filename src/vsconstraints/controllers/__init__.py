@@ -1,4 +1,4 @@
-"""Controllers: functions of rows and a task, interchangeable and importable one by one."""
+"""Controllers: interchangeable functions of rows and a task, importable one by one."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ LAWS: tuple[type[Controller], ...] = (
     RobustPredictive, GoalGovernor, BarrierGovernor, PathIntegralControl,
 )  # fmt: skip
 
-#: Controllers by the name files and the command line use.
+#: Controllers by their name in files and on the command line.
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
-#: What laws can be put behind, the innermost first, and the options that do so: those of every law.
+#: Wrappers of laws, the innermost first, and the options that add them, valid for every law.
 WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
     Observed: ("observer", "dead_time"),
     DelayCompensated: ("command_delay",),
@@ -60,8 +60,9 @@ WRAPPERS: dict[Callable[..., Wrapper], tuple[str, ...]] = {
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
-    """The controller of a registered name, or of ``"my_laws:Cautious"``, a module that may also be
-    in ``folder``.
+    """Return the controller of a registered name, or of a module such as ``"my_laws:Cautious"``.
+
+    The module may also be in ``folder``. Raises ConfigurationError if the name is unknown.
     """
     if ":" in name:
         return imported_class(name, Controller, folder)
@@ -73,12 +74,12 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 def make_controller(
     name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None
 ) -> Controller:
-    """The controller of that name, see :func:`controller_class`, with these keyword arguments.
+    """Create the controller of a name, see :func:`controller_class`, with these options.
 
-    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` those of
-    :class:`.Observed`, ``command_delay`` that of :class:`.DelayCompensated`: options of every law
-    that has none of that name. ConfigurationError names the candidates if name or option is
-    unknown.
+    ``K`` and ``switching_gain`` are :class:`.RowFactors`, ``observer`` and ``dead_time`` belong to
+    :class:`.Observed`, and ``command_delay`` to :class:`.DelayCompensated`. Every law takes these
+    options, unless it has an option of the same name. Raises ConfigurationError, with the
+    candidates, if the name or an option is unknown.
     """
     law = controller_class(name, folder)
     options = dict(options or {})
@@ -103,7 +104,7 @@ def make_controller(
                 )
                 raise unknown_name(f"option of {name}", key, known)
     try:
-        with chdir("."), beside(folder):  # an own law may change the working directory
+        with chdir("."), beside(folder):  # a custom law may change directory
             made = law(**options)
             if factors:
                 made.factors = RowFactors(**{**made.factors.options(), **factors})
@@ -112,7 +113,7 @@ def make_controller(
             return made
     except VsconstraintsError:
         raise
-    except (Exception, SystemExit) as error:  # an own law may fail in any way
+    except (Exception, SystemExit) as error:  # a custom law may fail in any way
         raise ConfigurationError(
             f"controller {name!r} cannot be made with {shown(options)}: {described(error)}"
         ) from error
@@ -121,12 +122,12 @@ def make_controller(
 def law_ranges(
     name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None
 ) -> dict[str, Range | Choices]:
-    """From where to where the options of a law are worth searching; empty if it declares nothing.
+    """Return the search ranges of a law's options; empty if it declares none.
 
-    They are those of the law's class and, of a :class:`Law`, of its demand and its resolver. What
-    is given stays as it is, and is not among them; ``law_ranges("law", {"demand": "barrier",
-    "resolver": "filter"})`` are those of a pair. Parameters are those of :func:`make_controller`.
-    ConfigurationError also if the class declares what is no range, or one that does not hold the
-    option's default.
+    They are those of the law's class and, for a :class:`Law`, of its demand and its resolver.
+    Options that are given are fixed, and have no range; ``law_ranges("law", {"demand": "barrier",
+    "resolver": "filter"})`` returns those of a pair. The parameters are those of
+    :func:`make_controller`. Raises ConfigurationError also if a declaration is no range, or if the
+    range does not contain the default of the option.
     """
     return ranges_of(innermost(make_controller(name, options, folder)), name, options or {})

@@ -1,5 +1,6 @@
-"""Demands of control barrier functions, which use L_fφ; formulas, sources and properties:
-:doc:`/laws`.
+"""Demands of control barrier functions, which use L_fφ.
+
+For formulas, sources and properties see :doc:`/laws`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .ranges import GAINS, option
 
 @dataclass(frozen=True)
 class WithRate(Demand):
-    """What barriers with a rate α have in common."""
+    """Common option of barriers with a rate α."""
 
     alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
 
@@ -33,8 +34,9 @@ class WithRate(Demand):
 
 @dataclass(frozen=True)
 class Barrier(WithRate):
-    """Every row demands −αφ − L_fφ: φ decays exponentially to its bound and never crosses it (Ames
-    et al. 2017).
+    """Every row demands −αφ − L_fφ: φ decays exponentially to its bound, without crossing it.
+
+    Ames et al. 2017.
     """
 
     name = "barrier"
@@ -46,8 +48,9 @@ class Barrier(WithRate):
 
 @dataclass(frozen=True)
 class RobustBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for disturbances of q̈ of up to D in each
-    joint (Jankovic 2018).
+    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for disturbances of q̈ up to D.
+
+    Jankovic 2018. D holds for each joint.
     """
 
     disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
@@ -62,14 +65,13 @@ class RobustBarrier(WithRate):
 
 @dataclass(frozen=True)
 class ProbabilisticBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − z s_d: the barrier's condition φ̇ ≤ −αφ is violated with the
-    rate ε at most.
+    """Every row demands −αφ − L_fφ − z s_d: φ̇ ≤ −αφ is violated at a rate of at most ε.
 
-    After the chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), with the normal quantile
-    z of 1 − ε, for any row, linear in the noise, in the present sample: s_d² = (α noise scale)² +
-    (acceleration_noise ‖L_gφ‖)², of measured φ and of each joint's acceleration, all independent.
-    The rate is that of each row in each sample, not of a run; of rows that are not held alone it is
-    less. Errors of L_fφ and L_gφ are not in it.
+    After the chance constraint of Zhang, Yang and Luo (arXiv 2309.03476), for any row, linear in
+    the noise, in the present sample. z is the normal quantile of 1 − ε. The measured φ and the
+    acceleration of each joint have independent noise: s_d² = (α noise scale)² + (acceleration_noise
+    ‖L_gφ‖)². The rate refers to each row in each sample, not to a run; it is lower for rows that
+    are held together with others. Errors of L_fφ and L_gφ are not included.
     """
 
     violation_rate: float = option(0.01, "ε, of each row and sample", (1e-4, 0.2), below=0.5)
@@ -85,7 +87,7 @@ class ProbabilisticBarrier(WithRate):
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """See :class:`.Demand`: with the quantile in place of ε."""
+        """See :class:`.Demand`; the quantile replaces ε."""
         return (
             self.alpha,
             NormalDist().inv_cdf(1.0 - self.violation_rate),
@@ -104,11 +106,10 @@ class ProbabilisticBarrier(WithRate):
 
 @dataclass(frozen=True)
 class InputToStateSafeBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than
-    disturbances are worth.
+    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s): bounded violation under disturbances.
 
-    Kolathaya and Ames (2019): of a disturbance ‖d_c‖ ≤ d, φ stays below ε s d²/(4α), s being the
-    row's scale.
+    Kolathaya and Ames (2019): for a disturbance ‖d_c‖ ≤ d, φ stays below ε s d²/(4α). s is the
+    scale of the row.
     """
 
     epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
@@ -123,11 +124,10 @@ class InputToStateSafeBarrier(WithRate):
 
 @dataclass(frozen=True)
 class GradientRobustBarrier(WithRate):
-    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong
-    by the fraction c_e.
+    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖, for gradients with an error c_e.
 
-    Dean, Taylor, Cosner, Recht and Ames (2020), for eq. (49). It is too little where the law
-    commands more than tracking.
+    Dean, Taylor, Cosner, Recht and Ames (2020), for eq. (49). c_e is the relative error of the
+    gradients. The margin is too small where the law commands more than tracking.
     """
 
     gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
@@ -142,11 +142,10 @@ class GradientRobustBarrier(WithRate):
 
 @dataclass(frozen=True)
 class SampledBarrier(WithRate):
-    """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between
-    samples.
+    """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|.
 
-    Breeden, Garg and Panagou (2022): it holds if |φ̈| ≤ ``curvature`` × scale near the boundary. φ
-    rests ν/α inside.
+    The barrier is kept between samples, too (Breeden, Garg and Panagou 2022), if |φ̈| ≤
+    ``curvature`` × scale near the boundary. φ rests ν/α inside.
     """
 
     curvature: float = option(
@@ -166,10 +165,10 @@ class SampledBarrier(WithRate):
 
 @dataclass(frozen=True)
 class ReciprocalBarrier(WithRate):
-    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier
-    function −1/φ.
+    """Every row demands −α φ³/s² − L_fφ where φ < 0: the reciprocal barrier −1/φ.
 
-    Ames, Xu, Grizzle and Tabuada (2017). Beyond the boundary rows return with −αφ − L_fφ.
+    Ames, Xu, Grizzle and Tabuada (2017). s is the scale of the row. Beyond the boundary, rows
+    return with −αφ − L_fφ.
     """
 
     name = "reciprocal-barrier"
@@ -182,11 +181,10 @@ class ReciprocalBarrier(WithRate):
 
 @dataclass(frozen=True)
 class FiniteTimeBarrier(WithRate):
-    """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in
-    finite time.
+    """Every row demands −α sign(φ) √(s |φ|) − L_fφ: φ reaches its bound in finite time.
 
-    Li, Wang, Pierpaoli and Egerstedt (2018), with the exponent ½. Within |φ| < (α T_s)² s it
-    overshoots, and chatters.
+    Li, Wang, Pierpaoli and Egerstedt (2018), with the exponent ½. s is the scale of the row. The
+    demand overshoots and chatters within |φ| < (α T_s)² s.
     """
 
     alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
@@ -200,12 +198,11 @@ class FiniteTimeBarrier(WithRate):
 
 @dataclass(frozen=True)
 class PrescribedTimeBarrier(WithRate):
-    """Rows demand −αφ − L_fφ, and from outside they are back on the boundary a prescribed time T
-    later at most.
+    """Rows demand −αφ − L_fφ; from outside they return within a prescribed time T.
 
     The gain α + p/(T − t) of Song, Wang, Holloway and Krstic (2017), with the decrease of a whole
-    period, so that commands are finite; at T the clock starts anew. From afar in a short time
-    commands are large.
+    period, so that commands are finite. At T the clock restarts. Commands are large if a row is far
+    outside and T is short.
     """
 
     time: float = option(1.0, "T [s]", (0.1, 10.0))
@@ -219,8 +216,9 @@ class PrescribedTimeBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, time: float, exponent: float) -> Any:
-        """−αφ − L_fφ inside; outside −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ; t, 0 inside
-        and from T on.
+        """Return −αφ − L_fφ inside, and t as memory, which is 0 inside and from T on.
+
+        Outside, c = −φ (1 − e^(−αT_s) (1 − T_s/(T − t))^p)/T_s − L_fφ.
         """
         share = 1.0 - row.period / np.maximum(time - row.memory[0], row.period)
         rate = np.where(
@@ -232,13 +230,11 @@ class PrescribedTimeBarrier(WithRate):
 
 @dataclass(frozen=True)
 class BackupBarrier(WithRate):
-    """Rows demand that braking by σ̈ = −a can still stop them: the backup barrier function of a
-    braking row.
+    """Rows demand that braking by σ̈ = −a can still stop them: a backup barrier function.
 
     Van Wijk, Das, Molnar, Ames and Burdick (2025). The demand is never more than −a, so that it can
-    always be met if σ̈
-    = −a can and nothing drifts. Rows outside, and those that are φ itself (K = 0), demand −αφ −
-      L_fφ.
+    always be met if the row can reach σ̈ = −a and does not drift. Rows outside, and rows that are φ
+    itself (K = 0), demand −αφ − L_fφ.
     """
 
     braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
@@ -248,8 +244,9 @@ class BackupBarrier(WithRate):
 
     @staticmethod
     def formula(row: Row, alpha: float, braking: float) -> Any:
-        """σ̇ + K max(−a, σ̈) − L_fφ, with the greatest σ̈ that has H₊ ≤ e^(−αT_s) H; −αφ − L_fφ
-        where K = 0.
+        """Return σ̇ + K max(−a, σ̈) − L_fφ, and −αφ − L_fφ where K = 0.
+
+        σ̈ is the greatest one with H₊ ≤ e^(−αT_s) H.
         """
         a = braking * row.scale
         direct = row.K == 0.0
@@ -265,12 +262,11 @@ class BackupBarrier(WithRate):
 
 @dataclass(frozen=True)
 class HighOrderBarrier(Demand):
-    """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of
-    h = −σ.
+    """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁, ψ₁ = −σ̇ + α₁(−σ): a high-order barrier of h = −σ.
 
-    Xiao and Belta (2019): far from the boundary σ may approach as fast as σ̈ = −a can still stop
-    it, which is no promise where other rows or tracking act as well. Rows that are φ itself (K = 0)
-    demand −αφ − L_fφ.
+    Xiao and Belta (2019). Far from the boundary, σ may approach as fast as σ̈ = −a can still stop
+    it. This is no guarantee where other rows or tracking act as well. Rows that are φ itself (K =
+    0) demand −αφ − L_fφ.
     """
 
     alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
@@ -282,14 +278,15 @@ class HighOrderBarrier(Demand):
 
     @staticmethod
     def formula(row: Row, alpha: float, braking: float) -> Any:
-        """σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, ψ₁ = −σ̇ + α₁(−σ), and −αφ − L_fφ where K = 0.
+        """Return σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, and −αφ − L_fφ where K = 0.
 
-        α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK), a = braking × scale, written without a difference.
+        ψ₁ = −σ̇ + α₁(−σ) and α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK) with a = braking × scale. α₁
+        is computed without cancellation.
         """
         a = braking * row.scale
         corner = a * row.K
         root = np.sqrt(corner * corner + 2.0 * a * np.abs(row.sigma))
-        # where K = 0 the terms with divisors count nothing
+        # direct keeps the divisors positive where K = 0, and K then cancels their terms
         direct = row.K == 0.0
         approach = -2.0 * a * row.sigma / (root + corner + direct)
         psi = approach - row.sigma_dot

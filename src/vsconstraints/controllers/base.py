@@ -1,4 +1,4 @@
-"""What every controller is: a function of rows and task, whose answer is always finite."""
+"""Base class of controllers: functions of rows and a task with an always finite answer."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ if TYPE_CHECKING:
 
 
 class Controller(Part, ABC):
-    """A law that turns rows and a task into joint accelerations.
+    """Control law that computes joint accelerations from rows and a task.
 
-    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer
-    after: no number that is not finite ever reaches a robot, nor one so large that rounding alone
-    of a row exceeds its switching gain. What is outside the box of the rows is brought into it
-    joint by joint.
+    A new controller defines :attr:`name` and :meth:`solve`. The input is checked before and the
+    answer after: a robot never receives a number that is not finite, nor one so large that the
+    rounding of a row exceeds its switching gain. A command outside the box of the rows is clipped
+    to it joint by joint.
     """
 
-    name: ClassVar[str]  #: In files and reports.
-    #: On K and u⁺ of the rows that simulations and arms give this law, see :class:`.RowFactors`;
-    #: options of every law.
+    name: ClassVar[str]  #: Name in files and reports.
+    #: Factors on K and u⁺ of the rows that this law gets in simulations and on arms, see
+    #: :class:`.RowFactors`; options of every law.
     factors: RowFactors = AS_THEY_ARE
 
     def command(self, rows: Rows, task: Task) -> Command:
-        """Joint accelerations for these rows and this task.
+        """Compute joint accelerations for these rows and this task.
 
-        InvalidInput if shapes disagree or a number is not finite. What goes wrong inside the law
-        itself does not raise: the command's status is then ``failed``, with the reason, and its
+        Raises InvalidInput if shapes disagree or a number is not finite. A failure inside the law
+        does not raise: the status of the command is then ``failed``, with the reason, and its
         accelerations are zero.
         """
         return self.define(rows, task)
 
     def define(self, rows: Rows, task: Task) -> Command:
-        """The command of :meth:`solve`, with input and answer checked."""
+        """Return the command of :meth:`solve`, with input and answer checked."""
         check(rows, task)
         try:
-            # numbers that leave the range of floating point are found below
+            # numbers beyond the range of floating point are detected below
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                command: Any = self.solve(rows, task)  # own laws are not type-checked
+                command: Any = self.solve(rows, task)  # custom laws are not type-checked
             fault = fault_of(command, rows, task)
         except (np.linalg.LinAlgError, SolverError) as error:
             fault = f"{type(error).__name__}: {error}"
@@ -72,39 +72,36 @@ class Controller(Part, ABC):
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task) -> Command:
-        """Compute the command; rows and task are known to be finite and of matching shapes."""
+        """Compute the command; rows and task are finite and have matching shapes."""
 
     def reset(self, period: float | None = None) -> None:
-        """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those
-        to come, if known.
+        """Clear everything that is kept between calls.
 
-        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.control.Model`, which gives rows and task at predicted states.
-        Control steps and simulations pass it; no other law has one made.
+        ``period`` is the sampling period T_s [s] of the next calls, if known. A law with
+        ``"model"`` in :attr:`uses` also takes ``model``, a :class:`~vsconstraints.control.Model`,
+        which gives rows and task at predicted states. Control steps and simulations pass it; they
+        make no model for other laws.
         """
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as
-        printed in reports.
+        """Required information beyond φ, L_gφ, u⁺ and scale of the rows and J and b of the task.
+
+        The names are those printed in reports.
         """
         return ()
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        """Modules of :mod:`vsconstraints.compiled` that take long to compile, as far as this law
-        needs them.
-        """
+        """Modules of :mod:`vsconstraints.compiled` that this law needs and that compile slowly."""
         return ()
 
     def unused(self) -> str:
-        """Which options are given though this law :attr:`ignores` them, in a sentence; else
-        empty.
-        """
+        """Report the given options that this law :attr:`ignores`; empty if there is none."""
         observer = [key for key in ("observer", "dead_time") if positive(getattr(self, key, None))]
         given = [*self.factors.options(), *observer]
         used = [key for key in given if key not in self.ignores]
-        # what shifts σ is observed
+        # with a dead time in use, the observer is used too
         names = [
             key
             for key in given
@@ -117,14 +114,14 @@ class Controller(Part, ABC):
         )
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """What a user should know of these options and rows of these labels, though nothing is
-        wrong; else empty.
+        """Return a remark on the options and these row labels; empty if there is none.
+
+        Remarks tell the user about input that is usable but suspicious.
         """
         return ""
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
-        """The compiled law on arrays that stay where they are: for loops that fill them anew in
-        every sample.
+        """Return the compiled law on fixed arrays, for loops that refill them in every sample.
 
         It writes ``acted`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole,
         and for a controller whose ``command`` was replaced.
@@ -133,22 +130,24 @@ class Controller(Part, ABC):
 
 
 class Wrapper(Controller):
-    """A law that asks another one, :attr:`law`, with other rows or another task; it has its factors
-    and remarks.
+    """Law that calls another one, :attr:`law`, with other rows or another task.
+
+    It has the factors and the remarks of that law.
     """
 
     law: Controller
     period: float | None = None
     model: Any = None
-    own_uses: ClassVar[tuple[str, ...]]  #: What it uses beside what that law does.
+    own_uses: ClassVar[tuple[str, ...]]  #: Required information of the wrapper alone.
     _parts: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_parts": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Forget everything, and let the law forget; without a period or a model, those of the last
-        reset stay.
+        """Clear everything, and reset the law.
+
+        If no period or no model is given, the last one is kept.
         """
         if period is not None:
             self.period = positive_number("the sampling period", period)
@@ -160,12 +159,12 @@ class Wrapper(Controller):
             restart(self.law, self.period, None if self.model is None else self.model_of_law)
 
     def model_of_law(self) -> Any:
-        """The model that the law is given, if it uses one."""
+        """Return the model for the inner law, if that uses one."""
         return self.model
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """What the law uses, and what is used beside it."""
+        """Required information of the law and of the wrapper."""
         used = dict.fromkeys((*self.law.uses, *self.own_uses))
         return tuple(sorted(used, key=lambda name: (name == "model", name == "memory")))
 
@@ -180,14 +179,14 @@ class Wrapper(Controller):
 
 
 def innermost(law: Controller) -> Controller:
-    """The law that wrappers are around; the law itself where there is none."""
+    """Return the law inside all wrappers; the law itself if it is no wrapper."""
     while isinstance(law, Wrapper):
         law = law.law
     return law
 
 
 def fault_of(command: object, rows: Rows, task: Task) -> str:
-    """What is wrong with a law's answer to these rows and this task; empty if nothing is."""
+    """Describe the fault in a law's answer to these rows and this task; empty if there is none."""
     n = task.J.shape[1]
     m = len(rows.labels)
     if not isinstance(command, Command):
@@ -224,8 +223,10 @@ def demand_known(
     period: float | None,
     remembered: tuple[str, ...] = (),
 ) -> None:
-    """Raise InvalidInput where what it ``uses`` of rows or the sampling period is unknown, or other
-    rows remembered.
+    """Raise InvalidInput if a used field of the rows or the sampling period is unknown.
+
+    Raises it also if ``remembered``, the labels of the rows in memory, differ from those of these
+    rows. ``who`` names the law in the message.
     """
     lacking = [
         f"rows.{name}"
@@ -247,7 +248,7 @@ def demand_known(
 
 
 def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
-    """Raise InvalidInput where there is no model, or it is of other rows or of another robot."""
+    """Raise InvalidInput if there is no model, or it has other rows or another robot."""
     if model is None:
         raise InvalidInput(
             f"{who} uses a model: ask it by ControlStep.command, or tell it by "
@@ -259,8 +260,9 @@ def demand_model(who: str, rows: Rows, task: Task, model: Any) -> None:
 
 
 def restart(controller: Controller, period: float, model: Callable[[], Any] | None = None) -> None:
-    """Reset a controller, with the sampling period [s] and a model if it takes them; users' laws
-    may take less.
+    """Reset a controller with the sampling period [s] and a model, as far as it takes them.
+
+    The ``reset`` of a custom law may take fewer arguments.
     """
     parameters = inspect.signature(controller.reset).parameters.values()
     given: dict[str, Any] = {}

@@ -1,9 +1,8 @@
-"""The hierarchy level by level, by QP solvers with names: the least violation, then the task, then
-the acceleration.
+"""The hierarchy level by level, by named QP solvers: least violation, task, acceleration.
 
-The descent of :mod:`vsconstraints.compiled.hierarchy` with its QPs answered by any solver. Level 1,
-and level 2 by itself, are no QPs that solvers answer well, and are those of the compiled descent.
-The test ``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
+The descent of :mod:`vsconstraints.compiled.hierarchy`, with its QPs answered by any solver. QP
+solvers do not answer level 1, and level 2 alone, well; both use the compiled descent. The test
+``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from .resolver import row_weights, unmet
 
 
 class Target(NamedTuple):
-    """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum
-    with a damping.
+    """Costs of levels 2 and 3, and their sum with a damping.
 
-    ``center`` (n,) is the minimiser without rows, ``directions`` (n, n) orthogonal, ``gains`` (n,)
-    singular values of the task over its norm; zero below the ``tolerance``. ``strict``: level 2 by
-    itself where the damping has cost it something.
+    Level 2 is ½‖diag(gains) directionsᵀ (x − center)‖², level 3 is ½‖x − center‖². ``center`` (n,)
+    is the minimiser without rows, and ``directions`` (n, n) is orthogonal. ``gains`` (n,) are the
+    singular values of the task over its norm, zero below the ``tolerance``. ``strict``: level 2 is
+    solved alone where the damping has cost it something.
     """
 
     center: Array
@@ -42,7 +41,9 @@ class Target(NamedTuple):
 
     @classmethod
     def of(cls, tracking: LeastNorm, damping: float, tolerance: float, strict: bool) -> Self:
-        """With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null
+        """Create the target of a tracking command.
+
+        With J q̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by a constant orthogonal to the null
         space of J.
         """
         size = float(np.linalg.norm(tracking.gains))
@@ -51,12 +52,14 @@ class Target(NamedTuple):
 
     @property
     def stiffness(self) -> Array:
-        """(n,) square roots of the weights of the sum."""
+        """Square roots (n,) of the weights of the sum."""
         return np.sqrt(self.gains * self.gains + self.damping)
 
     def damped(self, x: Array) -> bool:
-        """Whether the damping may have cost x a residual that level 2 by itself does not have, and
-        that matters.
+        """True if the damping may have cost x a relevant residual.
+
+        The residual is relevant if level 2 alone does not have it, and if it exceeds the
+        tolerances.
         """
         away = self.directions.T @ (x - self.center)
         allowed = limit.STRICT * float(np.linalg.norm(away)) + limit.MET * float(np.linalg.norm(x))
@@ -64,19 +67,19 @@ class Target(NamedTuple):
         return redundant and bool(np.linalg.norm(self.gains * away) > allowed)
 
     def cut(self) -> float:
-        """Relative gain below which level 2 by itself leaves directions within the rows alone."""
+        """Return the relative gain below which level 2 alone leaves directions unused."""
         kept = self.gains[self.gains > 0.0]
         well = kept.min(initial=np.inf) >= limit.WELL_CONDITIONED * kept.max(initial=0.0)
         return self.tolerance if well else max(self.tolerance, float(np.sqrt(self.damping)))
 
 
 class Optimum(NamedTuple):
-    """The lexicographic optimum x (n,).
+    """Lexicographic optimum x (n,).
 
-    ``violation`` (m,) is what each row is exceeded by, exactly zero where the rows allow it to be
-    met; ``holding`` (m,) are rows that are exceeded, or at their bound with a positive multiplier.
-    ``shortfall`` says why the levels below the first may be better met than by x, ``fallback`` what
-    failed before; empty if they cannot, or nothing did.
+    ``violation`` (m,) is the violation of each row, exactly zero where the row can be met.
+    ``holding`` (m,) are the rows that are violated, or at their bound with a positive multiplier.
+    ``shortfall`` is the reason why the levels below the first may be better met than by x, empty if
+    they cannot. ``fallback`` lists earlier failures, empty if there were none.
     """
 
     x: Array
@@ -88,7 +91,7 @@ class Optimum(NamedTuple):
 
 
 def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
-    """The command of a :class:`.Hierarchy` for what rows ask for, c (m,)."""
+    """Compute the command of a :class:`.Hierarchy` for the bounds c (m,) of the rows."""
     tracking = least_norm(task.J, task.b, resolver.rank_tolerance, task.rest)
     n = task.J.shape[1]
     box = resolver.box(rows, n)
@@ -129,14 +132,13 @@ def by_solvers(resolver: Any, rows: Rows, task: Task, c: Array, solvers: SolverC
 def descend(
     A: Array, c: Array, weights: Array, cost: Target, box: Array, solvers: SolverChain
 ) -> Optimum:
-    """Of all x in the box (2, n) with the least ‖W max(0, Ax − c)‖, find the one with the least
-    cost.
+    """Find the x of least cost among those in the box (2, n) with the least ‖W max(0, Ax − c)‖.
 
-    Hard rows are tried first, A (m, n) without a zero one, c and weights (m,). Only if they are
-    incompatible (by the word of an exact solver, or at once for a solver whose word means little)
-    the violated rows become equalities, Ax = c + violation, and the cost is minimised within them.
-    Rows that rounding makes incompatible are relaxed by just that rounding. SolverError if the
-    least violation is not found.
+    A (m, n) has no zero row, c and weights are (m,). Hard rows are tried first. If they are
+    incompatible, the violated rows become equalities, Ax = c + violation, and the cost is minimised
+    within them. Only an exact solver is trusted to report incompatibility; with any other solver
+    the least violation is computed at once. Rows that rounding makes incompatible are relaxed by
+    just that rounding. Raises SolverError if the least violation is not found.
     """
     n = cost.center.size
     m = c.size
@@ -149,7 +151,7 @@ def descend(
         try:
             found = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
         except SolverError:
-            pass  # incompatible rows or a failed solver: computing the least violation tells which
+            pass  # the rows are incompatible, or the solver failed: the least violation decides
         else:
             if cost.damped(found.x):
                 found = _strictly(found, cost, np.empty((0, n)), walls, sides, solvers)
@@ -164,16 +166,15 @@ def descend(
         )
     excess = A @ x - c
     violated = excess > limit.SIGNIFICANT * _terms(A, c, x)
-    # compatible rows may leave a set without interior (two that are opposite to each other): x is
-    # given a little room
+    # the feasible set may lack an interior, as with two opposite rows: x gets a small tolerance
     sides = _with_room(walls, sides, x, limit.RELAXED)
-    # where the violations pull a coordinate against the box, every point that violates least has it
-    # at that bound
+    # where the violations pull a coordinate against the box, it is at that bound in every point of
+    # least violation
     forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
     pinned = np.abs(forces.sum(axis=0)) > limit.SIGNIFICANT * np.abs(forces).sum(axis=0)
     pinned &= (x <= box[0]) | (x >= box[1])
     equal, Z = _split(np.vstack((A[violated], np.eye(n)[pinned])))
-    # rows within the span of the violated ones are settled by the equalities
+    # rows within the span of the violated ones are determined by the equalities
     others = _seen(walls, Z)
     others[:m] &= ~violated
     found = Optimum(x, np.empty(0), np.zeros(int(others.sum()), dtype=np.bool_), None)
@@ -181,7 +182,7 @@ def descend(
         center = cost.center
         reduced = T
         if len(equal):
-            # in x + Z y the cost is ½‖E y + e‖²: center it, and measure distances in its metric
+            # in x + Z y the cost is ½‖E y + e‖²: take its minimiser as center, and its metric
             E = cost.stiffness[:, None] * (cost.directions.T @ Z)
             Q, R = np.linalg.qr(E)
             reduced = Z @ np.linalg.inv(R)
@@ -216,8 +217,8 @@ def _nearest(
     )
     x = center + T @ (problem.size * verified.answer.x)
     multipliers = verified.answer.multipliers
-    # the solver's check is relative to the way from the minimiser without rows, which may be very
-    # long
+    # the check of the solver is relative to the distance from the minimiser without rows, which
+    # may be very long
     excess = A @ x - c
     norms = np.linalg.norm(A, axis=1)
     if (excess > limit.MISSED * _terms(A, c, x) + limit.NEGLIGIBLE * norms).any():
@@ -232,9 +233,7 @@ def _nearest(
 def _strictly(
     found: Optimum, cost: Target, equal: Array, walls: Array, sides: Array, solvers: SolverChain
 ) -> Optimum:
-    """Level 2 by itself, from a point that meets all rows, and level 3 where that leaves a
-    choice.
-    """
+    """Solve level 2 alone from a point that meets all rows, then level 3 if a choice is left."""
     sides = _with_room(walls, sides, found.x, limit.MET)
     G: Array = cost.gains[:, None] * cost.directions.T
     x = found.x.copy()
@@ -259,19 +258,22 @@ def _strictly(
 
 
 def _terms(A: Array, c: Array, x: Array) -> Array:
-    """(m,) size of the terms of A x − c."""
+    """Return the size (m,) of the terms of A x − c."""
     size: Array = np.linalg.norm(A, axis=1) * np.linalg.norm(x) + np.abs(c)
     return size
 
 
 def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:
-    """Sides that x meets, with room, as a fraction of their terms, for rounding."""
+    """Relax the sides so that x meets them.
+
+    ``room`` is the tolerance for rounding, as a fraction of the terms.
+    """
     wide: Array = np.maximum(sides, walls @ x) + room * _terms(walls, sides, x)
     return wide
 
 
 def _seen(walls: Array, Z: Array) -> BoolArray:
-    """(w,) walls that are not constant along Z (n, p)."""
+    """Return a mask (w,) of the walls that are not constant along Z (n, p)."""
     seen: BoolArray = np.linalg.norm(walls @ Z, axis=1) > limit.DEPENDENT * np.linalg.norm(
         walls, axis=1
     )
@@ -279,8 +281,9 @@ def _seen(walls: Array, Z: Array) -> BoolArray:
 
 
 def _split(A: Array) -> tuple[Array, Array]:
-    """Orthonormal bases: (r, n) of what the rows of A (none of them zero) span, and (n, n − r) of
-    what none sees.
+    """Return orthonormal bases of the row space (r, n) and of the null space (n, n − r) of A.
+
+    No row of A is zero.
     """
     if not len(A):
         return A, np.eye(A.shape[1])

@@ -1,4 +1,4 @@
-"""Laws by their compiled functions."""
+"""Compiled form of laws: their workspaces and the calls of compiled functions."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from ..compiled.workspace import Answer, LawArrays, RowArrays, Scratch, Workspac
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demand import Demand
 
-#: Looked up once: that takes a third of the time of making a small array.
+#: Data types, looked up once: the lookup takes a third of the time of making a small array.
 BOOL = np.dtype(np.bool_)
 COUNT = np.dtype(np.int64)
 EMPTY = np.empty
-#: What is handed to laws that write neither, and remember nothing.
+#: Placeholders for laws without slack, without an iteration count, or without memory.
 NO_SLACK = np.empty(0)
 NO_COUNT = np.zeros(1, COUNT)
 NO_MEMORY = np.empty((0, 0))
-#: Numbers of scratch of a law for 32 rows: enough for 30 joints and eight features. Beyond that
-#: arrays are made.
+#: Scratch of a law for 32 rows, in floats: enough for 30 joints and eight features. Larger
+#: problems allocate their arrays.
 SCRATCH = 32768
 
 
 def arrays_of(rows: Rows) -> RowArrays:
-    """Rows as compiled functions take them."""
+    """Return rows in the form that compiled functions take."""
     return RowArrays(*(getattr(rows, name) for name in RowArrays._fields))
 
 
 def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
-    """The function that answers with all that rows and task say, and what it takes before its
-    outputs.
+    """Return the function that uses all fields of rows and task, with its input arguments.
+
+    The output arguments follow the inputs.
     """
     known = (
         rows.sigma,
@@ -50,8 +51,9 @@ def whole_call(workspace: Workspace, rows: Rows, task: Task) -> tuple[Any, ...]:
 
 
 def tracking_of(task: Any, n: int, k: int) -> Array:
-    """(5,) K_p(0), its slope and K_v/√K_p of a visual task; d and (d/2)² of its q̈₀, of n joints
-    and k features.
+    """Return the gains (5,) of tracking and rest motion, for n joints and k features.
+
+    They are K_p(0), its slope and K_v/√K_p of the visual task, then d and (d/2)² of its q̈₀.
     """
     gains = task.gains
     rest = task.rest_of(n, k)
@@ -59,13 +61,13 @@ def tracking_of(task: Any, n: int, k: int) -> Array:
 
 
 class CompiledLaw:
-    """A demand and a resolver for rows of some labels, as compiled functions take them: a
-    ``workspace``.
+    """Workspace of a demand and a resolver, for rows with fixed labels.
 
-    ``arrays`` are the :class:`.LawArrays`, ``remark`` is what is to be said of labels and options;
-    ``complete`` tells whether all of the law is compiled: numba may refuse the demand's formula,
-    and a solver may be asked for by name. ``memory`` (m, f) and ``last_rates`` (m,), what the
-    demand remembers, are written by every answer; ``period`` is T_s [s], if it is known.
+    ``workspace`` is the form that compiled functions take. ``arrays`` are the :class:`.LawArrays`,
+    ``remark`` is a remark on labels and options. ``complete`` is true if the whole law is compiled.
+    It is false if numba refuses the formula of the demand, or if a solver is requested by name.
+    Every call writes ``memory`` (m, f) and ``last_rates`` (m,), the memory of the demand.
+    ``period`` is T_s [s], or None if it is unknown.
     """
 
     __slots__ = (
@@ -133,8 +135,10 @@ class CompiledLaw:
         ]
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes
-        before its outputs.
+        """Return the compiled function for these rows and this task, with its input arguments.
+
+        It is a function of :mod:`vsconstraints.compiled.laws`. Its output arguments follow the
+        inputs.
         """
         if self._whole or (
             rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN
@@ -144,7 +148,7 @@ class CompiledLaw:
         return load("laws").follow, self.workspace, of_rows, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
-        """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
+        """Return the code, q̈ (n,), active rows (m,), slack (m,) or (0,), and iterations."""
         J = task.J
         m = len(rows.labels)
         qdd = EMPTY(J.shape[1])
@@ -155,17 +159,17 @@ class CompiledLaw:
         ):
             _, _, *arguments = self.call(rows, task)
             code = self._follow[1](*arguments, qdd, acted, slack, count)
-        else:  # as call has it, without a call in between, which takes longer
+        else:  # the same as in call(), inlined because a call takes longer
             of_rows = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale
             code = self._follow[0](of_rows, J, task.b, qdd, acted, slack, count)
         return code, qdd, acted, slack, count.item() if self.measures else 0
 
     def demanded(self, rows: Rows, tracking: Array | None, purpose: int) -> Array:
-        """(m,) what rows ask for, by the demand's formula in Python, with the tracking command (n,)
-        if it is used.
+        """Return the bounds c (m,) of the rows by the formula of the demand.
 
-        What is to be remembered is in ``arrays.after``. See :mod:`vsconstraints.formulas.row` for
-        the purposes.
+        ``tracking`` (n,) is the tracking command, None if it is not used. The next memory is
+        written to ``arrays.after``. See :mod:`vsconstraints.formulas.row` for the values of
+        ``purpose``.
         """
         arrays = self.arrays
         parts = load("parts")
@@ -181,11 +185,11 @@ class CompiledLaw:
 
 
 class Wrapped:
-    """A compiled law in place of whose resolver stands a ``function`` with arrays of its ``own``:
-    see the inner one.
+    """Compiled law whose resolver is replaced by a compiled ``function``.
 
-    Both stay with it, since compiled functions know their addresses; ``changed`` are other
-    :class:`.LawArrays`.
+    For the attributes see the inner law. ``own`` are the arrays of the function, and ``changed``
+    are the fields of :class:`.LawArrays` that differ from those of the inner law. Both workspaces
+    are kept, because compiled functions hold their addresses.
     """
 
     def __init__(self, inner: Any, own: Any, function: Any, **changed: Any) -> None:
@@ -205,8 +209,9 @@ class Wrapped:
 
 
 def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
-    """The same rows and task in plain contiguous, writable arrays; None if they are so, or if
-    something is wrong.
+    """Return rows and task in plain, contiguous, writable arrays.
+
+    None if they have this layout already, or if one of them has a wrong type.
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
@@ -230,13 +235,12 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
 
 
 class BoundLaw:
-    """A compiled law on arrays that stay where they are, for loops: every call overwrites what the
-    one before wrote.
+    """Compiled law on fixed arrays, for loops: every call overwrites the previous answer.
 
-    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if
-    not, the controller's ``command`` has to be asked. ``arrays`` are the law, in its ``workspace``,
-    with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations; ``answer`` is the workspace of
-    what it writes, of :mod:`vsconstraints.compiled.workspace`.
+    ``solve()`` writes ``acted`` (m,) and ``qdd`` (n,). It returns 0 if they hold the answer;
+    otherwise call the ``command`` of the controller. ``arrays`` are those of the law, in its
+    ``workspace``. ``slack`` is (m,) or (0,), and ``count`` (1,) is the number of iterations.
+    ``answer`` is the workspace of the outputs, see :mod:`vsconstraints.compiled.workspace`.
     """
 
     def __init__(
@@ -256,7 +260,7 @@ class BoundLaw:
         self.answer = Workspace(Answer(*outputs, NO_SLACK))
         function, workspace, *arguments = law.call(rows, task)
         bound = function.bind(workspace)
-        # flat, which is faster; the law holds its workspace
+        # one partial is faster than two; self.law keeps the workspace alive
         self._function = partial(bound.func, *bound.args, *arguments, *outputs)
         self.solve: Callable[[], int] = self._solve if law.measures else self._function
 
@@ -265,8 +269,10 @@ class BoundLaw:
         return 0 if code in self.resolver.answers else code
 
     def command(self, code: int | None = None) -> Command | None:
-        """The last answer, in arrays of its own, by its code if that is known; None if it is
-        none.
+        """Return the last answer as a command with copied arrays; None if there is no answer.
+
+        ``code`` is the return code of that answer; None stands for the last code recorded by
+        ``solve()``.
         """
         law = self.law
         qdd = self.qdd.copy()

@@ -1,4 +1,4 @@
-"""Laws that know how late their commands act."""
+"""Laws that compensate the delay of their commands."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from .base import Controller, Wrapper, demand_known, demand_model
 from .compiled import BoundLaw, Wrapped, arrays_of
 from .ranges import positive_number
 
-MAX_PENDING = 100  #: Most commands that may be under way.
+MAX_PENDING = 100  #: Largest number of pending commands.
 
 
 def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
-    """Whole periods of a delay [s], and the rest of it [s]; raises InvalidInput if too many
-    commands are under way.
+    """Return the whole periods of a delay [s], and its remainder [s].
+
+    Raises InvalidInput if more than MAX_PENDING commands would be pending.
     """
     periods = delay / Ts
     if not periods <= MAX_PENDING:
@@ -32,15 +33,15 @@ def split_delay(name: str, delay: float, Ts: float) -> tuple[int, float]:
 
 
 class DelayCompensated(Wrapper):
-    """Any law, on rows and task of the state in which its command begins to act, ``command_delay``
-    [s] from now.
+    """Any law, on rows and task at the time when its command begins to act.
 
-    That state is predicted by the commands under way, each of which moves the joints as double
-    integrators (reduction of an input delay: Artstein, IEEE Transactions on Automatic Control,
-    1982), and evaluated by a model from the last measurement on. Bounds of q̈ are those of now.
-    Where the model cannot give that state, with a marker behind the camera, the law gets what is
-    given, and ``Command.remark`` says so. What moves unknown to the model is foreseen by an
-    observer around the inner law, whose ``dead_time`` then is the sum of both delays.
+    That is ``command_delay`` [s] from now. The state at that time is predicted from the pending
+    commands, each of which moves the joints as double integrators (reduction of an input delay:
+    Artstein, IEEE Transactions on Automatic Control, 1982). A model evaluates rows and task there,
+    starting from the last measurement. Bounds of q̈ are the present ones. If the model cannot
+    evaluate that state, with a marker behind the camera, the law gets the present rows and task,
+    and ``Command.remark`` reports this. Motion that is unknown to the model is predicted by an
+    observer around the inner law, whose ``dead_time`` is then the sum of both delays.
     """
 
     name = "delay-compensated"
@@ -64,12 +65,14 @@ class DelayCompensated(Wrapper):
         return self.law.unused()
 
     def model_of_law(self) -> Any:
-        """A model of what follows the state in which the command begins to act."""
+        """Return a model that starts at the state in which the command begins to act."""
         return self.model.ahead()
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput if there is no model or no sampling period, or the model is
-        of other rows.
+        """See the class.
+
+        Raises InvalidInput if there is no model or no sampling period, or if the model has other
+        rows.
         """
         own = self._arrays(rows, task)
         kernels = load("delay")
@@ -105,12 +108,15 @@ class DelayCompensated(Wrapper):
         if inner is None:
             return None
         own = self._arrays(rows, task, inner.workspace.address)
-        # what the inner law remembers of its answer is of the rows that it is given
+        # the memory of the inner law refers to the predicted rows
         law = Wrapped(inner.law, own, load("delay").compensate, last_rates=UNKNOWN)
         return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, task: Task, law: int = 0) -> Any:
-        """What is under way, with the address of the bound law if there is one."""
+        """Return the arrays of pending commands.
+
+        ``law`` is the address of the bound inner law, 0 if there is none.
+        """
         who = "a law with a command_delay"
         demand_model(who, rows, task, self.model)
         demand_known(who, rows, ("period",), self.period)

@@ -1,7 +1,8 @@
-"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c, each by an elementwise formula.
+"""Demands: bounds L_gφ q̈ ≤ c on the rows, each by an elementwise formula.
 
-One half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand is a
-formula, a class with its options, and a line in :data:`vsconstraints.controllers.demands.DEMANDS`.
+A demand is one half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand
+is a formula, a class with its options, and a line in
+:data:`vsconstraints.controllers.demands.DEMANDS`.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import Any, ClassVar
 from ..errors import InvalidInput, shown
 from .ranges import ROWS, Part, option, positive, share
 
-#: What a demand may use beside φ, u⁺ and the scale: fields of
-#: :class:`vsconstraints.formulas.row.Row`, as printed.
+#: Fields of :class:`vsconstraints.formulas.row.Row` that a demand may use in addition to φ, u⁺ and
+#: the scale, with printed symbols.
 USES: dict[str, str] = {
     "Lf": "L_fφ",
     "sigma": "σ",
@@ -29,33 +30,31 @@ USES: dict[str, str] = {
     "period": "T_s",
 }
 
-AHEAD = ("K", "tracked", "period")  #: What looking one period ahead uses.
+AHEAD = ("K", "tracked", "period")  #: Fields used by the option ``ahead``.
 
 
 @dataclass(frozen=True)
 class Demand(Part, ABC):
-    """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for
-    nothing.
+    """Bounds L_gφ q̈ ≤ c on the rows, with c = ∞ for inactive rows.
 
-    A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
+    A frozen dataclass; its fields are the parameters of :attr:`formula`, positive numbers.
     """
 
-    name: ClassVar[str]  #: In reports.
-    #: c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second;
-    #: marked by :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be
-    #: remembered.
+    name: ClassVar[str]  #: Name in reports.
+    #: Function of a :class:`vsconstraints.formulas.row.Row` and the parameters, marked by
+    #: :func:`vsconstraints.formulas.formula`, that returns c in units of φ per second. A demand
+    #: with memory returns a tuple of c and the next memory.
     formula: ClassVar[Callable[..., Any]]
-    uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` the formula uses.
-    #: Initial memory of each row, one float each; ``row.memory`` has what the formula returned
-    #: last.
+    uses: ClassVar[tuple[str, ...]] = ()  #: Keys of ``USES``.
+    #: Initial memory of each row, as floats. Later ``row.memory`` is the memory that the formula
+    #: returned last.
     remembers: ClassVar[tuple[float, ...]] = ()
-    #: Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not
-    #: use.
+    #: True if the formula returns c relative to L_gφ q̈ of tracking, which it then need not use.
     relative: ClassVar[bool] = False
-    #: Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if
-    #: not, only where the tracking command exceeds c.
+    #: True if resolvers with equalities impose L_gφ q̈ = c wherever c is finite; false if only
+    #: where the tracking command exceeds c.
     everywhere: ClassVar[bool] = False
-    owner: ClassVar[str] = ""  #: What messages call it; its name if empty.
+    owner: ClassVar[str] = ""  #: Name in messages; ``name`` if empty.
     _: KW_ONLY
     ahead: bool = option(
         False,
@@ -93,7 +92,7 @@ class Demand(Part, ABC):
             object.__setattr__(self, each.name, number)
 
     def refusal(self, name: str, wanted: str = "positive") -> Exception:
-        """What is raised for a parameter that is not as wanted."""
+        """Create the exception for a parameter that is not as ``wanted``."""
         return InvalidInput(
             f"{name} of {self.owner or self.name} must be {wanted}, not "
             f"{shown(getattr(self, name))}"
@@ -101,7 +100,7 @@ class Demand(Part, ABC):
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """The parameters, in the order in which the formula takes them."""
+        """Parameters in the order of the arguments of the formula."""
         return tuple(getattr(self, each.name) for each in self._numbers())
 
     def _numbers(self) -> list[Field[Any]]:
@@ -109,20 +108,20 @@ class Demand(Part, ABC):
 
     @property
     def common(self) -> dict[str, Any]:
-        """The options that every demand has."""
+        """Options that every demand has."""
         return {each.name: getattr(self, each.name) for each in fields(self) if each.kw_only}
 
     @property
     def used(self) -> tuple[str, ...]:
-        """Which of ``USES`` it uses, what looking one period ahead takes included."""
+        """Keys of ``USES`` that are used, those of ``ahead`` included."""
         return tuple(dict.fromkeys((*self.uses, *(AHEAD if self.ahead else ()))))
 
     @property
     def sees_tracking(self) -> bool:
-        """Whether the formula uses the tracking command."""
+        """True if the formula uses the tracking command."""
         return "tracked" in self.used or "effort" in self.used
 
     @property
     def tracks(self) -> bool:
-        """Whether c depends on the tracking command."""
+        """True if c depends on the tracking command."""
         return self.relative or self.sees_tracking

@@ -1,5 +1,6 @@
-"""The demands that files can name (:doc:`/laws`): sliding modes, layers and potential fields;
-barriers are beside.
+"""Demands that files can name: sliding modes, boundary layers and potential fields.
+
+For the formulas see :doc:`/laws`; barriers are in :mod:`vsconstraints.controllers.barriers`.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from .ranges import GAINS, ROWS, option
 
 @dataclass(frozen=True)
 class Switch(Demand):
-    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11; Muñoz-Benavent et al.
-    2018).
+    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11).
+
+    Muñoz-Benavent et al. 2018.
     """
 
     name = "switch"
@@ -46,8 +48,7 @@ class Switch(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSwitch(Demand):
-    """Rows demand that φ is no more than zero p periods from now, and never more than −u⁺: max(−u⁺,
-    −φ/(p T_s)).
+    """Rows demand max(−u⁺, −φ/(p T_s)): φ ≤ 0 after p periods, at a rate of at most u⁺.
 
     The implicit Euler method (Acary and Brogliato 2010). p > 1 averages noise, and suits commands
     that are followed late; p < 1 would overshoot.
@@ -65,11 +66,10 @@ class ImplicitSwitch(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSwitchWithDrift(ImplicitSwitch):
-    """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the
-    period before.
+    """Demand of :class:`ImplicitSwitch` less the drift d̂ = (φ − φ₋)/T_s − v₋.
 
-    Su, Drakunov and Özgüner (2000). v₋ is the L_gφ q̈ that was commanded then; d̂ is kept within
-    ±u⁺, and 0 at first.
+    Su, Drakunov and Özgüner (2000). φ₋ and v₋ = L_gφ q̈ are the row and its commanded rate in the
+    sample before. d̂ is kept within ±u⁺, and 0 at first.
     """
 
     name = "implicit-switch-with-drift"
@@ -78,7 +78,10 @@ class ImplicitSwitchWithDrift(ImplicitSwitch):
 
     @staticmethod
     def formula(row: Row, periods: float) -> Any:
-        """max(−u⁺, −φ/(p T_s) − d̂), d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first; φ."""
+        """Return max(−u⁺, −φ/(p T_s) − d̂), and φ as memory.
+
+        d̂ = (φ − φ₋)/T_s − v₋ within ±u⁺, 0 at first.
+        """
         seen = (row.phi - row.memory[0]) / row.period - row.last_rate
         drift = np.where(
             np.isnan(seen),
@@ -90,14 +93,17 @@ class ImplicitSwitchWithDrift(ImplicitSwitch):
 
 @formula
 def gains(row: Row, rate: float) -> Any:
-    """k₁ = 1.5 √L and k₂ = 1.1 L with L = rate × u⁺ (Levant 1998)."""
+    """Return k₁ = 1.5 √L and k₂ = 1.1 L with L = rate × u⁺ (Levant 1998)."""
     L = rate * row.switching_gain
     return 1.5 * np.sqrt(L), 1.1 * L
 
 
 @formula
 def saturated(row: Row, c: Any, integral: Any) -> Any:
-    """The bound c, at least −u⁺, and the integral within ±u⁺ where tracking exceeds c, else 0."""
+    """Return the bound c, at least −u⁺, and the integral, within ±u⁺.
+
+    The integral is 0 unless tracking exceeds c.
+    """
     bound = np.maximum(-row.switching_gain, c)
     kept = np.minimum(np.maximum(integral, -row.switching_gain), row.switching_gain)
     return bound, np.where(row.tracked > bound, kept, 0.0)
@@ -105,17 +111,17 @@ def saturated(row: Row, c: Any, integral: Any) -> Any:
 
 @formula
 def proper_implicit(row: Row, w: Any, rate: float) -> Any:
-    """w₊ + (x − φ)/T_s, where x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ, and w₊ = w − T_s k₂ sign
-    x.
+    """Return w₊ + (x − φ)/T_s and w₊ = w − T_s k₂ sign x.
 
-    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves
-    it; else the square of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
+    x solves the inclusion x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ. If |φ| ≤ T_s² k₂, x is 0,
+    and sign x is the number from −1 to 1 that solves it. Otherwise y = √|x| solves y² + T_s k₁ y =
+    |φ| − T_s² k₂.
     """
     k1, k2 = gains(row, rate)
     step = row.period * row.period * k2
     half = 0.5 * row.period * k1
     over = np.maximum(np.abs(row.phi) - step, 0.0)
-    # y without the difference of two numbers that are nearly equal
+    # the root y, written without cancellation
     y = over / (half + np.sqrt(half * half + over))
     after = w - np.minimum(np.maximum(row.phi, -step), step) / row.period
     return after + (np.sign(row.phi) * y * y - row.phi) / row.period, after
@@ -123,11 +129,10 @@ def proper_implicit(row: Row, w: Any, rate: float) -> Any:
 
 @dataclass(frozen=True)
 class SuperTwisting(Demand):
-    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺ (Levant
-    1993).
+    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, at a rate of at most u⁺.
 
-    w, which is integrated where tracking would exceed c and else 0, learns the drift, anew at each
-    contact.
+    Levant 1993. w learns the drift, anew at each contact: it is integrated where tracking would
+    exceed c, and 0 elsewhere.
     """
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
@@ -138,7 +143,7 @@ class SuperTwisting(Demand):
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
-        """max(−u⁺, w − k₁ √|φ| sign φ); w − T_s k₂ sign φ."""
+        """Return max(−u⁺, w − k₁ √|φ| sign φ), and w − T_s k₂ sign φ as memory."""
         k1, k2 = gains(row, rate)
         w = row.memory[0]
         side = np.sign(row.phi)
@@ -147,28 +152,29 @@ class SuperTwisting(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSuperTwisting(SuperTwisting):
-    """Rows demand what :class:`SuperTwisting` does, by the proper implicit Euler method, and never
-    more than −u⁺.
+    """Demand of :class:`SuperTwisting` by the proper implicit Euler method.
 
-    Seeber and Andritsch (2025): see :func:`proper_implicit`.
+    Seeber and Andritsch (2025): see :func:`proper_implicit`. The rate is at most u⁺ here, too.
     """
 
     name = "implicit-super-twisting"
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
-        """max(−u⁺, w₊ + (x − φ)/T_s); w₊: see :func:`proper_implicit`."""
+        """Return max(−u⁺, w₊ + (x − φ)/T_s), and w₊ as memory.
+
+        See :func:`proper_implicit`.
+        """
         c, after = proper_implicit(row, row.memory[0], rate)
         return saturated(row, c, after)
 
 
 @dataclass(frozen=True)
 class ConditionedSuperTwisting(ImplicitSuperTwisting):
-    """Rows demand what :class:`ImplicitSuperTwisting` does, and learn from what was applied: no
-    windup at saturation.
+    """Demand of :class:`ImplicitSuperTwisting` without windup at saturation.
 
-    The conditioning technique (Seeber and Reichhartinger 2020), with u = L_gφ q̈ of the last
-    sample, in an own form.
+    It learns from the applied u = L_gφ q̈ of the last sample: the conditioning technique of Seeber
+    and Reichhartinger (2020), in a form of this package.
     """
 
     name = "conditioned-super-twisting"
@@ -177,8 +183,9 @@ class ConditionedSuperTwisting(ImplicitSuperTwisting):
 
     @staticmethod
     def formula(row: Row, rate: float) -> Any:
-        """That of :class:`ImplicitSuperTwisting` with w = w₋ + clip((u − w₋)/2, ±T_s k₂); w in
-        contact, else NaN.
+        """Return the bound of :class:`ImplicitSuperTwisting` and a conditioned w.
+
+        w = w₋ + clip((u − w₋)/2, ±T_s k₂). The memory is w in contact, else NaN.
         """
         step = row.period * gains(row, rate)[1]
         w = row.memory[0] + np.minimum(
@@ -196,8 +203,9 @@ class ConditionedSuperTwisting(ImplicitSuperTwisting):
 
 @formula
 def grown(row: Row, region: float, exponent: float) -> Any:
-    """ψ = (1 + φ/δ)^exponent where −δ < φ, else 0, with δ = region × scale, which may be zero in
-    floating point.
+    """Return ψ = (1 + φ/δ)^exponent where −δ < φ, else 0.
+
+    δ = region × scale, which may be zero in floating point.
     """
     psi = np.maximum(1.0 + row.phi / row.scale / region, 0.0)
     return psi if exponent == 1.0 else psi**exponent
@@ -205,7 +213,7 @@ def grown(row: Row, region: float, exponent: float) -> Any:
 
 @dataclass(frozen=True)
 class Field(Demand):
-    """What the demands of potential fields have in common: see :class:`RampRepulsion`."""
+    """Common options of the demands of potential fields, see :class:`RampRepulsion`."""
 
     region: float = option(0.2, "δ as a fraction of each row's scale", (0.01, 1.0))
     exponent: float = option(1.0, "how ψ grows; 1 is linear", (0.5, 4.0))
@@ -217,9 +225,7 @@ class Field(Demand):
 
 @dataclass(frozen=True)
 class RampRepulsion(Field):
-    """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 +
-    φ/δ)^exponent.
-    """
+    """Rows with −δ < φ demand L_gφ q̈_track − ψ s u⁺, with ψ = (1 + φ/δ)^exponent."""
 
     name = "ramp-repulsion"
     relative = True
@@ -232,11 +238,10 @@ class RampRepulsion(Field):
 
 @dataclass(frozen=True)
 class BoundaryLayer(Field):
-    """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 +
-    φ/δ)^exponent).
+    """Rows with −δ < φ demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, a layer inside the boundary.
 
-    With exponent 1 and :class:`.Priority` the boundary layer of Slotine and Sastry (1983), inside
-    the boundary.
+    ψ = min(1, (1 + φ/δ)^exponent). With exponent 1 and :class:`.Priority` it is the boundary layer
+    of Slotine and Sastry (1983), inside the boundary.
     """
 
     name = "boundary-layer"
@@ -252,8 +257,9 @@ class BoundaryLayer(Field):
 
 @dataclass(frozen=True)
 class OuterLayer(Demand):
-    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ) (Slotine and Sastry
-    1983).
+    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ).
+
+    Slotine and Sastry (1983).
     """
 
     layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
@@ -272,10 +278,9 @@ class OuterLayer(Demand):
 
 @dataclass(frozen=True)
 class Firas(Demand):
-    """Rows nearer than ρ₀ demand η (1/ρ − 1/ρ₀)/ρ² less than what tracking does: the force of
-    Khatib's FIRAS function.
+    """Rows with ρ < ρ₀ demand L_gφ q̈_track − η (1/ρ − 1/ρ₀)/ρ²: force of the FIRAS function.
 
-    Khatib (1986), with ρ = −σ as a fraction of the row's scale, at least ``contact`` × ρ₀, and η =
+    Khatib (1986). ρ = −σ as a fraction of the row's scale, at least ``contact`` × ρ₀, and η =
     ``strength`` × u⁺ ρ₀³.
     """
 
@@ -293,8 +298,9 @@ class Firas(Demand):
 
     @staticmethod
     def formula(row: Row, region: float, strength: float, contact: float) -> Any:
-        """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact ×
-        δ at least.
+        """Return −s u⁺ (r − 1) r², relative to tracking, where r = δ/ρ > 1.
+
+        ρ = −σ, but at least contact × δ.
         """
         ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
         return np.where(
@@ -304,11 +310,11 @@ class Firas(Demand):
 
 @dataclass(frozen=True)
 class PublishedFiras(Demand):
-    """Rows nearer than ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ², less than what tracking does:
-    FIRAS as published.
+    """FIRAS as published: rows with ρ < ρ₀ are pushed by σ̈ = −η (1/ρ − 1/ρ₀)/ρ².
 
-    Khatib (1986), with ρ = −σ as a fraction of the row's scale. Rows that are φ itself are pushed
-    by φ̇; at ρ ≤ 0, where the article has no force, ρ counts as ρ₀/1000.
+    Khatib (1986), with ρ = −σ as a fraction of the row's scale. The push is relative to L_gφ q̈ of
+    tracking. Rows that are φ itself are pushed by φ̇. At ρ ≤ 0, where the article defines no force,
+    ρ is set to ρ₀/1000.
     """
 
     region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
@@ -322,8 +328,9 @@ class PublishedFiras(Demand):
 
     @staticmethod
     def formula(row: Row, region: float, eta: float) -> Any:
-        """−K s η (1/ρ − 1/ρ₀)/ρ² below what tracking does, where ρ = −σ/s < ρ₀; with 1 for K where
-        K = 0.
+        """Return −K s η (1/ρ − 1/ρ₀)/ρ², relative to tracking, where ρ = −σ/s < ρ₀.
+
+        Where K = 0, 1 is used for K.
         """
         rho = np.maximum(-row.sigma / row.scale, 0.001 * region)
         push = (

@@ -1,6 +1,4 @@
-"""The goal governor: what is tracked is a reference that moves to the goal only as far as rows
-allow.
-"""
+"""Goal governor: the tracked reference moves to the goal only as far as the rows allow."""
 
 from __future__ import annotations
 
@@ -21,45 +19,45 @@ from .least_norm import RANK_TOLERANCE
 from .ranges import Choices, Declared, Range, positive
 from .resolver import Priority
 
-#: How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first.
+#: Number of predicted accelerations; the last one lasts e^GROWTH times as long as the first.
 STEPS = 40
 GROWTH = 3.5
-#: Of the tracking law's slowest motion, which are predicted before it comes to rest.
+#: Predicted duration before rest, in time constants of the slowest motion of the tracking law.
 TIME_CONSTANTS = 4.0
-#: From which distance of the reference to the goal, in units of the error, a remark says what holds
-#: it.
+#: Distance of the reference from the goal, in units of the error, above which a remark names the
+#: row that holds it.
 NEAR = 1e-2
 
 
 class GoalGovernor(Controller):
-    """An explicit reference governor: moves the goal of the tracking law, and nothing else.
+    """An explicit reference governor: moves only the goal of the tracking law.
 
     Garone and Nicotra, IEEE Transactions on Automatic Control, 2016; formulas: :doc:`/laws`. The
-    dynamic safety margin d is the least −σ, by the row's scale, of all rows along the motion that
-    the tracking law would make with the reference s_ref at rest, and at its end. No step of the
-    reference is made after which d would be less than δ/2.
+    dynamic safety margin d is the smallest −σ of all rows, relative to their scale. It is taken
+    along the motion of the tracking law with the reference s_ref at rest, and at the end of that
+    motion. The reference never makes a step after which d would be less than δ/2.
 
-    No row is violated if the motion is the one that the model predicts, which holds its
-    accelerations longer and longer; if it comes to rest at s_ref; and if it starts where rows are
-    met with s_ref = s at rest. A start that is outside holds s_ref where it is. Of rows it uses σ
-    and L_gφ, no u⁺ and no L_fφ. What goes on underneath may be any law, which gets the task with
-    s_ref for its goal; predictions are those of tracking.
+    No row is violated under three conditions: the motion is the one that the model predicts, with
+    accelerations that are held longer and longer; it comes to rest at s_ref; and it starts where
+    the rows are met with s_ref = s at rest. If the start is outside, s_ref stays where it is. Of
+    the rows it uses σ and L_gφ, neither u⁺ nor L_fφ. The inner law may be any law, and gets the
+    task with s_ref as its goal; predictions are those of tracking.
 
     Parameters
     ----------
     speed
         v, the greatest speed of the reference [units of the error per second].
     margin
-        δ, what is kept of each row's scale, by what ends at rest there and, by half of it, on the
-        way.
+        δ, the share of each row's scale that is kept where a motion ends at rest; half of it is
+        kept on the way.
     influence
-        ζ > δ, from where on rows slow the reference and repel it, by the row's scale.
+        ζ > δ, the margin by the row's scale below which rows slow the reference and repel it.
     horizon
-        How long a response is predicted before it comes to rest [s], from the next reset on; None
+        Duration of the predicted response before it comes to rest [s], from the next reset on; None
         for four time constants of the tracking law.
     options
-        ``demand``, ``resolver`` and theirs, of the law underneath: see :class:`.Pair`; tracking if
-        not given.
+        ``demand``, ``resolver`` and their options, of the inner law: see :class:`.Pair`; tracking
+        if not given.
     """
 
     name = "goal-governor"
@@ -71,7 +69,7 @@ class GoalGovernor(Controller):
     }
 
     model: Any
-    alpha = 0.0  #: Of the barrier, where there is one.
+    alpha = 0.0  #: Rate of the barrier [1/s]; 0 without a barrier.
     sharpness = 0.0
 
     def __init__(
@@ -111,13 +109,13 @@ class GoalGovernor(Controller):
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
 
     def _forget(self) -> None:
-        #: (N,) how long each of the predicted accelerations lasts [s].
+        #: Durations (N,) of the predicted accelerations [s].
         self.periods: Array = np.empty(0)
         self.governor: Governor | None = None
 
     @property
     def reference(self) -> Array | None:
-        """(k,) s_ref less the feature's value at the goal; None before the first command."""
+        """Return s_ref (k,) less the feature at the goal; None before the first command."""
         own: Any = self.governor and self.governor.own
         return (
             None
@@ -127,7 +125,7 @@ class GoalGovernor(Controller):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """A model, and what the law underneath uses."""
+        """Required information: a model, and that of the inner law."""
         return (*(known for known in self.law.uses if known != "memory"), "memory", "model")
 
     @property
@@ -136,9 +134,9 @@ class GoalGovernor(Controller):
         return ("goal_governor", *self.law.kernels)
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Begin again at the first sample; see :class:`.Controller`.
+        """Restart at the first sample; see :class:`.Controller`.
 
-        ConfigurationError if the goals have reference trajectories of their own, or tracking never
+        Raises ConfigurationError if the goals have reference trajectories, or if tracking never
         comes to rest.
         """
         if model is not None:
@@ -165,7 +163,7 @@ class GoalGovernor(Controller):
         return float(TIME_CONSTANTS / slowest)
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """Where the reference stopped, and at which row."""
+        """Report where the reference stopped, and at which row; empty at the goal."""
         own: Any = self.governor and self.governor.own
         said = self.law.remark(labels)
         known = own is not None and own.times[load("goal_governor").KNOWN] > 0.0
@@ -202,8 +200,10 @@ class GoalGovernor(Controller):
         return BoundLaw(inner.resolver, Governor(over, inner.law), rows, task, acted, qdd)
 
     def _ready(self, rows: Rows, task: Task) -> Governor:
-        """What governs these rows, with the present options; raises InvalidInput if there is no
-        model of them.
+        """Return the governor of these rows, with the present options.
+
+        Raises InvalidInput if there is no model of the rows, or if the task lacks its error or
+        differs from the last one.
         """
         model = self.model
         k, n = task.J.shape
@@ -224,14 +224,15 @@ class BarrierGovernor(GoalGovernor):
     """The reference governor by control barrier functions, in closed form.
 
     After Nakano, Garone and Notomista (arXiv:2604.04001, 2026); formulas and differences:
-    :doc:`/laws`. It predicts what :class:`GoalGovernor` does. The barrier h is a softmin of the
-    predicted margins of rows less δ; the reference moves as nearly as possible to the goal with ∇h
-    ṡ_ref ≥ −α h. Where h < 0 it returns, by v at most.
+    :doc:`/laws`. Its predictions are those of :class:`GoalGovernor`. The barrier h is a softmin of
+    the predicted margins of the rows, less δ. The reference moves to the goal as directly as ∇h
+    ṡ_ref ≥ −α h allows. Where h < 0 it returns, with a speed of at most v.
 
     Parameters
     ----------
     alpha, sharpness
-        α, how fast h may fall [1/s]; and κ: h is less than the least dᵢ − δ by up to log(m)/κ.
+        α, the largest rate of decrease of h relative to h [1/s]; and κ: h is less than the least
+        dᵢ − δ by up to log(m)/κ.
     speed, margin, horizon, options
         As of :class:`GoalGovernor`.
     """
@@ -261,7 +262,7 @@ class BarrierGovernor(GoalGovernor):
 
 
 class Governor(Wrapped):
-    """The compiled governor before a compiled law: see :mod:`.compiled.goal_governor`."""
+    """Compiled governor in front of a compiled law: see :mod:`.compiled.goal_governor`."""
 
     def __init__(self, own: Any, inner: CompiledLaw) -> None:
         kernels = load("goal_governor")
@@ -271,7 +272,10 @@ class Governor(Wrapped):
 
     @classmethod
     def of(cls, model: Any, periods: Array, shape: tuple[int, int]) -> Governor:
-        """One without a law underneath, for the rows of a model and a task of that shape (k, n)."""
+        """Create a governor without an inner law.
+
+        It is for the rows of a model and a task of shape (k, n).
+        """
         step = getattr(model, "step", None)
         loop = getattr(model, "loop", None)
         k, n = shape
@@ -286,13 +290,16 @@ class Governor(Wrapped):
         known |= {"K": np.array(model.K), "periods": periods}
         lengths = {"k": k, "n": n, "m": len(model.labels), "1 + 2n": 1 + 2 * n}
         own = zeros(load("goal_governor").GovernorArrays, lengths, known)
-        # there is no reference, and no response is known
+        # no reference and no response yet
         own.counts[:] = -1
         own.times[-1] = -np.inf
         return cls(own, CompiledLaw(Nothing(), Priority(), model.labels))
 
     def decide(self, model: Any, rows: Rows, task: Task) -> Any:
-        """The arrays with the reference moved; Python predicts where the model is not compiled."""
+        """Move the reference and return the arrays.
+
+        If the model is not compiled, Python predicts between the stages.
+        """
         kernels = load("goal_governor")
         own = self.own
         counts = self.own.counts
@@ -322,8 +329,9 @@ class Governor(Wrapped):
         return own
 
     def _ask(self, stage: int, rows: Rows, task: Task) -> None:
-        """One stage of the decision; raises InvalidInput where the sizes of rows or task are
-        others.
+        """Run one stage of the decision.
+
+        Raises InvalidInput if the sizes of rows or task differ from those of the model.
         """
         follow, workspace, *arguments = self.call(rows, task)
         self.arrays.options[1] = stage

@@ -1,4 +1,4 @@
-"""A law is a demand and a resolver."""
+"""Laws composed of a demand and a resolver."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def _options_of(part: Any) -> frozenset[str]:
 
 
 class Law(Controller):
-    """Rows ask L_gφ q̈ ≤ c by a demand; a resolver shares q̈ among them and the task.
+    """Law of two parts: a demand bounds L_gφ q̈ ≤ c, a resolver computes q̈ from bounds and task.
 
-    The parameters of the demand and the options of the resolver are attributes of the law too: set
-    there, they are checked, and the part is made anew. A subclass with a ``solve`` of its own is a
+    The parameters of the demand and the options of the resolver are attributes of the law, too.
+    Setting one checks the value and replaces the part. A subclass that overrides ``solve`` is a
     controller like any other.
     """
 
@@ -41,14 +41,14 @@ class Law(Controller):
     resolver: Resolver
     #: The sampling period [s] of the last :meth:`reset` with one; None before.
     period: float | None
-    #: (m, f) what the demand remembers of each row, (m,) L_gφ q̈ of the last call, or (0,) if the
-    #: demand does not use it, and the labels of these rows; () if there are none. :meth:`reset`
-    #: clears them.
+    #: Memory of the demand for each row (m, f), L_gφ q̈ of the last call, (m,) or (0,) if the
+    #: demand does not use it, and the labels of these rows, () before the first call.
+    #: :meth:`reset` clears all three.
     memory: Array
     last_rates: Array
     remembered: tuple[str, ...]
-    #: The QP solver asked and those behind it, with their warm starts and the count of their
-    #: failures, if the resolver needs any; :meth:`reset` clears both.
+    #: The requested QP solver and its fallbacks, with warm starts and counts of failures, which
+    #: :meth:`reset` clears; None if the resolver needs no solver.
     solvers: SolverChain | None
 
     def __init__(self, demand: Demand, resolver: Resolver) -> None:
@@ -80,7 +80,7 @@ class Law(Controller):
         super().__setattr__(name, value)
 
     def _part_of(self, option: str) -> str | None:
-        """Which of the two parts has an option of that name, if any has."""
+        """Return the part that has this option, ``"demand"`` or ``"resolver"``, or None."""
         parts = [part for part in ("demand", "resolver") if part in vars(self)]
         return next(
             (part for part in parts if option in _options_of(vars(self)[part].__class__)), None
@@ -96,8 +96,10 @@ class Law(Controller):
         self._compiled: CompiledLaw | None = None
 
     def reset(self, period: float | None = None) -> None:
-        """Forget what demand and solvers remember; without a sampling period T_s [s], that of the
-        last reset stays.
+        """Clear the memory of the demand and of the solvers.
+
+        If no sampling period T_s [s] is given, the last one is kept. Raises InvalidInput if it is
+        not positive.
         """
         if period is not None:
             number = positive(period)
@@ -128,15 +130,18 @@ class Law(Controller):
         return self.resolver.remark(labels)
 
     def command(self, rows: Rows, task: Task) -> Command:
-        """See :class:`.Controller`; InvalidInput also if the demand uses what is not given, or
-        remembers other rows.
+        """See :class:`.Controller`.
+
+        Raises InvalidInput also if the rows lack a quantity that the demand uses, or if its memory
+        belongs to other rows.
         """
         command = self.compute(rows, task)
         return self.define(rows, task) if command is None else command
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The command with the demand's formula in Python, and by QP solvers where they are asked
-        or needed.
+        """Compute the command step by step, with QP solvers where they are requested or needed.
+
+        The formula of the demand is called from Python.
         """
         demand = self.demand
         resolver = self.resolver
@@ -160,10 +165,10 @@ class Law(Controller):
         return replace(command, remark=law.remark) if law.remark else command
 
     def compute(self, rows: Rows, task: Task) -> Command | None:
-        """The command by compiled functions alone; None where :meth:`define` has to be asked.
+        """Return the command by compiled functions alone; None if :meth:`define` must be used.
 
-        That is for input that is refused, at a loss of rank, for a formula that does not compile
-        and a solver by name.
+        None is returned for invalid input, at a loss of rank, for a formula that does not compile,
+        and for a QP solver that is requested by name.
         """
         try:
             labels = rows.labels
@@ -176,7 +181,7 @@ class Law(Controller):
                 return None
             code, qdd, acted, slack, iterations = law(rows, task)
             command = self.resolver.command(code, qdd, acted, labels, slack, iterations)
-        # arrays of other types or layouts, and labels that are no names: numba raises anything
+        # numba may raise anything for other array types or layouts, and for invalid labels
         except Exception:
             usual = in_usual_layout(rows, task)
             return usual and self.compute(*usual)
@@ -194,7 +199,7 @@ class Law(Controller):
         return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
 
     def _compile(self, rows: Rows) -> CompiledLaw:
-        """The law for these rows, with room for what it remembers."""
+        """Return the compiled law for these rows, with arrays for the memory of its demand."""
         law = self._compiled
         demand = self.demand
         m = len(rows.labels)

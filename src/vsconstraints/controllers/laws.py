@@ -1,4 +1,4 @@
-"""Laws by name: pairs of a demand and a resolver, some with options of their own."""
+"""Laws by name: pairs of a demand and a resolver, some with additional options."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 
 
 class Tracking(Law):
-    """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
+    """Unconstrained baseline: tracks the task and ignores the rows.
 
-    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's
-    q̈₀. In a singular configuration directions below the tolerance are left alone, so that the
-    command stays finite and its status ``ok``; next to one it can be large.
+    It shows which rows a scenario challenges. The command is q̈ = q̈₀ + J† (b − J q̈₀): of all q̈
+    with the least ‖J q̈ − b‖, the nearest to the q̈₀ of the task. In a singular configuration,
+    directions below the tolerance are not used, so that the command stays finite and its status
+    ``ok``. Near a singular configuration the command can be large.
     """
 
     name = "tracking"
@@ -37,10 +38,10 @@ class Tracking(Law):
 class SlidingMode(Law):
     """The paper's law: a sliding mode on the active rows, tracking in their null space.
 
-    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null
-    space of A₁. If the active rows have lost full row rank the status is ``rank-loss``: the command
-    then meets their demands in the least-squares sense, and section 5.2 advises to abort. Of all q̈
-    that do as well for rows and task it is the nearest to q̈₀.
+    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, and the task acts in the null
+    space of A₁. If the active rows have lost full row rank, the status is ``rank-loss``: the
+    command then meets their demands in the least-squares sense, and section 5.2 advises to abort.
+    Among q̈ that are equally good for rows and task, the command is the nearest to q̈₀.
     """
 
     name = "sliding-mode"
@@ -49,7 +50,7 @@ class SlidingMode(Law):
         super().__init__(Switch(), Priority(rank_tolerance))
 
 
-#: Demand and resolver by the name of the blend.
+#: Demand and resolver of each blend.
 BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = {
     "additive": (RampRepulsion, Additive),
     "priority": (BoundaryLayer, Priority),
@@ -60,9 +61,9 @@ class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
     ψ = (1 + φ/δ)^exponent is 0 where the region −δ < φ begins, δ = ``region`` × the row's scale,
-    and 1 on the boundary. ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, of the
-    demand :class:`.RampRepulsion`: rows can be violated. ``priority`` gives the rows the place they
-    have in the paper's law, with the demand :class:`.BoundaryLayer`.
+    and 1 on the boundary. ``additive`` is the classical sum q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, with
+    the demand :class:`.RampRepulsion`: rows can be violated. ``priority`` gives the rows priority
+    as in the paper's law, with the demand :class:`.BoundaryLayer`.
 
     Parameters
     ----------
@@ -106,8 +107,7 @@ def _blended(
 
 
 class HierarchicalQP(Law):
-    """Strict priorities: (1) rows, (2) task, (3) the acceleration nearest to q̈₀: the resolver
-    :class:`.Hierarchy`.
+    """Strict priorities, by :class:`.Hierarchy`: (1) rows, (2) task, (3) q̈ nearest to q̈₀.
 
     With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
 
@@ -115,11 +115,11 @@ class HierarchicalQP(Law):
     2. of these, those with the least ‖J q̈ − b‖;
     3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
-    Where no row resists, the command is that of :class:`Tracking`, bit by bit. Where rows
-    contradict each other it has the status ``relaxed`` and says which demands are unmet and by how
-    much. Level 1 measures every demand in the unit of its φ per second; ``weights`` change how rows
-    of different kinds share a violation. ConfigurationError if an option cannot be used, or the
-    solver is unknown or not installed.
+    Where no row is active, the command is that of :class:`Tracking`, bit by bit. If rows contradict
+    each other, the status is ``relaxed``, and the command lists the unmet demands and their
+    violation. Level 1 measures every demand in the unit of its φ per second; ``weights`` change how
+    rows of different kinds share a violation. Raises ConfigurationError if an option is invalid, or
+    the solver is unknown or not installed.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ class HierarchicalQP(Law):
 
     @property
     def rows(self) -> str:
-        """Which demands: ``"barrier"`` or ``"active"``."""
+        """Form of the demands: ``"barrier"`` or ``"active"``."""
         return "active" if isinstance(self.demand, Switch) else "barrier"
 
     @rows.setter
@@ -179,9 +179,9 @@ def _demand(rows: object, alpha: float, common: Mapping[str, Any]) -> Demand:
 
 
 class Pair(Law):
-    """Any demand with any resolver, by their names: the paper's, unless others are named.
+    """Any demand with any resolver, by their names; by default those of the paper.
 
-    ``options`` are the parameters of the demand and the options of the resolver: of
+    ``options`` are the parameters of the demand and the options of the resolver, see
     :data:`.DEMANDS` and :data:`.RESOLVERS`.
     """
 
@@ -194,7 +194,7 @@ class Pair(Law):
 
 
 class Named(Law):
-    """A demand and a resolver under a name of their own; :func:`named` makes one."""
+    """Pair of a demand and a resolver with a name; :func:`named` creates one."""
 
     parts: ClassVar[tuple[type[Demand], type[Resolver]]]
     defaults: ClassVar[Mapping[str, Any]]
@@ -214,10 +214,10 @@ def named(
     factors: RowFactors = AS_THEY_ARE,
     **defaults: Any,
 ) -> type[Named]:
-    """A law of that name: a class whose constructor takes the options of both parts.
+    """Create the class of a named law; its constructor takes the options of both parts.
 
-    ``line`` says what it is; ``defaults`` are options that differ from those of the parts,
-    ``factors`` those of rows.
+    ``line`` is its docstring. ``defaults`` are options that differ from those of the parts,
+    ``factors`` are those of the rows.
     """
     options = [
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
@@ -234,8 +234,9 @@ def named(
 
 
 def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
-    """The options of a demand and a resolver, with their defaults; those that every part has come
-    last.
+    """Return the options of a demand and a resolver with their defaults.
+
+    Keyword-only options are the last ones.
     """
     every = [field for part in parts for field in fields(part)]
     return {
@@ -247,8 +248,10 @@ def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
 def split_options(
     law: str, parts: tuple[type[Demand], type[Resolver]], options: Mapping[str, Any]
 ) -> tuple[Demand, Resolver]:
-    """A demand and a resolver, each made with those options that are its own; names the candidates
-    if one is none's.
+    """Create a demand and a resolver from one set of options.
+
+    Each gets the options that it declares. Raises ConfigurationError, with the candidates, if an
+    option belongs to none of them.
     """
     demand, resolver = parts
     known = options_of(demand, resolver)
@@ -267,7 +270,7 @@ def _without_state(name: str) -> Named:
     return law.__new__(law)
 
 
-#: Laws that have a name of their own, beside those that are classes.
+#: Named pairs; other named laws are classes.
 NAMED: tuple[type[Named], ...] = (
     named("sliding-mode-ahead", Switch, Priority,
           "The paper's law, with speeds judged one period ahead: before tracking takes them "

@@ -1,5 +1,6 @@
-"""The tracking command by singular values, for QP solvers and formulas in Python; and dependence of
-rows.
+"""Tracking command by singular values, and linear dependence of rows.
+
+For QP solvers and for formulas in Python.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ RANK_TOLERANCE = 1e-6  #: Singular values below this fraction of the largest one
 
 
 class LeastNorm(NamedTuple):
-    """Q̈ = q̈₀ + J† (b − J q̈₀) (n,), and the decomposition it was read from.
+    """Solution q̈ = q̈₀ + J† (b − J q̈₀) (n,), with the decomposition of J.
 
     ``directions`` (n, n) are the right singular vectors of J, one a column: an orthonormal basis of
-    the joint space; ``gains`` (n,) their singular values, with exact zeros for the directions that
-    count as the null space of J.
+    the joint space. ``gains`` (n,) are their singular values, with exact zeros for the directions
+    that count as the null space of J.
     """
 
     qdd: Array
@@ -30,12 +31,11 @@ class LeastNorm(NamedTuple):
 
 
 def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN) -> LeastNorm:
-    """Of all q̈ with the least ‖J q̈ − b‖, the one with the least ‖q̈ − q̈₀‖; ``rest`` is q̈₀ (n,),
-    or (0,) for zero.
+    """Return the q̈ with the least ‖q̈ − q̈₀‖ among those with the least ‖J q̈ − b‖.
 
-    Directions whose singular value is below ``rank_tolerance`` times the largest count as null
-    space, and only q̈₀ moves them: without it ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every
-    configuration. J may be zero, or have no rows.
+    ``rest`` is q̈₀ (n,), or (0,) for zero. Directions whose singular value is below
+    ``rank_tolerance`` times the largest count as null space, and only q̈₀ moves them: without it
+    ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no rows.
     """
     if len(rest):
         step = least_norm(J, b - J @ rest, rank_tolerance)
@@ -52,18 +52,18 @@ def least_norm(J: Array, b: Array, rank_tolerance: float, rest: Array = UNKNOWN)
 
 
 def track(task: Task, rank_tolerance: float) -> Array:
-    """q̈ (n,) of :func:`least_norm`."""
+    """Return the q̈ (n,) of :func:`least_norm`."""
     return least_norm(task.J, task.b, rank_tolerance, task.rest).qdd
 
 
 def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array]:
-    """L_gφ (b, n) and demands (b,) of some rows, divided by ‖L_gφ‖: dependence must not depend on
-    units.
+    """Return L_gφ (b, n) and demands (b,) of some rows, divided by ‖L_gφ‖.
 
-    A row that no acceleration influences (``ZERO_GRADIENT``) becomes zero.
+    Linear dependence of these rows does not depend on units. A row that no acceleration influences
+    (``ZERO_GRADIENT``) becomes zero.
     """
     A = rows.Lg[which]
-    # the squares of very large and very small numbers would leave the range
+    # the squares of very large and very small numbers would leave the range of floating point
     size = np.abs(A).max(axis=1)
     direction = np.divide(A, size[:, None], out=np.zeros_like(A), where=size[:, None] > 0.0)
     length = np.sqrt(np.einsum("ij,ij->i", direction, direction))
@@ -74,7 +74,7 @@ def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array
 
 
 def dependent_rows(A: Array, rank_tolerance: float) -> Array:
-    """(b, b − rank) combinations of the rows of A (b, n) that vanish."""
+    """Return the combinations (b, b − rank) of the rows of A (b, n) that vanish."""
     if not len(A):
         return np.empty((0, 0))
     U, s, _ = svd(A)
@@ -82,8 +82,9 @@ def dependent_rows(A: Array, rank_tolerance: float) -> Array:
 
 
 def rank_loss(rows: Rows, command: Command, rank_tolerance: float) -> Command:
-    """The command with the status ``rank-loss``, and the reason: which of the rows with φ ≥ 0
-    depend on each other.
+    """Return the command with the status ``rank-loss``.
+
+    Its reason names the rows with φ ≥ 0 that depend on each other.
     """
     reached = command.acted & (rows.phi >= 0.0)
     dependent = dependent_rows(unit_rows(rows, rows.phi, reached)[0], rank_tolerance)

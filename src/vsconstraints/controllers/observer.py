@@ -1,4 +1,4 @@
-"""Laws on rows whose drift is observed: what moves them beside what the model knows."""
+"""Laws on rows with observed drift: motion that the model does not predict."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from .ranges import duration, positive_number
 
 
 class Observed(Wrapper):
-    """Any law, on rows whose drift is observed: targets and obstacles that move unknown to the
-    model.
+    """Any law, on rows whose drift is observed.
 
-    Of each row with a σ, d̂ is the rate at which σ changes beside its σ̇, by
-    :func:`.observed_drift`: an extended state observer of first order (Han, IEEE Transactions on
-    Industrial Electronics, 2009) with the time constant ``observer`` [s]. The law gets σ + d̂ T_d,
-    σ̇ + d̂, L_fφ + d̂, and φ accordingly, T_d being ``dead_time`` [s]: how late what rows depend on
-    is measured. Rows on φ itself, such as speeds, the task and all scores stay as they are.
+    It is meant for targets and obstacles whose motion is unknown to the model. For each row with a
+    σ, d̂ is the rate of change of σ in addition to its σ̇. :func:`.observed_drift` estimates it by
+    an extended state observer of first order (Han, IEEE Transactions on Industrial Electronics,
+    2009) with the time constant ``observer`` [s]. The law receives σ + d̂ T_d, σ̇ + d̂, L_fφ + d̂,
+    and the corresponding φ. T_d is ``dead_time`` [s], the delay with which the quantities that rows
+    depend on are measured. Rows on φ itself, such as speeds, the task and all scores are unchanged.
 
-    Wrong gradients and noise are taken for drift too. :class:`.PredictiveControl` takes the drift
-    to fade along its plan; another law that looks ahead by a model of its own takes only the shift
-    by the dead time.
+    The observer also takes wrong gradients and noise for drift. :class:`.PredictiveControl` lets
+    the drift fade along its plan. Any other law with a model of its own uses only the shift by the
+    dead time.
     """
 
     name = "observed"
@@ -44,7 +44,7 @@ class Observed(Wrapper):
         elif name == "dead_time":
             value = duration("dead_time of a law", value)
         elif name == "law" and hasattr(value, "fading"):
-            value = copy(value)  # by itself, the law that is given observes nothing
+            value = copy(value)  # leaves the caller's law unchanged
         super().__setattr__(name, value)
         if (
             name in ("law", "observer")
@@ -56,10 +56,10 @@ class Observed(Wrapper):
             self._parts = None
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The law's command on the corrected rows.
+        """Return the command of the law for the corrected rows.
 
-        InvalidInput if there is no sampling period, rows lack σ, σ̇ or K, or they are others than
-        those that were observed.
+        Raises InvalidInput if the sampling period is unknown, if the rows lack σ, σ̇ or K, or if
+        they are not the rows that were observed before.
         """
         own = self._arrays(rows)
         kernels = load("observer")
@@ -87,8 +87,10 @@ class Observed(Wrapper):
         return BoundLaw(inner.resolver, law, rows, task, acted, qdd)
 
     def _arrays(self, rows: Rows, law: int = 0) -> Any:
-        """The observer of these rows; of its own law by the address, which is asked for where all
-        is compiled.
+        """Return the arrays of the observer of these rows.
+
+        ``law`` is the address of the bound inner law, needed where everything is compiled; 0
+        otherwise.
         """
         remembered, made = self._parts or ((), None)
         uses = "sigma", "sigma_dot", "K", "period"

@@ -1,4 +1,4 @@
-"""Model predictive path integral control: of random plans the mean, weighted by their costs."""
+"""Model predictive path integral control: cost-weighted mean of random plans."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from .predictive import Plan, PredictiveControl, whole_number
 from .ranges import Range, option, positive_number
 from .resolver import row_weights
 
-MOST = 100_000  #: Samples, and seeds.
-SEEN = ("phi", "sigma", "J", "b", "rest")  #: What is used of predictions.
+MOST = 100_000  #: Upper limit of samples and of seeds.
+SEEN = ("phi", "sigma", "J", "b", "rest")  #: Fields of predictions that are used.
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class PathIntegralControl(PredictiveControl):
-    """Model predictive path integral control (MPPI): samples plans around the last one, and takes
-    their weighted mean.
+    """Model predictive path integral control (MPPI): weighted mean of random plans.
 
     Williams et al., IEEE Transactions on Robotics 34(6), 2018, without a cost of inputs; formulas:
-    :doc:`/laws`. S plans around the last one, the first without noise, are predicted without
-    linearisation, and cost what :class:`.PredictiveControl` minimises, with a penalty of rows. Few
-    samples leave noise in the command; rows are not kept for certain; plans that the model cannot
-    predict to their end do not count. Every reset begins with the seed, so that runs repeat bit by
-    bit.
+    :doc:`/laws`. S plans are sampled around the last one, the first without noise, and predicted
+    without linearisation. Their cost is the objective of :class:`.PredictiveControl` plus a penalty
+    of rows. Few samples leave noise in the command, and rows may be violated. Plans that the model
+    cannot predict to their end are dropped. Every reset restarts from the seed, so that runs repeat
+    bit by bit.
     """
 
     name = "mppi"
@@ -57,7 +56,7 @@ class PathIntegralControl(PredictiveControl):
 
 
 class Sampler:
-    """The last plan of a law for a task of that shape (k, n), and the random numbers to come."""
+    """Last plan of a law for a task of shape (k, n), and its random number generator."""
 
     compiled = False
 
@@ -71,14 +70,15 @@ class Sampler:
 
     @property
     def plan(self) -> Plan | None:
-        """The last plan, if there is one; its last block is repeated."""
+        """Last plan, with its last block repeated; None if there is none."""
         return (
             None if np.isnan(self.made) else Plan(self.mean.copy(), self.mean[-1].copy(), self.made)
         )
 
     def carry_on(self, t: float) -> Array:
-        """(H, n) the last plan moved on to the time t [s], by means over the new blocks; zero if
-        there is none.
+        """Return the last plan (H, n), shifted to the time t [s]; zero if there is none.
+
+        The blocks are means of the last plan over the new blocks.
         """
         H = len(self.mean)
         after = (t - self.made) / self.length
@@ -90,7 +90,7 @@ class Sampler:
         return moved
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The command: see :class:`PathIntegralControl`."""
+        """Compute the command, see :class:`PathIntegralControl`."""
         law = self.law
         now = self.law.model.present
         most = np.minimum(
@@ -118,8 +118,9 @@ class Sampler:
         return Command(self.mean[0].copy(), "ok", exceeded, rows.labels, remark=remark)
 
     def costs(self, u: Array, rows: Rows, task: Task) -> tuple[Array, BoolArray]:
-        """(S,) c of plans (S, H, n), infinite where the model cannot predict; (m,) which rows any
-        of them exceeds.
+        """Return the costs (S,) of plans (S, H, n), and the rows (m,) that any of them exceeds.
+
+        The cost is infinite where the model cannot predict the plan.
         """
         law = self.law
         model = self.law.model
@@ -141,14 +142,15 @@ class Sampler:
             part = model.along(*(each[at:] for each in states))
             for name, array in seen.items():
                 array[at : at + len(part)] = getattr(part, name)
-            # the first state that has none ends its plan
+            # the first state without a prediction ends its plan
             end = (at + len(part)) // H
             whole[end : end + 1] = False
             at = H * (end + 1)
 
         def along(name: str, present: Array) -> Array:
-            """(S, H + 1, …) from now on: what the model says otherwise of now than rows and task do
-            stays so.
+            """Return a quantity (S, H + 1, …) along the plans, from now on.
+
+            The present difference between the model and rows or task is taken as constant.
             """
             moved = (seen[name] + (present - getattr(now, name)[0])).reshape(S, H, *present.shape)
             return np.concatenate((np.broadcast_to(present, (S, 1, *present.shape)), moved), axis=1)

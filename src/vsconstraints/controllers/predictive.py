@@ -1,6 +1,4 @@
-"""A predictive safety filter: of all plans that satisfy the rows, the one nearest to what the
-tracking law would do.
-"""
+"""Predictive safety filter: of all plans that satisfy the rows, the nearest to tracking."""
 
 from __future__ import annotations
 
@@ -23,17 +21,15 @@ from .ranges import GAINS, ROWS, Range, option, positive_number, share
 from .resolver import Priority, row_weights
 from .resolvers import Hierarchy
 
-MAX_BLOCKS = 100  #: Of a horizon, and of a block.
+MAX_BLOCKS = 100  #: Largest horizon, in blocks.
 MAX_PERIODS = 10_000
-#: What a model gives along a plan, in the order of the compiled law.
+#: Predicted quantities, in the order of the compiled law.
 PREDICTED = ("phi", "sigma", "Lg", "J", "b", "error", "rest")
-CHECKED = "ok", "relaxed"  #: Statuses of commands that the compiled law has checked.
+CHECKED = "ok", "relaxed"  #: Statuses that imply a check by the compiled law.
 
 
 class Plan(NamedTuple):
-    """What was planned: q̈ of the blocks (H, n), what comes after them (n,), and when it was made
-    [s].
-    """
+    """Planned q̈ of the blocks (H, n), q̈ after them (n,), and the time of planning [s]."""
 
     qdd: Array
     then: Array
@@ -42,30 +38,29 @@ class Plan(NamedTuple):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class PredictiveControl(Controller):
-    """A predictive safety filter: minimise the tracking law's residual along a plan whose states
-    keep all rows.
+    """A predictive safety filter: minimises the tracking residual of a plan that keeps all rows.
 
     Wabersich and Zeilinger, Automatica 129, 2021; formulas, sources and differences: :doc:`/laws`.
-    The plan has H blocks of constant q̈; the first one's is the command. Along the plan of the
-    sample before, rows and task are linearised in every sample. After the plan all joints brake
-    together, as fast as their bounds allow, with σ ≤ 0 meanwhile; without bounds of all q̈ there is
-    no such row.
+    The plan has H blocks of constant q̈; the first one is the command. In every sample, rows and
+    task are linearised along the plan of the last sample. After the plan all joints brake together,
+    as fast as their bounds allow, with σ ≤ 0 meanwhile. If not all q̈ are bounded, there is no such
+    row.
 
-    What the model says otherwise of now than rows and task do is taken to stay so. Where rows
-    contradict each other, Σ wᵢ sᵢ / scaleᵢ is least, with sᵢ the most that row i is exceeded by
-    (where it is steep, divided by its slope), the status is ``relaxed`` and the reason names the
-    rows. States that the model cannot give, with a marker behind the camera, shorten the horizon,
-    and ``Command.remark`` says so. Plans are local: around what is not convex, a plan may come to
-    lie beyond it.
+    The present difference between the model and rows or task is taken as constant. If rows
+    contradict each other, Σ wᵢ sᵢ / scaleᵢ is minimised, the status is ``relaxed``, and the reason
+    names the rows. sᵢ is the largest violation of row i, divided by its slope where it is steep.
+    States that the model cannot predict, with a marker behind the camera, shorten the horizon, and
+    ``Command.remark`` reports this. Plans are local optima: a plan may end beyond a nonconvex
+    obstacle.
 
-    Attributes ``period`` and ``model`` are those of the last :meth:`reset`.
+    The attributes ``period`` and ``model`` are those of the last :meth:`reset`.
     """
 
     name = "predictive"
     ignores = ("K", *GAINS)
     kernels: ClassVar[tuple[str, ...]] = ("predictive",)
-    #: Time constant [s] with which what σ̇ is now beside the model's is taken to fade: an
-    #: observer's.
+    #: Time constant [s] with which the difference between σ̇ and its model fades along the plan;
+    #: set by an observer.
     fading = 0.0
 
     horizon: int = option(10, "H, from 1 to 100", Range(3, 30, integer=True))
@@ -107,7 +102,7 @@ class PredictiveControl(Controller):
         return {**vars(self), "_planner": None}
 
     def reset(self, period: float | None = None, model: Any = None) -> None:
-        """Forget the plan; without a period or a model, those of the last reset stay."""
+        """Clear the plan; if no period or no model is given, the last one is kept."""
         if period is not None:
             self.period = positive_number("the sampling period", period)
         if model is not None:
@@ -116,7 +111,7 @@ class PredictiveControl(Controller):
 
     @property
     def plan(self) -> Plan | None:
-        """That of the last sample; None before the first, and where nothing could be predicted."""
+        """Plan of the last sample; None before the first, or without a prediction."""
         return None if self._planner is None else self._planner.plan
 
     @property
@@ -129,8 +124,9 @@ class PredictiveControl(Controller):
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def command(self, rows: Rows, task: Task) -> Command:
-        """See :class:`.Controller`; what the compiled law has checked by itself is not checked
-        again.
+        """See :class:`.Controller`.
+
+        Checks that the compiled law has done are not repeated.
         """
         try:
             planner = self._ready(rows, task)
@@ -144,8 +140,10 @@ class PredictiveControl(Controller):
         return self.define(rows, task)
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class; InvalidInput if there is no model or no sampling period, or the model is
-        of other rows.
+        """See the class.
+
+        Raises InvalidInput if there is no model or no sampling period, or if the model has other
+        rows.
         """
         command: Command = self._ready(rows, task).solve(rows, task)
         return command
@@ -161,8 +159,9 @@ class PredictiveControl(Controller):
         return BoundLaw(planner, planner, rows, task, acted, qdd) if planner.compiled else None
 
     def _ready(self, rows: Rows, task: Task) -> Any:
-        """What plans for these rows; raises InvalidInput if there is no model of them, or no
-        sampling period.
+        """Return the planner for these rows.
+
+        Raises InvalidInput if there is no model of them, or no sampling period.
         """
         who = f"the law {self.name!r}"
         demand_model(who, rows, task, self.model)
@@ -172,15 +171,18 @@ class PredictiveControl(Controller):
         return self._planner
 
     def planner(self, shape: tuple[int, int]) -> Any:
-        """What plans for a task of that shape (k, n), once model and period are known."""
+        """Create the planner for a task of shape (k, n).
+
+        Model and period are known.
+        """
         return Planner(self, self.model, self.period or np.nan, shape)
 
 
 class Planner(Wrapped):
-    """The compiled law for the rows of a model: see :mod:`vsconstraints.compiled.predictive`.
+    """The compiled law for the rows of a model, see :mod:`vsconstraints.compiled.predictive`.
 
-    ``compiled`` says whether the model is: otherwise Python predicts, between two calls of the
-    compiled law.
+    ``compiled`` is true if the model is compiled too. Otherwise Python predicts, between two calls
+    of the compiled law.
     """
 
     answers = SOLVED, RELAXED_ROWS
@@ -248,7 +250,7 @@ class Planner(Wrapped):
 
     @property
     def plan(self) -> Plan | None:
-        """The last plan, if there is one."""
+        """The last plan; None if there is none."""
         plans = self.plans
         return (
             None
@@ -257,7 +259,11 @@ class Planner(Wrapped):
         )
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """The command; raises SolverError where numbers leave the range of floating point."""
+        """Compute the command.
+
+        Raises SolverError if a number leaves the range of floating point, or if the plan has no
+        unique optimum.
+        """
         kernels = load("predictive")
         plans = self.plans
         m = len(self.labels)
@@ -312,7 +318,7 @@ class Planner(Wrapped):
         return command
 
     def _predict(self) -> int:
-        """Let the model predict along the plan; at how many instants it can."""
+        """Predict along the plan; return the number of instants that the model can predict."""
         plans = self.plans
         now = self.model.present
         asked = int(plans.outcome[load("predictive").ASKED])
@@ -334,7 +340,10 @@ class Planner(Wrapped):
         slack: Array,
         iterations: int,
     ) -> Command | None:
-        """See :meth:`.Resolver.command`: None where something is to be said that is no slack."""
+        """See :meth:`.Resolver.command`.
+
+        None also if the command needs a reason other than slack.
+        """
         if code not in self.answers:
             return None
         command = self._answer(qdd, acted, slack)
@@ -342,8 +351,9 @@ class Planner(Wrapped):
         return command
 
     def _answer(self, qdd: Array, acted: BoolArray, slack: Array) -> Command:
-        """The command of a plan; its reason names rows that no plan satisfies, and by how much they
-        are exceeded.
+        """Return the command of a plan.
+
+        Its reason names the rows that no plan satisfies, with their violation.
         """
         if not slack.any():
             return Command(qdd, "ok", acted, self.labels)
@@ -353,7 +363,7 @@ class Planner(Wrapped):
 
 
 def whole_number(name: str, value: object, most: int) -> int:
-    """The value if it is a whole number from 1 to ``most``; raises InvalidInput otherwise."""
+    """Return the value; raise InvalidInput unless it is an integer from 1 to ``most``."""
     if not isinstance(value, bool) and isinstance(value, Integral) and 1 <= int(value) <= most:
         return int(value)
     raise InvalidInput(f"{name} must be a whole number from 1 to {most}, not {shown(value)}")

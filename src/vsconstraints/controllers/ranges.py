@@ -1,6 +1,4 @@
-"""Options of laws: default, meaning, range of search and limits, stated once; how they are
-checked.
-"""
+"""Options of laws: default, meaning, search range and limits, and their checks."""
 
 from __future__ import annotations
 
@@ -24,7 +22,7 @@ def _finite(value: object) -> bool:
 
 
 def positive(value: object) -> float | None:
-    """The value if it is a positive, finite number, and None if it is not."""
+    """Return the value as a float if it is a positive, finite number, else None."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         return None
     try:
@@ -51,9 +49,7 @@ def share(name: str, value: object) -> float:
 
 
 def positive_number(name: str, value: object) -> float:
-    """Return the value as a float; raise ConfigurationError unless it is a positive, finite
-    number.
-    """
+    """Return the value as a float; raise ConfigurationError unless positive and finite."""
     number = positive(value)
     if number is None:
         raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
@@ -61,8 +57,9 @@ def positive_number(name: str, value: object) -> float:
 
 
 def duration(name: str, value: object) -> float:
-    """Return the value as a float; raise ConfigurationError unless it is a number of seconds, 0 or
-    more.
+    """Return the value as a float; raise ConfigurationError unless it is a duration.
+
+    A duration is a number of seconds, 0 or more.
     """
     number = 0.0 if value == 0.0 and value is not False else positive(value)
     if number is None:
@@ -73,14 +70,14 @@ def duration(name: str, value: object) -> float:
 
 
 def one_of(what: str, name: object, known: Mapping[str, Known]) -> Known:
-    """What is known by that name; raises ConfigurationError that names the candidates."""
+    """Return the entry of that name; raise ConfigurationError, with the candidates, if unknown."""
     if not (isinstance(name, str) and name in known):
         raise unknown_name(what, name, known)
     return known[name]
 
 
 class Fixed(dict[str, float]):
-    """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
+    """Dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         """Raise TypeError."""
@@ -96,10 +93,11 @@ class Fixed(dict[str, float]):
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers from ``least`` to ``greatest``, both included, integers only or all;
-    ConfigurationError if it is empty.
+    """Search range from ``least`` to ``greatest``, both included.
 
-    Where it is ``logarithmic`` factors count, not differences; then ``least`` is positive.
+    ``integer`` restricts it to integers. On a ``logarithmic`` range factors count instead of
+    differences, and ``least`` is positive. Raises ConfigurationError if the range is empty or an
+    end is invalid.
     """
 
     least: float
@@ -133,7 +131,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Choices:
-    """One of several values: words, flags, numbers, or None where an option need not be given."""
+    """One of several values: words, flags, numbers, or None for an option that may be omitted."""
 
     values: tuple[Any, ...]
 
@@ -153,7 +151,7 @@ class Choices:
         return " or ".join("none" if value is None else str(value).lower() for value in self.values)
 
 
-#: Of what laws may set of their rows: :class:`.RowFactors`, and a share of the scale.
+#: Ranges of row options: :class:`.RowFactors`, and the margin as a share of the scale.
 ROWS = {
     "K": Range(0.3, 10.0),
     "switching_gain": Range(0.1, 10.0),
@@ -162,7 +160,7 @@ ROWS = {
 }
 GAINS: tuple[str, ...] = "switching_gain", "speed_gain"
 
-#: What classes declare; a pair of numbers is a logarithmic :class:`Range`.
+#: Declaration of a search range; a pair of numbers is a logarithmic :class:`Range`.
 Declared = Range | Choices | tuple[float, float]
 
 
@@ -173,8 +171,9 @@ def option(
     at_least: float = 0.0,
     below: float = math.inf,
 ) -> Any:
-    """An option of a demand or resolver: a dataclass field with its meaning, range of search and
-    hard limits.
+    """Create an option of a demand or resolver.
+
+    It is a dataclass field with its meaning, search range and hard limits.
     """
     search = Range(*search) if isinstance(search, tuple) else search
     return field(
@@ -184,15 +183,12 @@ def option(
 
 
 class Part:
-    """A law, demand or resolver: where it is a dataclass, its fields are options
-    (:func:`option`).
-    """
+    """Law, demand or resolver; the fields of a dataclass are its options (:func:`option`)."""
 
-    #: From where to where options are worth searching; see
-    #: :func:`vsconstraints.controllers.law_ranges`.
+    #: Search ranges of options, see :func:`vsconstraints.controllers.law_ranges`.
     ranges: ClassVar[Mapping[str, Declared]] = {}
-    #: Which options of every law, factors on rows and those of the observer, change no command;
-    #: none is searched.
+    #: Common options, factors on rows and those of the observer, that change no command; they are
+    #: not searched.
     ignores: tuple[str, ...] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -211,18 +207,18 @@ class Part:
 
 
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
-    """The ranges that a law's class declares, and those of its demand and resolver as far as its
-    constructor has them.
+    """Return the search ranges declared by a law's class, its demand and its resolver.
 
-    ``name`` is what messages call the law; options that the user has ``fixed`` are not searched.
-    ConfigurationError if what is declared is no range, of no option, or does not contain the
-    option's default.
+    Ranges of the parts count if the constructor of the law has the option. ``name`` is the name of
+    the law in messages, and options that the user has ``fixed`` are not searched. Raises
+    ConfigurationError if a declaration is no range, belongs to no option, or does not contain the
+    default of the option.
     """
     parameters = inspect.signature(type(law)).parameters
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     declared: dict[str, Declared] = {}
     for part in ("demand", "resolver"):
-        # the constructor of a user's law need not have the options of its parts
+        # the constructor of a custom law may lack options of its parts
         searched = getattr(getattr(law, part, None), "ranges", {})
         declared |= {
             key: each
@@ -255,8 +251,9 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
 
 
 def default_of(law: object, option: str) -> Any:
-    """The value of an option of a law as constructed; None where neither the law nor its
-    constructor has one.
+    """Return the value of an option of a law as constructed.
+
+    None if neither the law nor its constructor has one.
     """
     parameter = inspect.signature(type(law)).parameters.get(option)
     if option in FACTORS and parameter is None:

@@ -1,7 +1,7 @@
-"""Resolvers: ways to share q̈ among demands and task.
+"""Resolvers: methods that compute q̈ from the bounds of the rows and the task.
 
-One half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new resolver is a
-compiled function, a class with its options, and an entry in
+A resolver is one half of a law; :mod:`vsconstraints.controllers.demand` is the other. A new
+resolver is a compiled function, a class with its options, and an entry in
 :data:`vsconstraints.controllers.resolvers.RESOLVERS`.
 """
 
@@ -26,19 +26,19 @@ from .demand import Demand
 from .least_norm import RANK_TOLERANCE, rank_loss
 from .ranges import Part, option, rank_tolerance
 
-COMPILED = "compiled"  #: What commands call the compiled solver.
-#: What a resolver may use of the task beside J and b, as printed.
+COMPILED = "compiled"  #: Name of the compiled solver in commands.
+#: Fields of the task that a resolver may use in addition to J and b, with printed symbols.
 USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
 
 
 @formula
 def remembered(row: Row) -> Any:
-    """The row's memory, twice."""
+    """Return the memory of the row twice: as its bound and as its next memory."""
     return row.memory[0], row.memory[0]
 
 
 class Known(Demand):
-    """Bounds that were computed beforehand and stand in the law's memory."""
+    """Bounds that are computed beforehand and stored in the memory of the law."""
 
     name = "known"
     formula = staticmethod(remembered)
@@ -47,35 +47,37 @@ class Known(Demand):
 
 
 class KnownPush(Known):
-    """Likewise, relative to L_gφ q̈ of tracking."""
+    """Bounds as of ``Known``, relative to L_gφ q̈ of tracking."""
 
     relative = True
 
 
 @dataclass(frozen=True)
 class Resolver(Part, ABC):
-    """A way to share q̈ among the demands of rows and a task: a frozen dataclass, whose fields are
-    options.
+    """Method that computes q̈ from the bounds of the rows and the task.
+
+    A frozen dataclass; its fields are the options.
     """
 
-    name: ClassVar[str]  #: In reports.
-    #: Module and name of its compiled form, see
+    name: ClassVar[str]  #: Name in reports.
+    #: Module and name of the compiled form, see
     #: :class:`vsconstraints.compiled.workspace.LawArrays`.
     kernel: ClassVar[tuple[str, str]]
-    #: Of what answers, with the same options, where that does not.
+    #: Module and name of the fallback, with the same options, where the kernel has no answer.
     otherwise: ClassVar[tuple[str, str] | None] = None
-    #: What it asks of demands: see :mod:`vsconstraints.formulas.row`.
+    #: Kind of bound that is needed of a demand, see :mod:`vsconstraints.formulas.row`.
     purpose: ClassVar[int] = BOUND
-    uses: ClassVar[tuple[str, ...]] = ()  #: Which of ``USES`` it uses.
-    #: Whether the compiled form is asked first; if not, a QP solver by name.
+    uses: ClassVar[tuple[str, ...]] = ()  #: Keys of ``USES``.
+    #: True if the compiled form is tried first, false if a QP solver is requested by name.
     compiles: ClassVar[bool] = True
-    measures: ClassVar[bool] = False  #: Whether its commands report what they leave unmet.
-    #: Codes with which the compiled form has an answer.
+    measures: ClassVar[bool] = False  #: True if commands report their slack.
+    #: Return codes with which the compiled form has an answer.
     answers: ClassVar[Collection[int]] = (SOLVED,)
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
-        """The command for what rows ask for, c (m,), see :attr:`purpose`; SolverError if numbers
-        leave the range.
+        """Compute the command for the bounds c (m,) of the rows, of the kind :attr:`purpose`.
+
+        Raises SolverError if a number leaves the range of floating point.
         """
         command = self.share(rows, task, c)
         if command is None:
@@ -83,7 +85,7 @@ class Resolver(Part, ABC):
         return command
 
     def share(self, rows: Rows, task: Task, c: Array) -> Command | None:
-        """The same by the compiled form alone; None if it has no answer."""
+        """Compute the command by the compiled form alone; None if it has no answer."""
         demand = (KnownPush if self.purpose == PUSH else Known)()
         memory = np.array(c[:, None], dtype=np.float64)
         qdd = np.full(task.J.shape[1], np.nan)
@@ -95,33 +97,34 @@ class Resolver(Part, ABC):
         code = function(*arguments, qdd, acted, slack, count)
         if code == RANK_LOSS:
             return rank_loss(rows, Command(qdd, "ok", acted, rows.labels), self.options[0])
-        # what was computed, but cannot be checked, is refused with the rows that say so
+        # the caller's check refuses an answer beyond rounding, and names the rows
         if code == NEEDS_PYTHON and np.isfinite(qdd).all() and beyond_rounding(rows, qdd):
             return Command(qdd, "ok", acted, rows.labels)
         return self.command(code, qdd, acted, rows.labels, slack, int(count[0]))
 
     def tracks(self, demand: Demand) -> bool:
-        """Whether what is asked of this demand depends on the tracking command."""
+        """True if the bounds used of this demand depend on the tracking command."""
         if self.purpose == PUSH:
             return not demand.relative or demand.sees_tracking
         return demand.tracks or (self.purpose == EQUAL and not demand.everywhere)
 
     @property
     def options(self) -> Array:
-        """What the compiled form takes; the rank tolerance first."""
+        """Options of the compiled form; the rank tolerance is the first."""
         return np.array([getattr(self, each.name) for each in fields(self)])
 
     def solvers(self) -> SolverChain | None:
-        """A chain of QP solvers for a law of its own; None if it needs none."""
+        """Create the chain of QP solvers of one law; None if none is needed."""
         return None
 
     def row_weights(self, labels: tuple[str, ...]) -> Array:
-        """(m,) weight of each row's violation; (0,) if all are 1."""
+        """Return the weight (m,) of each row's violation; (0,) if all are 1."""
         return NO_SLACK
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """What a user should know of these options and rows of these labels, though nothing is
-        wrong; else empty.
+        """Return a remark on the options and these row labels; empty if there is none.
+
+        Remarks tell the user about input that is usable but suspicious.
         """
         return ""
 
@@ -134,17 +137,16 @@ class Resolver(Part, ABC):
         slack: Array,
         iterations: int,
     ) -> Command | None:
-        """The command of the compiled form's answer; None if the code says that there is none."""
+        """Return the command for the output of the compiled form; None if it has no answer."""
         return Command(qdd, "ok", acted, labels) if code in self.answers else None
 
 
 @dataclass(frozen=True)
 class Priority(Resolver):
-    """Rows that act meet their demands with equality, L_gφ q̈ = c; the task acts in their null
-    space (eq. 15).
+    """Task priority (eq. 15): active rows meet L_gφ q̈ = c, the task acts in their null space.
 
-    If rows with φ ≥ 0 depend on each other the status is ``rank-loss`` (section 5.2), and demands
-    are met in the least-squares sense.
+    If rows with φ ≥ 0 are linearly dependent, the status is ``rank-loss`` (section 5.2), and the
+    demands are met in the least-squares sense.
     """
 
     rank_tolerance: float = option(
@@ -163,7 +165,7 @@ class Priority(Resolver):
 
 
 class Additive(Priority):
-    """q̈ = q̈_track + Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ†: rows and task may each win.
+    """Sum q̈ = q̈_track + Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ†: no priority of rows or task.
 
     The singular values of J below ``rank_tolerance`` times the largest one count as zero.
     """
@@ -174,9 +176,7 @@ class Additive(Priority):
 
 
 def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Which demands are unmet and by how much, and which rows nothing influences; empty if all are
-    met.
-    """
+    """Describe the unmet demands and the rows that no q̈ influences; empty if all are met."""
     exceeded = np.flatnonzero(slack > 0.0)
     if not exceeded.size:
         return ""
@@ -187,7 +187,7 @@ def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
 
 
 def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
-    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
+    """Return the level-1 weight (m,) of each label: of its longest matching prefix, or 1."""
     keys = (
         max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None)
         for label in labels

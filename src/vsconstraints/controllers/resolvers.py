@@ -1,5 +1,6 @@
-"""The resolvers that files can name: projections, and those by quadratic programs; formulas:
-:doc:`/laws`.
+"""Resolvers that files can name: projections and quadratic programs.
+
+For the formulas see :doc:`/laws`.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from .resolver import COMPILED, Additive, Priority, Resolver, row_weights, unmet
 
 @dataclass(frozen=True)
 class Projection(Additive):
-    """q̈ = q̈_track + P z with the pushes z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† of
-    :class:`Additive`.
+    """Sum q̈ = q̈_track + P z, with a projector P that protects the norm of the task error.
 
-    P is the large projection operator of Marey and Chaumette (IROS 2010), I where Jᵀe = 0: z
-    changes nothing in d²/dt² ½‖e‖². Where the error is small, rows are not kept for certain.
+    z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† are the pushes of :class:`Additive`. P is the large
+    projection operator of Marey and Chaumette (IROS 2010), and I where Jᵀe = 0: z does not change
+    d²/dt² ½‖e‖². Where the error is small, rows may be violated.
     """
 
     closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
@@ -51,11 +52,11 @@ class Projection(Additive):
             )
 
 
-AUTO = "auto"  #: The compiled descent; and who is asked where its answer fails the check.
+AUTO = "auto"  #: Compiled descent; ``DEFAULT`` is its first fallback.
 DEFAULT = "daqp"
-#: Largest weight of a row, and the inverse of the least: those without one have 1.
+#: Largest weight of a row, and the inverse of the smallest. The default weight is 1.
 MAX_WEIGHT = 1e10
-#: Codes of answers with demands unmet, and of those with levels 2 and 3 maybe so.
+#: Codes of answers with unmet demands, and of those with levels 2 and 3 possibly unmet.
 RELAXED = (codes.RELAXED_ROWS, codes.RELAXED_SHORT)
 SHORT = (codes.SHORT, codes.RELAXED_SHORT)
 
@@ -67,23 +68,22 @@ UNPROVED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Hierarchy(Resolver):
-    """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic
-    program.
+    """Strict priorities as a lexicographic QP: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖.
 
-    What the levels are, and the options: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    See :class:`vsconstraints.controllers.HierarchicalQP` for the levels and the options.
 
-    Levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the coordinates v =
-    Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if
-    these are incompatible is level 1 computed, exactly; the violated rows then become equalities. A
-    large weight or soft rows in place of this were measured to be wrong.
+    Levels 2 and 3 are one strictly convex QP with hard rows, min ½Σⱼ(gⱼ² + damping)vⱼ². Its
+    coordinates are v = Vᵀ(q̈ − q̈_track), of the singular vectors of J with relative gains g. Level
+    1 is computed only if the rows are incompatible, and then exactly; the violated rows become
+    equalities. Measurements showed that a large weight or soft rows give wrong answers instead.
 
-    Where J leaves directions free and the damping has cost the task more than a residual of 1e-6
-    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately, and level 3 within it, with every direction
-    whose gain is above ``rank_tolerance`` relative to J. Two exceptions tame tasks that are nearly
-    singular: where J has a relative gain below 1e-3, level 2 uses directions only above √damping;
-    and where J leaves no direction free, the QP's minimiser is the answer. If rounding does not
-    allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are met, and
-    no known point that meets them has a smaller residual.
+    If J leaves directions free and the damping has cost the task more than a residual of 1e-6
+    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately. Level 3 is then solved within level 2, with
+    every direction whose gain is above ``rank_tolerance`` relative to J. Two exceptions apply to
+    nearly singular tasks. Where J has a relative gain below 1e-3, level 2 uses only directions
+    above √damping. Where J leaves no direction free, the minimiser of the QP is the answer. If
+    rounding prevents the proof that levels 2 and 3 are met, the status is ``suboptimal``: the rows
+    are met, and no known point that meets them has a smaller residual.
     """
 
     solver: str = option(
@@ -112,8 +112,8 @@ class Hierarchy(Resolver):
     kernel = ("hierarchical_qp", "descend")
     measures = True
     answers = codes.SOLVED, *RELAXED, codes.SHORT
-    #: What the levels below the rows are, of :mod:`vsconstraints.compiled.workspace`; half the
-    #: width of the box.
+    #: Code of the levels below the rows, see :mod:`vsconstraints.compiled.workspace`, and half
+    #: the width of the box.
     aim: ClassVar[int] = codes.STRICT
     bound: ClassVar[float] = math.inf
 
@@ -153,7 +153,7 @@ class Hierarchy(Resolver):
         return row_weights(labels, self.weights) if self.weights else NO_SLACK
 
     def remark(self, labels: tuple[str, ...]) -> str:
-        """Which weights concern no label."""
+        """Report the weights that match no label; empty if all match."""
         weights = self.weights or {}
         idle = [
             shown(prefix)
@@ -184,43 +184,42 @@ class Hierarchy(Resolver):
         return command
 
     def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`: compiled, or by a solver that is asked for by name, or where that
-        has no answer.
+        """See :class:`.Resolver`.
+
+        A QP solver is used if it is requested by name, or if the compiled form has no answer.
         """
         command = self.share(rows, task, c)
-        # without iterations no row resists, or they leave no choice: there is nothing to ask a
-        # solver
+        # without iterations no row is active, or the rows leave no choice: no solver is needed
         if command is not None and (self.compiles or not command.iterations):
             return command
         assert solvers is not None
         return by_solvers(self, rows, task, c, solvers)
 
     def box(self, rows: Rows, n: int) -> Array:
-        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or
-        what is nearest.
+        """Return the least and greatest q̈ (2, n): ``max_acceleration`` within the box of the rows.
+
+        If the two boxes do not intersect, it is the nearest end of the box of the rows.
         """
         box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
         return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
-        """q̈ (n,) that the levels below the rows are to stay near to, and the (m,) rows that have
-        shaped it.
-        """
+        """Return the target q̈ (n,) of the lower levels, and the rows (m,) that shape it."""
         return tracking, np.zeros(c.size, dtype=np.bool_)
 
 
-#: What the distance to the tracking command is measured in.
+#: Metrics of the distance to the tracking command.
 METRICS = {"joint": codes.NEAREST, "task": codes.WEIGHED}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filter(Hierarchy):
-    """Of all q̈ in the box that violate the demands least, the one nearest to the command that
-    tracks.
+    """Safety filter: the q̈ nearest to tracking among those that violate the demands least.
 
-    The safety filter of control barrier functions (Ames, Xu, Grizzle and Tabuada 2017), in the
-    metric ``joint``, or that of task-consistent filters (Morton and Pavone 2025), ‖J(q̈ −
-    q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖² with the Frobenius norm. Other options: see
+    Only q̈ in the box are considered. With the metric ``joint`` it is the safety filter of control
+    barrier functions (Ames, Xu, Grizzle and Tabuada 2017). The metric ``task`` is that of
+    task-consistent filters (Morton and Pavone 2025), ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ −
+    q̈_track‖² with the Frobenius norm. Other options: see
     :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
@@ -240,12 +239,11 @@ class Filter(Hierarchy):
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling(Hierarchy):
-    """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ
-    q̈_track ≤ c.
+    """Tracking scaled, q̈ = κ q̈_track, by the largest κ in [0, 1] that keeps κ L_gφ q̈_track ≤ c.
 
-    A baseline. Where c < 0 of a row, κ is the largest that no row would by itself have smaller, and
-    the least correction that meets all demands, or violates them least, is added. The box limits κ
-    as rows do.
+    A baseline. For a row with c < 0, κ is the largest value with which this row alone is exceeded
+    least. Then the least correction is added that meets all demands, or violates them least. The
+    box limits κ as rows do.
     """
 
     name = "scaling"
@@ -267,13 +265,13 @@ class Scaling(Hierarchy):
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation(Hierarchy):
-    """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
+    """Saturation in the null space (SNS) of accelerations, for rows as well as joints.
 
-    Whatever would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the side of the box, and
-    never let go again; the task, scaled by s, has the null space that is left. Of all sets on the
-    way, the one that allows the largest s in [0, 1] is taken; where none allows any, the command is
-    that of :class:`Hierarchy`. With ``scales=False`` the task is met in the least-squares sense
-    instead, and loses its direction.
+    A row or joint that would exceed its bound is saturated, L_gφ q̈ = c or q̈ⱼ at the end of the
+    box, and is never released. The task, scaled by s, uses the remaining null space. Of all sets
+    along the way, the one with the largest s in [0, 1] is used; if no set is feasible, the command
+    is that of :class:`Hierarchy`. With ``scales=False`` the task is met in the least-squares sense
+    instead, and its direction is not preserved.
 
     Flacco, De Luca, Khatib, IEEE Transactions on Robotics 31(3), 2015; at the level of
     accelerations also ICRA 2012.
@@ -300,12 +298,12 @@ class Saturation(Hierarchy):
 
 @dataclass(frozen=True, kw_only=True)
 class SaturationExact(Hierarchy):
-    """Of all q̈ with J q̈ = s J J†b that meet all demands in the box: the largest s in [0, 1], then
-    least ‖q̈ − q̈₀‖.
+    """Largest task scale s in [0, 1] that meets all demands in the box; then least ‖q̈ − q̈₀‖.
 
-    What saturation in the null space is to find (Opt-SNS of Flacco, De Luca, Khatib 2015), by the
-    levels of :class:`Hierarchy` in the coordinates q̈ = s J†b + N z. Where no s is possible, that
-    answers, with its statuses.
+    Of all q̈ with J q̈ = s J J†b, it finds the optimum that saturation in the null space searches
+    for (Opt-SNS of Flacco, De Luca, Khatib 2015). It uses the levels of :class:`Hierarchy` in the
+    coordinates q̈ = s J†b + N z. If no s is feasible, the answer and its status are those of
+    :class:`Hierarchy`.
     """
 
     name = "saturation-exact"
@@ -320,8 +318,9 @@ RESOLVERS: tuple[type[Resolver], ...] = (
 
 
 def _weight(prefix: str, value: object) -> float:
-    """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it
-    and of 1.
+    """Return the weight as a float; raise ConfigurationError if it is out of range.
+
+    Within the limits, neither the weight nor 1 is lost in rounding.
     """
     weight = positive_number(f"weights[{prefix!r}]", value)
     if not 1.0 / MAX_WEIGHT <= weight <= MAX_WEIGHT:

@@ -1,6 +1,4 @@
-"""The predictive safety filter for targets, obstacles and disturbances that its model does not
-know.
-"""
+"""Predictive safety filter for targets, obstacles and disturbances unknown to its model."""
 
 from __future__ import annotations
 
@@ -14,13 +12,12 @@ DEFAULTS = {"margin": 0.03, "observer": 0.1, "dead_time": 0.0}
 
 
 class RobustPredictive(Observed):
-    """:class:`.PredictiveControl` with a margin, on rows whose drift is observed, which fades along
-    the plan.
+    """:class:`.PredictiveControl` with a margin, on rows whose observed drift fades along the plan.
 
-    What moves a row beside the model, d̂ of :class:`.Observed`, changes what is predicted of it by
-    d̂ τ_o (1 − e^(−τ/τ_o)), with the time constant τ_o of the observer: the effect of a wrong
-    depth, for instance, stops with the camera, so that what is observed cannot be taken to last for
-    the whole plan. Options are those of both.
+    The drift d̂ of :class:`.Observed` changes the prediction of a row by d̂ τ_o (1 − e^(−τ/τ_o)),
+    with the time constant τ_o of the observer. The drift must fade: the effect of a wrong depth,
+    for instance, stops with the camera, so that it cannot be extrapolated over the whole plan. The
+    options are those of both classes.
     """
 
     name = "robust-predictive"

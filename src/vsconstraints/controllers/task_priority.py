@@ -1,4 +1,4 @@
-"""Task priority for laws of users: eq. (15)."""
+"""Task priority (eq. 15) for custom laws."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ __all__ = ["dependent_rows", "prioritise", "unit_rows"]
 def prioritise(
     rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tolerance: float
 ) -> Command:
-    """The command in which the rows that act (m,) meet L_gφ q̈ = demand (m,) first, and the task
-    comes second.
+    """Compute the command in which active rows (m,) meet L_gφ q̈ = demand (m,) before the task.
 
-    ``rank-loss`` if rows with φ ≥ 0 depend on each other (section 5.2), with the names of those
-    that do. Rows that act before their boundary is reached are then met in the least-squares sense.
-    The tolerance is that of :class:`.Priority`.
+    The status is ``rank-loss``, and the reason names the rows, if rows with φ ≥ 0 depend on each
+    other (section 5.2). Rows that act before their boundary is reached are then met in the
+    least-squares sense. The tolerance is that of :class:`.Priority`.
     """
     return Priority(rank_tolerance).solve(rows, task, np.where(acts, demand, np.inf), None)

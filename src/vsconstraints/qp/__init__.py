@@ -1,4 +1,4 @@
-"""Strictly convex quadratic programs behind one small interface, with every answer checked."""
+"""Strictly convex quadratic programs behind one small interface, with checked answers."""
 
 from .backends import FALLBACKS, SolverChain, Verified, make_solver, solver_names
 from .solver import Answer, Infeasible, OptimalityErrors, QPSolver, optimality_errors

@@ -1,5 +1,6 @@
-"""QP solvers by name, DAQP and ProxQP called directly, all others through qpsolvers; and chains of
-them.
+"""QP solvers by name, and chains of them.
+
+DAQP and ProxQP are called directly, all others through qpsolvers.
 """
 
 from __future__ import annotations
@@ -21,11 +22,10 @@ from .solver import Answer, Infeasible, QPSolver, require
 
 
 class DaqpSolver(QPSolver):
-    """A dual active-set method in C: exact, the fastest on small problems, and without memory
-    between calls.
+    """A dual active-set method in C: exact, the fastest on small problems, without memory.
 
-    Called directly: importing qpsolvers takes longer than everything else that the law
-    ``predictive`` needs.
+    It is called directly, because importing qpsolvers takes longer than everything else that the
+    law ``predictive`` needs.
 
     Reference: Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
     programming using recursive LDLᵀ updates", IEEE Transactions on Automatic Control, 2022.
@@ -40,16 +40,16 @@ class DaqpSolver(QPSolver):
     )  # fmt: skip
     """Settings, tried in this order until DAQP has an answer.
 
-    Its default ``primal_tol`` lets rows be exceeded by 1e-6. But where rows are nearly parallel the
+    Its default ``primal_tol`` lets rows be exceeded by 1e-6. If rows are nearly parallel, the
     solution is far away: 1e-9 is then below rounding, and the default ``sing_tol`` takes the rows
-    for dependent; both were measured to end in cycling or in a false claim of infeasibility.
+    for dependent. Measurements of both ended in cycling or in false infeasibility.
     """
 
     def __init__(self) -> None:
         self._solve = require("daqp", "daqp", "pip install daqp").solve
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
-        """Ask DAQP."""
+        """Solve with DAQP."""
         data = np.ascontiguousarray(P), q, np.ascontiguousarray(G), h, np.full(h.size, -1e30)
         for settings in self.attempts:
             x, _, flag, info = self._solve(*data, np.zeros(h.size, dtype=np.int32), **settings)
@@ -61,12 +61,12 @@ class DaqpSolver(QPSolver):
 
 
 class ProxqpSolver(QPSolver):
-    """A proximal augmented Lagrangian method in C++, started afresh at every call.
+    """A proximal augmented Lagrangian method in C++, restarted at every call.
 
-    A kept solver object answers false infeasibility, or takes a quarter of a second when nothing
-    has changed. The default threshold of its infeasibility test is far too loose for rows of mixed
-    scale, and only the native object lets it be tightened. Repeating a call repeats the answer to
-    rounding, not bit by bit.
+    A reused solver object falsely reports infeasibility, or takes a quarter of a second when
+    nothing has changed. The default threshold of its infeasibility test is far too loose for rows
+    of mixed scale, and only the native object allows a tighter one. A repeated call repeats the
+    answer to rounding, not bit by bit.
 
     Reference: Bambade, El-Kazdadi, Taylor, Carpentier, "ProxQP: yet another quadratic programming
     solver for robotics and beyond", Robotics: Science and Systems, 2022.
@@ -79,14 +79,14 @@ class ProxqpSolver(QPSolver):
         self._proxqp = require("proxsuite", "proxqp", "pip install proxsuite").proxqp
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
-        """Ask ProxQP."""
+        """Solve with ProxQP."""
         scaled = equilibrate(P, q, G, h)
         problem = self._proxqp.dense.QP(q.size, 0, h.size)
         settings = problem.settings
         results = problem.results
         settings.eps_abs = settings.eps_rel = 1e-9
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-12
-        # problems it can solve take far less; the defaults let the others take seconds
+        # solvable problems need far fewer; with the defaults the others take seconds
         settings.max_iter = settings.max_iter_in = 100
         settings.default_mu_in = 1e-5
         settings.compute_timings = False
@@ -99,11 +99,10 @@ class ProxqpSolver(QPSolver):
 
 
 class Settings(NamedTuple):
-    """How a solver is asked through qpsolvers: its own options, the accuracy measured with them,
-    what to tell pip.
+    """Settings of a solver in qpsolvers: its options, measured accuracy and pip argument.
 
-    ``exact``: it recognises rows that contradict each other; ``equilibrated``: it does better on
-    such programs.
+    ``exact``: it recognises rows that contradict each other. ``equilibrated``: it performs better
+    on equilibrated programs.
     """
 
     options: dict[str, Any] = {}  # noqa: RUF012 (a default that nobody changes)
@@ -113,12 +112,12 @@ class Settings(NamedTuple):
     equilibrated: bool = False
 
 
-#: Settings by name; solvers that are not among them keep their defaults.
+#: Settings by name; all other solvers keep their defaults.
 SETTINGS: dict[str, Settings] = {
     "quadprog": Settings({}, 1e-8, '"vsconstraints[quadprog]"', exact=True),
     "osqp": Settings(
-        # programs are equilibrated here, which its own scaling would undo; an interval measured in
-        # time instead of iterations would make answers differ from run to run
+        # programs are equilibrated here, which the scaling of OSQP would undo; an interval in time
+        # instead of iterations would make answers differ from run to run
         {
             "eps_abs": 1e-7,
             "eps_rel": 0.0,
@@ -137,8 +136,9 @@ SETTINGS: dict[str, Settings] = {
 
 
 class QpsolversSolver(QPSolver):
-    """A solver known to qpsolvers by name, for example ``"clarabel"``. Keeps nothing between
-    calls.
+    """A solver known to qpsolvers by name, for example ``"clarabel"``.
+
+    Nothing is kept between calls.
     """
 
     def __init__(self, name: str) -> None:
@@ -146,23 +146,21 @@ class QpsolversSolver(QPSolver):
         self._settings = SETTINGS.get(name, Settings())
         self.tolerance = self._settings.tolerance
         self.recognises_infeasibility = self._settings.exact
-        # qpsolvers itself takes long to import, since it tries all solvers: that has time until the
-        # first problem
+        # qpsolvers takes long to import, since it tries all solvers: import it at the first problem
         if self._settings.install:
             require(name, name, f"pip install {self._settings.install}")
         if find_spec("qpsolvers") is None:
             require("qpsolvers", name, f"pip install qpsolvers {name}")
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
-        """Ask the solver, in the matrix form that it takes."""
+        """Solve in the matrix form that the solver takes."""
         qpsolvers = require("qpsolvers", self.name, f"pip install qpsolvers {self.name}")
         dense = self.name in qpsolvers.dense_solvers
         matrix: Any = np.ascontiguousarray if dense else import_module("scipy.sparse").csc_matrix
         scaled = equilibrate(P, q, G, h) if self._settings.equilibrated else None
         P, q, G, h = scaled[:4] if scaled else (P, q, G, h)
         with warnings.catch_warnings():
-            # qpsolvers warns of what the solver reports; here that is read from the solution
-            # instead
+            # qpsolvers repeats the solver's report as warnings; the solution is checked instead
             warnings.simplefilter("ignore")
             problem = qpsolvers.Problem(matrix(P), q, matrix(G), h)
             solution = qpsolvers.solve_problem(problem, solver=self.name, **self._settings.options)
@@ -181,28 +179,28 @@ class QpsolversSolver(QPSolver):
         )
 
 
-#: Solvers that are called without any layer in between.
+#: Solvers that are called directly.
 NATIVE: dict[str, type[QPSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
 
 
 def solver_names() -> tuple[str, ...]:
-    """Names of the solvers that can be asked for: the native ones and whatever qpsolvers finds
-    installed.
+    """Return the names of available solvers: the native ones and those that qpsolvers finds.
 
-    ``quadprog`` is named even where it is not installed, so that asking for it tells how to install
-    it.
+    ``quadprog`` is listed even if it is not installed, so that the error of a request tells how to
+    install it.
     """
     others = import_module("qpsolvers").available_solvers if find_spec("qpsolvers") else ()
     return tuple(sorted({*NATIVE, "osqp", "quadprog", *others}))
 
 
 def make_solver(name: str) -> QPSolver:
-    """Create the solver of this name; ConfigurationError if it is not known or its package cannot
-    be imported.
+    """Create the solver of this name.
+
+    Raises ConfigurationError if it is unknown or its package cannot be imported.
     """
     if name in NATIVE:
         return NATIVE[name]()
-    # the names of the others are asked for last: that imports every solver that qpsolvers finds
+    # all names are listed last, because this imports every solver that qpsolvers finds
     if not (name in SETTINGS and SETTINGS[name].install) and name not in (names := solver_names()):
         if name in (metadata("qpsolvers").get_all("Provides-Extra") or ()):
             raise ConfigurationError(
@@ -214,17 +212,18 @@ def make_solver(name: str) -> QPSolver:
 
 
 FALLBACKS = ("daqp", "proxqp", "osqp", *(("quadprog",) if find_spec("quadprog") else ()))
-"""Who is asked, in this order, when the solver that was asked for has failed.
+"""Solvers that are tried, in this order, when the requested solver has failed.
 
-Three are installed with the package, so that the order is the same on every machine; quadprog comes
-last, where a user has installed it.
+Three are installed with the package, so that the order is the same on every machine. quadprog is
+the last, where a user has installed it.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """An answer that has passed the check, the solver that gave it, and what failed before, empty
-    if nothing did.
+    """Answer that has passed the check, and the solver that gave it.
+
+    ``fallback`` lists the earlier failures; it is empty if there were none.
     """
 
     answer: Answer
@@ -233,9 +232,9 @@ class Verified:
 
 
 class SolverChain:
-    """The solver that was asked for, ``preferred``, and :data:`FALLBACKS` behind it.
+    """The requested solver, ``preferred``, followed by :data:`FALLBACKS`.
 
-    ``failures`` counts, by name, the problems known to be feasible that a solver left without a
+    ``failures`` counts, by name, the problems known to be feasible for which a solver gave no
     verified answer.
     """
 
@@ -245,10 +244,10 @@ class SolverChain:
         self._solvers = {self.preferred.name: self.preferred}
 
     def solve(self, P: Array, q: Array, G: Array, h: Array) -> Verified:
-        """Minimise ½xᵀPx + qᵀx subject to Gx ≤ h, rows that are known to be compatible.
+        """Minimise ½xᵀPx + qᵀx subject to compatible rows Gx ≤ h.
 
-        Raises InvalidInput if a number is not finite, without calling a solver, and SolverError,
-        with what each of them did, if none gives an answer that passes the check.
+        Raises InvalidInput, without calling a solver, if a number is not finite. Raises
+        SolverError, with the failure of each solver, if none gives an answer that passes the check.
         """
         failed: list[str] = []
         for name in dict.fromkeys((self.preferred.name, *FALLBACKS)):
@@ -257,14 +256,13 @@ class SolverChain:
                     self._solvers[name] = make_solver(name)
                 return Verified(self._solvers[name].solve(P, q, G, h), name, "; ".join(failed))
             except (SolverError, ConfigurationError) as error:
-                # Infeasible too, which is wrong here; and a fallback whose package is broken on
-                # this machine
+                # also a false Infeasible, and a fallback whose package is broken on this machine
                 self.failures[name] += 1
                 failed.append(str(error))
         raise SolverError("no solver gave an answer that passes the check: " + "; ".join(failed))
 
     def reset(self) -> None:
-        """Forget warm starts and counts."""
+        """Clear warm starts and counts."""
         self.failures.clear()
         for solver in self._solvers.values():
             solver.reset()

@@ -1,5 +1,6 @@
-"""Singular values of matrices that may have left the range of floating point, on which LAPACK may
-never end.
+"""Singular value decomposition of matrices that may hold numbers that are not finite.
+
+LAPACK may never return on such matrices.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from ..rows import Array
 
 
 def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
-    """U, s and Vᵀ of :func:`numpy.linalg.svd`; LinAlgError if a number is not finite, or none are
-    found.
+    """Return U, s and Vᵀ of :func:`numpy.linalg.svd`.
+
+    Raises LinAlgError if a number is not finite, or if no singular values are found.
     """
     if np.isfinite(A).all():
         U, s, Vt = np.linalg.svd(A, full_matrices=full_matrices)

@@ -1,6 +1,4 @@
-"""What every QP solver is: a function of P, q, G, h whose answer has passed the check of the
-optimality conditions.
-"""
+"""Base class of QP solvers: functions of P, q, G, h whose answer passes the optimality check."""
 
 from __future__ import annotations
 
@@ -18,8 +16,9 @@ from ..rows import Array
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A minimiser x (n,), the multipliers λ ≥ 0 (m,) of Gx ≤ h, and the solver's count of
-    iterations, or 0.
+    """Minimiser x (n,) and multipliers λ ≥ 0 (m,) of Gx ≤ h.
+
+    ``iterations`` is the solver's count, or 0.
     """
 
     x: Array
@@ -28,12 +27,12 @@ class Answer:
 
 
 class Infeasible(SolverError):
-    """The solver says that no x meets every row."""
+    """Raised if the solver reports that no x meets every row."""
 
 
 @dataclass(frozen=True, slots=True)
 class OptimalityErrors:
-    """How far (x, λ) is from the Karush-Kuhn-Tucker conditions; 0 is exact, all are dimensionless.
+    """Errors of (x, λ) in the Karush-Kuhn-Tucker conditions; 0 is exact, all are dimensionless.
 
     With s the size of x (see :func:`optimality_errors`) and p the largest entry of P they are the
     largest (Gx − h)ᵢ / (‖Gᵢ‖ s + |hᵢ|), ‖Px + q + Gᵀλ‖ / (p s), the largest −λᵢ‖Gᵢ‖ / (p s) and |λᵢ
@@ -61,12 +60,11 @@ class OptimalityErrors:
 def optimality_errors(
     P: Array, q: Array, G: Array, h: Array, x: Array, multipliers: Array
 ) -> OptimalityErrors:
-    """Errors of x (n,) and λ (m,), m ≥ 1, in the conditions of  min ½xᵀPx + qᵀx  subject to  Gx ≤
-    h.
+    """Return the errors of x (n,) and λ (m,), m ≥ 1, in the optimality conditions.
 
-    The size s of x is what the data alone asks for, the largest of ‖q‖/p and of the distances
-    −hᵢ/‖Gᵢ‖, or ‖x‖ if that is larger; 1 if all are zero. So multiplying the cost, a row or the
-    unit of x by a factor changes nothing.
+    The program is  min ½xᵀPx + qᵀx  subject to  Gx ≤ h. The size s of x is the largest of ‖q‖/p, of
+    the distances −hᵢ/‖Gᵢ‖, and of ‖x‖; 1 if all are zero. The errors are therefore invariant to
+    factors on the cost, on a row or on the unit of x.
     """
     norms = np.sqrt(np.einsum("ij,ij->i", G, G))
     cost = float(np.abs(P).max())
@@ -88,13 +86,12 @@ def optimality_errors(
 
 
 class QPSolver(ABC):
-    """One back end for  min ½xᵀPx + qᵀx  subject to  Gx ≤ h  with P symmetric and positive
-    definite.
+    """Back end for  min ½xᵀPx + qᵀx  subject to  Gx ≤ h, P symmetric and positive definite.
 
-    A new back end has :attr:`name`, :attr:`tolerance` and :meth:`attempt`. Solvers were measured to
-    hang, to drop rows or to return uninitialised memory on numbers that are not finite, and to
-    report success with an answer that is none; so :meth:`solve` checks the input before, and the
-    answer after.
+    A new back end defines :attr:`name`, :attr:`tolerance` and :meth:`attempt`. :meth:`solve` checks
+    the input before and the answer after. Measurements showed that solvers hang, drop rows or
+    return uninitialised memory on numbers that are not finite, and report success with invalid
+    answers.
     """
 
     name: str
@@ -103,8 +100,9 @@ class QPSolver(ABC):
     """Largest error in :func:`optimality_errors` that an answer of this solver may have."""
 
     recognises_infeasibility: bool = False
-    """Whether the solver finds out quickly and reliably that rows contradict each other;
-    first-order methods do not.
+    """True if the solver quickly and reliably recognises rows that contradict each other.
+
+    First-order methods do not.
     """
 
     def solve(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
@@ -115,7 +113,7 @@ class QPSolver(ABC):
         InvalidInput
             if a number is not finite; the solver is then not called.
         Infeasible
-            if the solver says that the rows contradict each other.
+            if the solver reports that the rows contradict each other.
         SolverError
             if the solver fails, or if its answer is not finite or not optimal within
             :attr:`tolerance`.
@@ -126,11 +124,11 @@ class QPSolver(ABC):
         if h.size == 0:
             return Answer(np.linalg.solve(P, -q), np.empty(0), 0)
         try:
-            # copies, since what is checked, and asked of others, must be what was asked
+            # copies: a solver must not change the program that is checked and passed to others
             answer = self._own(self.attempt(P.copy(), q.copy(), G.copy(), h.copy()), q.size, h.size)
         except SolverError:
             raise
-        # third-party code: whatever it raises, it has no answer
+        # third-party code may raise anything
         except (Exception, SystemExit) as error:
             raise SolverError(f"{self.name} raised {type(error).__name__}: {error}") from error
         with np.errstate(all="ignore"):
@@ -140,7 +138,10 @@ class QPSolver(ABC):
         return answer
 
     def _own(self, answer: object, n: int, m: int) -> Answer:
-        """The answer in arrays of its own, if it is one: users' solvers are not type-checked."""
+        """Return a checked copy of the answer; raise SolverError if it is invalid.
+
+        Custom solvers are not type-checked.
+        """
         if not isinstance(answer, Answer):
             raise SolverError(f"{self.name} returned {_kind(answer)}, not an Answer")
         for name, array, size in (("x", answer.x, n), ("multipliers", answer.multipliers, m)):
@@ -164,12 +165,13 @@ class QPSolver(ABC):
 
     @abstractmethod
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
-        """Ask the solver, with finite input and at least one row; Infeasible or SolverError if it
-        has no answer.
+        """Solve a program with finite input and at least one row.
+
+        Raises Infeasible or SolverError if there is no answer.
         """
 
     def reset(self) -> None:
-        """Forget everything kept between calls; most solvers keep nothing."""
+        """Clear everything that is kept between calls; most solvers keep nothing."""
 
 
 def _kind(value: object) -> str:
@@ -179,12 +181,13 @@ def _kind(value: object) -> str:
 
 
 def require(module: str, solver: str, install: str) -> Any:
-    """Import the package of a solver; raise ConfigurationError, with the command that installs it,
-    if that fails.
+    """Import the package of a solver.
+
+    Raises ConfigurationError, with the command that installs the package, if the import fails.
     """
     try:
         return import_module(module)
-    # a package that is there but broken, or built for another NumPy, raises anything
+    # a broken package, or one built for another NumPy, may raise anything
     except Exception as error:
         raise ConfigurationError(
             f"the solver {solver!r} cannot be used because {module!r} cannot be imported "

@@ -1,7 +1,7 @@
-"""The language between a scene and a controller: rows, a task, and the command that answers them.
+"""Interface between a scene and a controller: rows, a task, and the command that answers them.
 
 Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and
-18); every visual task becomes one equality J q̈ = b (eq. 14). A controller sees nothing else.
+18). Every visual task becomes one equality J q̈ = b (eq. 14). A controller sees only these.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from .readable import amount, counted, enumerated, in_one_line
 
-Array = NDArray[np.floating[Any]]  #: Floats; the docstring says of what shape.
-BoolArray = NDArray[np.bool_]  #: Booleans, likewise.
-IntArray = NDArray[np.int64]  #: Integers, likewise.
-#: What an array may be: in other kinds, such as a matrix, operators mean something else.
+Array = NDArray[np.floating[Any]]  #: Floats; the docstring states the shape.
+BoolArray = NDArray[np.bool_]  #: Booleans; the docstring states the shape.
+IntArray = NDArray[np.int64]  #: Integers; the docstring states the shape.
+#: Accepted array classes. In others, such as a matrix, operators mean something else.
 ARRAYS = (np.ndarray, np.memmap)
-UNKNOWN: Array = np.empty(0)  #: What is not given.
+UNKNOWN: Array = np.empty(0)  #: Placeholder for a missing field.
 NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)  #: No joint has bounds.
 
 Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
-"""What a controller says of its command.
+"""Status of a command.
 
-``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other;
-the command violates them least and says which, by how much. ``suboptimal``: every row is met, but
-rounding keeps the law from what it defines below them; the reason says what. ``rank-loss``: the
-active rows have lost full row rank, so that their fulfilment is not guaranteed and the operation
-should be aborted (section 5.2). ``failed``: no command could be computed; ``qdd`` is zero.
+``ok``: every row that the law handles meets its demand. ``relaxed``: the rows contradict each
+other; the command violates them least, and its reason names the violated rows and by how much.
+``suboptimal``: every row is met, but rounding prevents the optimum of the levels below the rows;
+the reason gives details. ``rank-loss``: the active rows have lost full row rank, so that their
+fulfilment is not guaranteed and the operation should be aborted (section 5.2). ``failed``: no
+command could be computed; ``qdd`` is zero.
 """
 
 
@@ -42,7 +43,7 @@ class Rows:
     #: 0.
     phi: Array
     Lg: Array  #: (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
-    #: (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    #: (m,) known part of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
     Lf: Array
     switching_gain: Array  #: (m,) u⁺ of each row (eq. 11), in units of φ per second.
     labels: tuple[str, ...]  #: m names such as ``"fov[marker 2]"``.
@@ -54,9 +55,9 @@ class Rows:
     sigma: Array = field(default_factory=lambda: UNKNOWN)
     sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
     K: Array = field(default_factory=lambda: UNKNOWN)
-    #: (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated.
-    #: Braking may demand a box without zero. No command leaves it: a law that does not keep it is
-    #: brought back joint by joint.
+    #: (n,) bounds of the present box of q̈, infinite where there is no bound; (0,) without a box.
+    #: Braking may require a box without zero. Commands of laws that ignore the box are clipped to
+    #: it joint by joint.
     qdd_min: Array = field(default_factory=lambda: UNKNOWN)
     qdd_max: Array = field(default_factory=lambda: UNKNOWN)
 
@@ -81,14 +82,14 @@ class Rows:
 
     @classmethod
     def none(cls, n: int) -> Rows:
-        """No constraint at all, for a robot with n joints."""
+        """Create an empty set of rows for a robot with n joints."""
         empty = np.empty(0)
         return cls(empty, np.empty((0, n)), empty, empty, ())
 
 
 @dataclass(slots=True)
 class Task:
-    """The tracking equality J q̈ = b of eq. (41), and what the joints do where it leaves them free.
+    """Tracking equality J q̈ = b of eq. (41), and the rest acceleration of the free joints.
 
     Of all q̈ that rows and task leave, laws choose the nearest to ``rest``.
     """
@@ -97,7 +98,7 @@ class Task:
     b: Array  #: (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
     #: (k,) e; (0,) for laws that do not use it.
     error: Array = field(default_factory=lambda: UNKNOWN)
-    error_rate: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) ė, likewise.
+    error_rate: Array = field(default_factory=lambda: UNKNOWN)  #: (k,) ė; (0,) as above.
     #: (n,) q̈₀ [rad/s² or m/s²]; (0,) for zero.
     rest: Array = field(default_factory=lambda: UNKNOWN)
 
@@ -111,22 +112,22 @@ class Task:
 
 @dataclass(slots=True)
 class Command:
-    """A controller's answer."""
+    """Answer of a controller: joint accelerations, their status, and the rows that shaped them."""
 
     qdd: Array  #: (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
     status: Status  #: See :data:`Status`.
-    acted: BoolArray  #: (m,) which rows shaped the command.
-    labels: tuple[str, ...]  #: The m labels of the rows it was given.
+    acted: BoolArray  #: (m,) true for rows that shaped the command.
+    labels: tuple[str, ...]  #: The m labels of the rows.
     reason: str = ""  #: Why the status is not ``ok``; names the rows concerned. Empty otherwise.
-    #: (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if
-    #: the law has no demand to measure.
+    #: (m,) violation of each row's demand [units of φ per second]; None if the law has no demand
+    #: to measure.
     slack: Array | None = None
-    #: The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
+    #: QP solver that gave the answer, and its iterations; empty and 0 for closed forms.
     solver: str = ""
     iterations: int = 0
-    #: Why another solver than the one asked for gave the answer. Empty otherwise.
+    #: Reason why another solver than the requested one gave the answer. Empty otherwise.
     fallback: str = ""
-    #: What else should be known, such as an option that concerns none of the rows. Empty otherwise.
+    #: Remark for the user, such as on an option that affects none of the rows. Empty otherwise.
     remark: str = ""
     #: (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is
     #: stated.
@@ -152,26 +153,27 @@ class Command:
         return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
 
 
-GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")  #: What rows say, m of each.
-OPTIONAL = ("sigma", "sigma_dot", "K")  #: What rows need not say, (m,) each.
-BOX = ("qdd_min", "qdd_max")  #: Bounds of q̈, (n,) each, likewise.
-#: Distance from an end of a box, as a fraction of the acceleration, that is rounding.
+GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")  #: Required fields of rows, m of each.
+OPTIONAL = ("sigma", "sigma_dot", "K")  #: Optional fields of rows, (m,) each.
+BOX = ("qdd_min", "qdd_max")  #: Optional bounds of q̈, (n,) each.
+#: Tolerance for being at an end of a box, as a fraction of the acceleration.
 AT_END = 1e-9
 
 
 def at_end(qdd: Any, least: Any, greatest: Any) -> Any:
-    """Whether an acceleration is at an end of its box, elementwise."""
+    """True where an acceleration is at an end of its box, elementwise."""
     return (qdd - least <= AT_END * abs(qdd)) | (greatest - qdd <= AT_END * abs(qdd))
 
 
 def in_box(rows: Rows, qdd: Array) -> Array:
-    """What is nearest to q̈ (n,) in the box of the rows, if they have one."""
+    """Clip q̈ (n,) to the box of the rows, if they have one."""
     return np.clip(qdd, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else qdd
 
 
 def keep_box(rows: Rows, command: Command) -> None:
-    """Bring a command into the box of the rows, if they have one, and say which joints are at an
-    end of it.
+    """Clip a command to the box of the rows, if they have one.
+
+    Records the joints at an end of the box.
     """
     if len(rows.qdd_max) and command.status != "failed":
         command.qdd = in_box(rows, command.qdd)

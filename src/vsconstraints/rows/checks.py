@@ -1,6 +1,4 @@
-"""What rows, a task and a command must be for a law to be asked, and for its answer to mean
-anything.
-"""
+"""Checks of the input of a law, rows and task, and of its answer."""
 
 from __future__ import annotations
 
@@ -10,15 +8,15 @@ from ..errors import InvalidInput, shown
 from . import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
 
 ROUNDING = 2.0**-53  #: Largest relative error of one operation in floating point.
-#: How many times its scale φ may be: a law that pushes in proportion has no answer long before.
+#: Largest φ in multiples of its scale. Laws that push in proportion fail long before.
 FARTHEST = 1e30
 
 
 def beyond_rounding(rows: Rows, qdd: Array) -> str:
-    """Say which row cannot be told met from unmet at these accelerations, and how far outside it
-    is; empty if none.
+    """Report rows that cannot be verified at these accelerations; empty if all can.
 
-    Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
+    The rounding error of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, then exceeds u⁺, the largest demand of the
+    row. The message names the rows and their largest φ.
     """
     largest = float(np.abs(qdd).max(initial=0.0))
     size = largest * float(np.linalg.norm(qdd / largest)) if largest > 0.0 else 0.0
@@ -35,8 +33,9 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
 
 
 def check(rows: Rows, task: Task) -> None:
-    """Raise InvalidInput unless shapes agree, all is finite and φ in reach; names the row or entry
-    at fault.
+    """Raise InvalidInput unless shapes agree, all numbers are finite and φ is in range.
+
+    The message names the invalid row or entry.
     """
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")

@@ -1,4 +1,4 @@
-"""Factors on K and u⁺ of a scene's rows, by which whoever designs a law adapts them to it."""
+"""Factors on K and u⁺ of the rows of a scene, set by the designer of a law."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from ..errors import ConfigurationError, shown
 
 @dataclass(frozen=True)
 class RowFactors:
-    """What a law's rows have in place of the scene's K and u⁺, as factors: for all rows, or by kind
-    of constraint.
+    """Factors on K and u⁺ of the scene, for all rows of a law or by kind of constraint.
 
-    σ and the boundaries stay those of the scene, and so do all scores: a larger K makes a row act
-    earlier and more slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have
-    no K; ``speed_gain`` is a further factor on u⁺ of joint speeds. A number is for every kind; of a
-    table, kinds that it does not name have the factor 1. Raises ConfigurationError if a factor is
-    not positive.
+    σ, the boundaries and all scores stay those of the scene. A larger K makes a row act earlier and
+    more slowly, a larger u⁺ more strongly. Rows that are φ itself, such as speeds, have no K;
+    ``speed_gain`` is a further factor on u⁺ of joint speeds. A number is for every kind. In a
+    table, kinds that are not named have the factor 1. Raises ConfigurationError if a factor is not
+    positive.
     """
 
     K: float | Mapping[str, float] = field(default_factory=dict)
@@ -42,17 +41,17 @@ class RowFactors:
                     )
 
     def options(self) -> dict[str, Any]:
-        """Those that are not 1, as files name them."""
+        """Return the factors that are not 1, by their names in files."""
         return {name: value for name, value in vars(self).items() if value not in ({}, 1.0)}
 
     def of(self, kind: str) -> tuple[float, float]:
-        """The factors on K and u⁺ of rows of a kind."""
+        """Return the factors on K and u⁺ of rows of a kind."""
         both = (self.K, self.switching_gain)
         K, gain = (value.get(kind, 1.0) if isinstance(value, Mapping) else value for value in both)
         return K, gain * (self.speed_gain if kind == "speed" else 1.0)
 
     def remark(self, kinds: tuple[str, ...]) -> str:
-        """Which kinds are named of which there is no row; empty if none is."""
+        """Report named kinds that no row has; empty if there is none."""
         tables = [value for value in self.options().values() if isinstance(value, Mapping)]
         absent = dict.fromkeys(kind for table in tables for kind in table if kind not in kinds)
         return (

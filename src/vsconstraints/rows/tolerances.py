@@ -1,27 +1,27 @@
-"""What counts as rounding where rows are met, exceeded, or depend on each other: for every way to
-compute a command.
+"""Tolerances for rounding: when rows are met, violated, or linearly dependent.
+
+All methods of computing a command share them.
 """
 
-#: A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence.
+#: No acceleration can influence a row with ‖L_gφ‖ below this times its scale.
 ZERO_GRADIENT = 1e-12
-#: A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c.
+#: A demand exceeded by less than this fraction of its terms is met: that is rounding of A q̈ − c.
 MET = 1e-12
 #: A least violation below this fraction of the row's terms is rounding: the rows are compatible.
 SIGNIFICANT = 1e-9
-#: Fraction of their terms by which rows are relaxed once the hard ones have been found
-#: incompatible.
+#: Fraction of their terms by which rows are relaxed if the hard rows are incompatible.
 RELAXED = 1e-10
-#: Rows of unit norm count as dependent below this fraction, when violated rows are eliminated.
+#: Threshold for dependence of rows of unit norm, used when violated rows are eliminated.
 DEPENDENT = 1e-9
-#: A row holds the solution if its multiplier exceeds this fraction of the largest one.
+#: A row is active if its multiplier exceeds this fraction of the largest one.
 PULLING = 1e-6
-#: A row exceeded by more than the first as a fraction of its terms, and by more than the second in
-#: x, is not met: the minimiser without rows is too far away for rounding.
+#: A row is not met if it is exceeded by more than the sum of MISSED times its terms and NEGLIGIBLE
+#: in x: the distance to the minimiser without rows is then too large for rounding.
 MISSED = 1e-6
 NEGLIGIBLE = 1e-9
-#: Level 2 is found by itself if the damped residual exceeds this fraction of ‖J‖ times the way from
-#: J†b.
+#: Level 2 is solved alone if the damped residual exceeds this fraction of ‖J‖ times the distance
+#: from J†b.
 STRICT = 1e-6
-#: Relative gain of J below which a task is nearly singular: √damping then limits what level 2 may
-#: ask for.
+#: Relative gain of J below which a task is nearly singular: level 2 then uses only directions
+#: above √damping.
 WELL_CONDITIONED = 1e-3
