@@ -81,7 +81,8 @@ class LinesOfSight:
         leaves = shares.max(axis=0).min(axis=-1)
         near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
         hidden: list[list[tuple[int, str]]] = [[] for _ in t]
-        for n, i in np.argwhere(near.any(axis=1)):  # distances of solids take far longer than boxes
+        # distances of solids take far longer to compute than boxes
+        for n, i in np.argwhere(near.any(axis=1)):
             parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
             hiding = (
                 body.name

@@ -44,7 +44,7 @@ class Trajectory:
     labels: tuple[str, ...]  #: m row labels.
     #: (N, m) true value, even if the controller's differs; so are σ and clearance.
     phi: Array
-    sigma: Array  #: (N, m).
+    sigma: Array  #: (N, m) constraint functions.
     clearance: Array  #: (N, m) in the natural unit of each constraint.
     #: (N, m) rows that constrain the arm: :func:`vsconstraints.compiled.samples.mark_acting`.
     active: BoolArray
@@ -103,8 +103,8 @@ class RunScores:
     sigma_max: Array  #: (m,) largest σ of each row; above zero, its violation depth.
     outside_time_s: Array  #: (m,) total of the sampling periods that begin with σ > 0.
     active_time_s: Array  #: (m,) time during which each row constrained the arm.
-    first_active_s: Array  #: (m,)
-    last_active_s: Array  #: (m,)
+    first_active_s: Array  #: (m,) time at which each row acted first; NaN if never.
+    last_active_s: Array  #: (m,) time at which each row acted last; NaN if never.
     longest_positive_run_s: Array  #: (m,) longest time with φ ≥ 0.
     saturated_time_s: float  #: Time during which the command was at a limit of the actuators.
     share_to_hold: Array  #: (m,) see :class:`Trajectory`.

@@ -29,9 +29,9 @@ OUTER = 0.25  #: Rate κ of the position loop, relative to that of the speed loo
 class Payload:
     """Solid ball at the tip; a point mass if its radius is zero."""
 
-    mass: float  #: [kg].
-    centre: Vector3 = (0.0, 0.0, 0.0)  #: In the tip's frame [m].
-    radius: float = 0.0  #: [m].
+    mass: float  #: Mass [kg].
+    centre: Vector3 = (0.0, 0.0, 0.0)  #: Centre in the tip's frame [m].
+    radius: float = 0.0  #: Radius [m].
 
     def __post_init__(self) -> None:
         demand_sign(self, "plant.payload: ", zero_or_more=("mass", "radius"))
@@ -48,7 +48,7 @@ class Rods:
     """Links as solid cylinders, from each joint to the next and from the last to the tip."""
 
     mass_per_length: float  #: [kg/m].
-    radius: float  #: [m].
+    radius: float  #: Radius [m].
 
     def __post_init__(self) -> None:
         demand_sign(self, "plant.rods: ", positive=("mass_per_length", "radius"))
@@ -145,7 +145,7 @@ class ArmDynamics:
     #: evaluations; torques are held for a substep.
     integrator: Integrator = "verlet"
     rods: Rods | None = None  #: Rods that replace the links of an arm without inertias.
-    gravity: Vector3 = (0.0, 0.0, -9.81)  #: In the base frame [m/s²].
+    gravity: Vector3 = (0.0, 0.0, -9.81)  #: Gravitational acceleration in the base frame [m/s²].
 
     def __post_init__(self) -> None:
         for name, known in (("controller", JointController), ("integrator", Integrator)):
