@@ -234,8 +234,9 @@ def _demand_few(link: str, length: float, spacing: float) -> None:
 class Segment(NamedTuple):
     """Straight part of a link between two joints' origins.
 
-    It leads from start to end (3,) [m], in the axes of its joint. The link is a frame that moves
-    with it. ``shared`` is true if the start is the end of the previous link in every configuration.
+    It leads from start to end (3,) [m], in the axes of its joint. ``link`` is the name of a frame
+    that moves with it. ``shared`` is true if the start is the end of the previous link in every
+    configuration.
     """
 
     link: str

@@ -31,7 +31,7 @@ Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 class BodyDistance(Constraint):
-    """Distance margin − d ≤ 0 for pairs of bodies, one row each.
+    """Constraint margin − d ≤ 0 for pairs of bodies, one row each.
 
     d is the signed distance of a pair as computed by coal. It is negative where the bodies
     penetrate each other: its absolute value is then the length of the shortest way out. The

@@ -31,7 +31,7 @@ class Mesh:
     triangles: IntArray
 
     def moved(self, pose: Pose) -> Mesh:
-        """Return the mesh in the frame in which ``pose``, the pose of its own frame, is given."""
+        """Return the mesh in the frame to which ``pose``, its own pose, refers."""
         return Mesh(pose.act(self.points), self.triangles)
 
 
