@@ -151,7 +151,7 @@ class _Memory(NamedTuple):
 
 
 class ImageSensor(Sensor):
-    """Sensor that renders images, detects tags in them and measures by these.
+    """Sensor that renders images, detects tags in them, and takes its measurements from the tags.
 
     Between usable images, the camera's pose is predicted: it moves on by the motion since the last
     image was taken, according to the controller's kinematics and to the target's motion as far as

@@ -108,10 +108,10 @@ def until_settled(setup: Setup) -> Setup:
     does not settle, it is the same multiple of the time from the beginning of the last goal to the
     end of the duration.
 
-    The setup is returned unchanged, so that a run ends with its duration, in two cases: if the
-    target moves, since a law that follows it is judged at the end of the motion that the scenario
-    states; and if even the baseline is still moving at the end of the duration. Raises as
-    :func:`simulate` does.
+    The setup is returned unchanged, so that a run ends with its duration, in three cases: the
+    target moves, and a law that follows it is judged at the end of the motion that the scenario
+    states; even the baseline is still moving at the end of the duration; or the limit does not
+    exceed the duration. Raises as :func:`simulate` does.
     """
     if setup.scene.motion is not None:
         return setup

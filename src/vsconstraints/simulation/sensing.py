@@ -73,7 +73,7 @@ def believed_scene(scene: Scene, disturbances: Disturbances) -> Scene:
 
 
 def ideal_pixels(camera: Camera, pixels: Array) -> Array:
-    """Return the ideal pixels (..., 2) of sensor pixels, even where the camera refuses to."""
+    """Return ideal pixels (..., 2) of sensor pixels, even where the camera would refuse."""
     if camera.distortion is None:
         return pixels
     return camera.pixels(camera.distortion.remove(camera.normalised(pixels))[0])
