@@ -1,4 +1,4 @@
-"""Constraints: what must hold, as labelled rows φ ≤ 0."""
+"""Constraints as labelled rows φ ≤ 0."""
 
 from .base import Constraint, RowBlock, Trace
 from .bodies import Body, LinkPoints, attached_body, fixed_body, link_bodies, link_points, mesh
@@ -22,10 +22,11 @@ from .regions import (
 )
 
 __all__ = [
-    "Body", "BodyDistance", "Bowl", "Circle", "Collision", "Constraint", "ConstraintSet", "Curve", "FieldOfView",
-    "ForbiddenBox", "ForbiddenCapsule", "ForbiddenCylinder", "ForbiddenHalfSpace", "ForbiddenRegion",
-    "ForbiddenSphere", "Heart", "Hyperellipse", "ImageConstraint", "JointConstraint", "JointRange", "JointSpeed",
-    "LinkPoints", "Manipulability", "Mesh", "Occlusion", "PerformanceFunnel", "PointConstraint", "RowBlock",
-    "SelfCollision", "Shape", "SpeedConstraint", "Trace", "attached_body", "fixed_body", "link_bodies", "link_points",
-    "mesh", "robot_points",
+    "Body", "BodyDistance", "Bowl", "Circle", "Collision", "Constraint", "ConstraintSet", "Curve",
+    "FieldOfView", "ForbiddenBox", "ForbiddenCapsule", "ForbiddenCylinder", "ForbiddenHalfSpace",
+    "ForbiddenRegion", "ForbiddenSphere", "Heart", "Hyperellipse", "ImageConstraint",
+    "JointConstraint", "JointRange", "JointSpeed", "LinkPoints", "Manipulability", "Mesh",
+    "Occlusion", "PerformanceFunnel", "PointConstraint", "RowBlock", "SelfCollision", "Shape",
+    "SpeedConstraint", "Trace", "attached_body", "fixed_body", "link_bodies", "link_points", "mesh",
+    "robot_points",
 ]  # fmt: skip

@@ -1,11 +1,12 @@
-"""What a constraint is, and how its value and gradient become rows.
+"""Base classes of constraints, and the construction of rows from values and gradients.
 
-A constraint gives σ ≤ 0 and ∂σ/∂y in the coordinates y it is about: marker pixels, robot points or
-joints. The chain rule to joint space is in :mod:`vsconstraints.compiled.constraint_rows`, and here
-for own constraints in NumPy:
+A constraint gives σ ≤ 0 and ∂σ/∂y in its coordinates y: marker pixels, robot points or joints. The
+chain rule to joint space is in :mod:`vsconstraints.compiled.constraint_rows`; for custom
+constraints in NumPy it is here:
 
-    φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ),   g = ∂σ/∂y, H =
-    ∂²σ/∂y²
+    φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ)
+
+with g = ∂σ/∂y and H = ∂²σ/∂y².
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ from ..vision.scene import PointMotion, Scene, State
 from .by_formula import ByFormula, Form, curvature_by_differences, demand_own_curvature
 from .meshes import Mesh
 
-#: Methods that follow from a formula; a class that gives one of them may compute anything.
+#: Methods that follow from a formula; a class that overrides one of them may compute anything.
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
 
 
 class RowBlock(NamedTuple):
-    """The rows of one constraint: σ, φ and L_fφ (r,), L_gφ (r, n)."""
+    """Rows of one constraint: σ, φ and L_fφ (r,), L_gφ (r, n)."""
 
     sigma: Array
     phi: Array
@@ -45,9 +46,9 @@ class RowBlock(NamedTuple):
 class Trace:
     """Coordinates at T samples, for scoring.
 
-    Times t (T,) [s], q and q̇ (T, n), markers (T, m, 2) from the image's centre [px], the scene's
-    robot points (T, k, 3) in the base frame [m], (W, H) of the image [px], and the scene, None if
-    nothing is asked that needs it.
+    The fields are times t (T,) [s], q and q̇ (T, n), markers (T, m, 2) from the image's centre
+    [px], robot points of the scene (T, k, 3) in the base frame [m], image size (W, H) [px], and the
+    scene. The scene is None if no clearance needs it.
     """
 
     t: Array
@@ -66,7 +67,8 @@ class Constraint(ABC):
     unit: ClassVar[str]  #: Natural unit of its clearance.
     scale: float = 1.0  #: Size of the allowed range in units of φ: 1 for normalised constraints.
     points: Sequence[RobotPoint] = ()  #: Robot points whose motion the rows need.
-    length: float  #: Of all rows, where :meth:`characteristic_length` says nothing else.
+    #: Characteristic length of all rows, unless :meth:`characteristic_length` is overridden.
+    length: float
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
@@ -92,20 +94,21 @@ class Constraint(ABC):
 
     @abstractmethod
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """Names of the rows, in their order."""
+        """Return the labels of the rows, in their order."""
 
     def units(self, scene: Scene) -> tuple[str, ...]:
-        """Natural unit of each row's clearance; :attr:`unit` for all unless rows differ."""
+        """Return the natural unit of each row's clearance: :attr:`unit`, unless rows differ."""
         return (self.unit,) * len(self.labels(scene))
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """The rows now, where there is no compiled form; ``points``: where its robot points stand
-        among the scene's.
+        """Return the current rows of a constraint without compiled form.
+
+        ``points`` is the range of the constraint's robot points among those of the scene.
         """
         raise NotImplementedError(f"{self.kind} needs rows, or a compiled form")
 
     def scaled(self, K: float, switching_gain: float) -> Self:
-        """The same with these factors on K and u⁺."""
+        """Return a copy with these factors on K and u⁺."""
         other = copy(self)
         other.K = self.K * K
         other.switching_gain = self.switching_gain * switching_gain
@@ -113,37 +116,44 @@ class Constraint(ABC):
 
     @abstractmethod
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """(T, r) signed distance to each row's boundary in the natural unit; positive where
-        allowed.
+        """Return the clearance (T, r): the signed distance to each row's boundary.
+
+        It is given in the natural unit and positive where the row is satisfied.
         """
 
     def characteristic_length(self, scene: Scene) -> Array:
-        """(r,) L by which usage is 1 − clearance/L: half an allowed range, an obstacle's radius;
-        ``length`` for all.
+        """Return the characteristic length L (r,) of each row, by which usage is 1 − clearance/L.
+
+        It is half of an allowed range, or the radius of an obstacle; by default ``length`` for all
+        rows.
         """
         return np.full(len(self.labels(scene)), self.length)
 
     def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
-        """Why a run cannot start with σ (r,) of rows of these labels; empty if it can, as outside
-        most constraints.
+        """Return the reason why a run cannot start with σ (r,) of rows with these labels.
+
+        It is empty if the run can start, which most constraints permit even if they are violated.
         """
         return ""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """What the compiled step needs to make the rows itself; None if :meth:`rows` makes them in
-        NumPy.
+        """Return the description from which the compiled step computes the rows.
+
+        It is None if :meth:`rows` computes them in NumPy.
         """
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
-        """What it forbids at ``t`` [s], in the base frame; of what is unbounded a part of half side
-        ``reach`` [m].
+        """Return meshes of the forbidden region at ``t`` [s], in the base frame.
+
+        For an unbounded region it is a part with half side ``reach`` [m].
         """
         return []
 
     def says(self, word: str, methods: Sequence[str]) -> bool:
-        """Whether an attribute speaks for all of these methods: no class that gives one derives
-        from who says it.
+        """True if no class overrides these methods below the class that sets ``word``.
+
+        Such an attribute describes all of these methods.
         """
         for c in type(self).__mro__:
             if word in vars(c):
@@ -153,28 +163,29 @@ class Constraint(ABC):
         return False
 
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
-        """(r,) how far outside sampling with ``Ts`` [s] puts each row, in its natural unit;
-        nothing, to first order.
+        """Return the violation depth (r,) caused by sampling with ``Ts`` [s], in each row's unit.
+
+        It is zero to first order, unless a subclass overrides it.
         """
         return np.zeros(len(self.labels(scene)))
 
     def block(self, sigma: Array, sigma_dot: Array, gradient: Array, drift: Array) -> RowBlock:
-        """Rows from σ, σ̇, ∂σ/∂q (r, n), and σ̈ when q̈ = 0 (eqs. 17 to 19)."""
+        """Return rows from σ, σ̇, ∂σ/∂q (r, n), and σ̈ for q̈ = 0 (eqs. 17 to 19)."""
         return RowBlock(
             sigma, sigma + self.K * sigma_dot, self.K * gradient, sigma_dot + self.K * drift
         )
 
 
 class PositionConstraint(ByFormula, Constraint):
-    """σ as a function of coordinates y: what own constraints derive from, through a subclass.
+    """Base class of constraints with σ as a function of coordinates y.
 
-    A formula says all about it, for arrays and for the compiled step: see :class:`.ByFormula`. A
-    subclass that gives :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows
-    are made in NumPy.
+    Custom constraints derive from it through a subclass. A formula defines everything, for arrays
+    and for the compiled step: see :class:`.ByFormula`. A subclass that defines :meth:`sigma` and
+    :meth:`gradient` instead may compute anything; its rows are computed in NumPy.
     """
 
     margin: float = 0.0  #: σ is the formula's value plus this.
-    motion: Motion | None = None  #: How what it forbids moves; None if it stands still.
+    motion: Motion | None = None  #: Motion of the forbidden region; None if it stands still.
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
@@ -189,8 +200,9 @@ class PositionConstraint(ByFormula, Constraint):
         demand_own_curvature(type(self))
 
     def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:
-        """The compiled form of rows of that kind for these markers or points, if the formula says
-        all.
+        """Return the compiled form of rows of the kind ``rows`` for these markers or points.
+
+        It is None unless the formula defines everything.
         """
         if self.formula is None or not self.says("formula", FOLLOWING):
             return None
@@ -198,11 +210,11 @@ class PositionConstraint(ByFormula, Constraint):
         return Form(rows, formulas, self.parameters, which, self.frame, self.margin, self.motion)
 
     def moving(self, motion: Motion) -> Self:
-        """The same constraint, with what it forbids displaced by d(t): σ(y − d(t)).
+        """Return this constraint after displacing the forbidden region by d(t): σ(y − d(t)).
 
-        φ = σ + K σ̇ and L_fφ then contain ∂σ/∂t = −g·ḋ and what follows from it, if the motion is
-        known; otherwise only σ knows where the thing is. Raises InvalidInput if the motion has not
-        as many coordinates as y.
+        φ = σ + K σ̇ and L_fφ then contain ∂σ/∂t = −g·ḋ and its consequences if the motion is known.
+        Otherwise only σ depends on the current position of the region. Raises InvalidInput if the
+        motion does not have as many coordinates as y.
         """
         if motion.size != self.coordinates:
             raise InvalidInput(
@@ -212,8 +224,9 @@ class PositionConstraint(ByFormula, Constraint):
         return self
 
     def relative(self, motion: PointMotion, state: State) -> PointMotion:
-        """Motion of coordinates y (r, d) relative to what is forbidden, as far as a controller
-        knows it.
+        """Return the motion of coordinates y (r, d) relative to the forbidden region.
+
+        It contains the region's motion as far as the controller knows it.
         """
         if self.motion is None:
             return motion
@@ -226,23 +239,25 @@ class PositionConstraint(ByFormula, Constraint):
         )
 
     def displaced(self, y: Array, t: Array) -> Array:
-        """Coordinates y (T, r, d) at times t (T,), relative to what is forbidden."""
+        """Return coordinates y (T, r, d) at times t (T,), relative to the forbidden region."""
         return y if self.motion is None else y - self.motion.displacement(t)[:, None, :]
 
     def sigma(self, y: Array) -> Array:
-        """(...) σ at coordinates y (..., d): positive where forbidden."""
+        """Return σ (...) at coordinates y (..., d): positive where forbidden."""
         return self.value(y) + self.margin
 
     def curvature(self, y: Array, velocity: Array) -> Array:
-        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless something
-        better is known.
+        """Return ẏᵀ H ẏ (...).
+
+        By default it is computed by central differences of the gradient along the velocity, unless
+        a formula gives the gradient.
         """
         if self.formula is not None and self.says("formula", ("gradient",)):
             return super().curvature(y, velocity)
         return curvature_by_differences(self.gradient, y, velocity)
 
     def chain_rule(self, motion: PointMotion) -> RowBlock:
-        """Rows from the motion of the coordinates y (r, d) relative to what is forbidden."""
+        """Return rows from the motion of coordinates y (r, d) relative to the forbidden region."""
         y = motion.position
         gradient = self.gradient(motion.position)
         along = (gradient[:, None, :] @ motion.J)[:, 0, :]
@@ -251,16 +266,18 @@ class PositionConstraint(ByFormula, Constraint):
 
 
 def to_first_order(value: Array, gradient: Array) -> Array:
-    """(...) clearance −σ / ‖∂σ/∂y‖ where σ is 0 at the boundary: exact where σ is linear or a
-    signed distance.
+    """Return the clearance −σ / ‖∂σ/∂y‖ (...), for a σ that is 0 at the boundary.
+
+    It is exact where σ is linear or a signed distance, and of first order elsewhere.
     """
     clearance: Array = -value / np.sqrt((gradient * gradient).sum(axis=-1))
     return clearance
 
 
 def demand_margin(margin: float, kind: str) -> float:
-    """The margin; raises ConfigurationError that names ``kind`` unless it is zero or more
-    metres.
+    """Return the margin; raise ConfigurationError unless it is zero or more metres.
+
+    The message names ``kind``.
     """
     if not (np.isfinite(margin) and margin >= 0.0):
         raise ConfigurationError(f"margin of {kind} must be zero or more metres, not {margin}")
@@ -268,15 +285,16 @@ def demand_margin(margin: float, kind: str) -> float:
 
 
 def demand_positive(value: object, what: str) -> float:
-    """The value as a float; raises InvalidInput unless it is a positive finite number."""
+    """Return the value as a float; raise InvalidInput unless it is a positive finite number."""
     if not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
         raise InvalidInput(f"{what} must be a positive number, not {shown(value)}")
     return float(value)
 
 
 def demand_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:
-    """The numbers, if they count from 1 without repetition; else raises ConfigurationError that
-    names ``what``.
+    """Return the numbers; raise ConfigurationError unless they count from 1 without repetition.
+
+    The message names ``what``.
     """
     given: list[object] = list(numbers)
     counted = [int(i) for i in given if isinstance(i, Integral) and int(i) >= 1]

@@ -1,7 +1,6 @@
-"""A robot's links as solid bodies, which collision constraints measure between, and as
-characteristic points.
+"""Links of a robot as solid bodies, for collision constraints, and as characteristic points.
 
-Points are finitely many that stand for the links' whole surface (section 4.3.6).
+Finitely many characteristic points represent the whole surface of the links (section 4.3.6).
 """
 
 from __future__ import annotations
@@ -29,20 +28,20 @@ from .base import demand_positive
 from .by_formula import Keyed
 from .meshes import convex, surface
 
-#: Points along a link: each is a row, and covering its surface takes the square of their number.
+#: Maximum number of points along a link: each is a row, and the number of patches that cover a
+#: link's surface grows with its square.
 MAX_POINTS = 60
-FIXED = 1e-9  #: A point that no joint moves faster than this [m per rad or m] does not move.
-#: By link: points (k, 3) in its frame, and how far its surface is from them [m].
+FIXED = 1e-9  #: A point that no joint moves faster than this counts as fixed [m per rad or m].
+#: Points (k, 3) of each link in its frame, and the distance of its surface from them [m].
 Points = dict[str, tuple[Array, float]]
 
 
 @dataclass(frozen=True)
 class Body:
-    """Convex solids that move together, each with its placement in the frame of the joint that
-    moves them.
+    """Convex solids that move together, each with its placement in the frame of their joint.
 
-    The name is used in labels; the joint is an index of the robot's model, 0 if the body stands
-    still in the base.
+    The name is used in labels. The joint is an index of the robot's model, 0 for a body that is
+    fixed to the base.
     """
 
     name: str
@@ -51,26 +50,26 @@ class Body:
 
 
 def fixed_body(name: str, solid: coal.CollisionGeometry, pose: Pose) -> Body:
-    """A solid that stands still at a pose in the base frame."""
+    """Return a solid that stands still at a pose in the base frame."""
     return Body(name, 0, ((pin.SE3(pose.R, pose.t), convex(solid, name)),))
 
 
 def attached_body(
     robot: Robot, link: str, solid: coal.CollisionGeometry, pose: Pose, name: str = ""
 ) -> Body:
-    """A solid fixed to a link, at a pose in that link's frame: a camera, a gripper."""
+    """Return a solid fixed to a link, at a pose in that link's frame: a camera, a gripper."""
     frame = robot.model.frames[robot.frame_id(link)]
     placement = frame.placement * pin.SE3(pose.R, pose.t)
     return Body(name or link, int(frame.parentJoint), ((placement, convex(solid, name or link)),))
 
 
 def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, ...]:
-    """One body for each link, from base to tip.
+    """Return one body for each link, from base to tip.
 
-    Without ``link_radius`` from the URDF's collision geometry, made convex (see :func:`convex`).
-    With it capsules of that radius [m] around the straight lines between the joints' origins.
-    Raises ConfigurationError if there is no collision geometry and no radius, or a mesh cannot be
-    read.
+    Without ``link_radius``, the bodies are the URDF's collision geometry, made convex (see
+    :func:`convex`). With it, they are capsules of that radius [m] around the straight lines between
+    the joints' origins. Raises ConfigurationError if there is neither collision geometry nor a
+    radius, or if a mesh cannot be read.
     """
     if link_radius is None:
         return _hulls(Keyed(_made_of(robot), robot))
@@ -89,9 +88,7 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
 
 
 def _made_of(robot: Robot) -> tuple[object, ...]:
-    """What a URDF arm's links depend on: its files with their dates, and the joints that are
-    locked.
-    """
+    """Return the inputs that determine a URDF arm's links: files with dates, and locked joints."""
     source = robot.source
     if source is None:
         return ()
@@ -101,7 +98,7 @@ def _made_of(robot: Robot) -> tuple[object, ...]:
             *_meshes(source.path, source.package_dirs, source.path.stat().st_mtime_ns),
         )
         files = tuple((path, path.stat().st_mtime_ns) for path in paths)
-    except OSError:  # gone, which is said where it is read
+    except OSError:  # a missing file is reported where it is read
         files = ()
     return files, source.package_dirs, robot.joint_names, tuple(source.positions.tolist())
 
@@ -113,8 +110,9 @@ def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, .
 
 @lru_cache(maxsize=16)
 def _hulls(links: Keyed) -> tuple[Body, ...]:
-    """The collision geometry of links, made convex: read once, since reading takes as long as a
-    run.
+    """Return the convex collision geometry of links.
+
+    It is cached, because reading it takes as long as a run.
     """
     robot: Robot = links.of
     parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
@@ -126,10 +124,10 @@ def _hulls(links: Keyed) -> tuple[Body, ...]:
 
 
 def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
-    """The convex hull of a mesh file, whose coordinates times ``scale`` are metres.
+    """Return the convex hull of a mesh file, whose coordinates times ``scale`` are metres.
 
-    A COLLADA file that states its unit of length is converted to metres before it is scaled. Raises
-    ConfigurationError that names a file it cannot read.
+    A COLLADA file that specifies its unit of length is converted to metres before it is scaled.
+    Raises ConfigurationError if the file cannot be read; the message names it.
     """
     if not Path(file).is_file():
         raise ConfigurationError(f"no mesh file at {str(file)!r}")
@@ -142,8 +140,9 @@ def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGe
 
 
 def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
-    """Pairs of links that an SRDF file says need no check; raises ConfigurationError if it cannot
-    be read.
+    """Return the pairs of links that an SRDF file exempts from collision checks.
+
+    Raises ConfigurationError if it cannot be read.
     """
     try:
         root = ElementTree.fromstring(read_regular(srdf))
@@ -156,8 +155,8 @@ def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
 class LinkPoints(NamedTuple):
     """Characteristic points of a robot's links, link by link.
 
-    No point of a link's surface is farther than the enlargement [m] from the nearest one, except
-    around points that were left out because nothing moves them.
+    Every point of a link's surface lies within the enlargement [m] of a characteristic point.
+    Surface around points that were omitted because no joint moves them is an exception.
     """
 
     points: tuple[RobotPoint, ...]
@@ -171,17 +170,18 @@ def link_points(
     link_radius: float | None = None,
     links: Sequence[str] | None = None,
 ) -> LinkPoints:
-    """Characteristic points along a robot's links, and by how much obstacles must be enlarged for
-    them.
+    """Return characteristic points along a robot's links, with the enlargement of obstacles.
 
-    Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across
+    Obstacles must be enlarged because points stand for the whole surface of a link.
+
+    Without ``link_radius``, the links are the URDF's collision geometry. Each link is cut across
     its longest direction into slices as thick as the ``spacing`` [m], with a point in the middle of
-    each. With it they are capsules of that radius [m] around the straight lines between the joints'
-    origins (and the tip's), with points along these lines; what slides out of a prismatic joint is
-    not covered. Links and points that no joint moves are left out. ``links`` are the names of those
-    concerned, all if not given.
+    each. With ``link_radius``, the links are capsules of that radius [m] around the straight lines
+    between the joints' origins (and the tip's), with points along these lines; the part that slides
+    out of a prismatic joint is not covered. Links and points that no joint moves are omitted.
+    ``links`` are the names of the links concerned, all if None.
 
-    Raises ConfigurationError if there is no collision geometry and no radius, a mesh cannot be
+    Raises ConfigurationError if there is neither collision geometry nor a radius, a mesh cannot be
     read, no point of a link moves, or a link would have more than :data:`MAX_POINTS` points.
     """
     demand_positive(spacing, "spacing of points along the links")
@@ -232,11 +232,11 @@ def _demand_few(link: str, length: float, spacing: float) -> None:
 
 
 class Segment(NamedTuple):
-    """The straight part of a link between two joints' origins, from start to end (3,) [m] in the
-    axes of its joint.
+    """Straight part of a link between two joints' origins.
 
-    The link is a frame that moves with it; ``shared`` is whether the start is also the end of the
-    link before, in every configuration.
+    It leads from start to end (3,) [m], in the axes of its joint. ``link`` is the name of a frame
+    that moves with it. ``shared`` is true if the start is the end of the previous link in every
+    configuration.
     """
 
     link: str
@@ -247,12 +247,15 @@ class Segment(NamedTuple):
 
     @property
     def length(self) -> float:
-        """[m]."""
+        """Length [m]."""
         return float(np.linalg.norm(self.end - self.start))
 
 
 def segments(robot: Robot) -> Iterator[Segment]:
-    """The straight lines between joints' origins, from base to tip; the last ends at the tip."""
+    """Yield the straight lines between joints' origins, from base to tip.
+
+    The last one ends at the tip.
+    """
     model = robot.model
     tip = model.frames[robot.frame_id("tip")]
     for joint in range(1, model.njoints):
@@ -276,8 +279,8 @@ def _along_segments(
     robot: Robot, spacing: float, radius: float, links: Sequence[str] | None
 ) -> Points:
     along: Points = {}
-    # whether the last point of a wanted link is also the first of the next one, and so needs no
-    # second point
+    # true if the last point of a selected link is also the first of the next one, which then needs
+    # no second point there
     covered = False
     for segment in segments(robot):
         covered = covered and segment.shared
@@ -313,7 +316,8 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
     along: Points = {}
     for link, own in patches.items():
-        # the fewest slices whose middles all move, since a wrist's may stand where its axes meet
+        # the fewest slices whose middles all move: a wrist's middle may stand still where its axes
+        # meet
         options = (_slices(own, spacing, more) for more in range(3))
         moving = (
             each
@@ -325,10 +329,10 @@ def _along_geometry(robot: Robot, spacing: float) -> Points:
 
 
 def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tuple[Array, float]:
-    """Points (k, 3) in the middle of slices across the longest direction, and how far the surface
-    is from them.
+    """Return points (k, 3) in the middle of slices across the longest direction, and their reach.
 
-    ``more`` is by how many there are more slices than the spacing asks for.
+    The reach is the distance of the surface from the points. ``more`` is the number of slices
+    beyond those that the spacing requires.
     """
     vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
     middle = vertices.mean(axis=0)
@@ -344,7 +348,7 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     points: Array = (
         np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
     )
-    # the distance to one point is convex: on a patch it is greatest at a corner
+    # the distance to one point is convex: on a patch it is largest at a corner
     reach = max(
         float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max())
         + slack

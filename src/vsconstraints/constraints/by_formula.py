@@ -1,6 +1,4 @@
-"""Elementwise formulas in frames of their own: for arrays of coordinates, and for the compiled
-step.
-"""
+"""Elementwise formulas in local frames, for arrays of coordinates and for the compiled step."""
 
 from __future__ import annotations
 
@@ -32,13 +30,12 @@ IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
 
 
 class Form(NamedTuple):
-    """What the compiled step needs to know of a constraint: rows of
-    :mod:`vsconstraints.compiled.constraint_rows`.
+    """Description of a constraint from which the compiled step computes its rows.
 
-    ``which`` (r,) are the numbers of the markers or of the scene's robot points, counted from 0;
-    ``gradients`` (r, n) and ``offsets`` (r,) those of linear rows; ``middles`` (r,) are the middles
-    of the ranges of joints that turn without end, NaN for other rows; the others see
-    :class:`ByFormula`.
+    The rows are those of :mod:`vsconstraints.compiled.constraint_rows`. ``which`` (r,) are the
+    numbers of the markers or of the scene's robot points, counted from 0. ``gradients`` (r, n) and
+    ``offsets`` (r,) are those of linear rows. ``middles`` (r,) are the middles of the ranges of
+    continuous joints, NaN for other rows. For the other fields see :class:`ByFormula`.
     """
 
     rows: str
@@ -55,40 +52,36 @@ class Form(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Keyed:
-    """Something that is equal to another one of the same key: what cached functions are called
-    with.
-    """
+    """Object that is compared by its key, as an argument of cached functions."""
 
     key: tuple[Any, ...]
     of: Any = field(compare=False)
 
 
 class ByFormula:
-    """A function of d coordinates y by an elementwise formula: see
-    :mod:`vsconstraints.formulas`.
-    """
+    """Function of d coordinates y by an elementwise formula: see :mod:`vsconstraints.formulas`."""
 
     coordinates: int  #: d: 2 in the image, 3 in space.
-    #: Value and its d derivatives, from d coordinates and the parameters.
+    #: Value and its d derivatives, as a function of d coordinates and the parameters.
     formula: Formula | None = None
-    #: ẏᵀ H ẏ, from the same and d velocities; by differences if None.
+    #: ẏᵀ H ẏ, as a function of the same and d velocities; by differences if None.
     curvature_formula: Formula | None = None
     parameters: tuple[float, ...] = ()
-    frame: Frame | None = None  #: In which the formula is written; None if that is the one of y.
+    frame: Frame | None = None  #: Frame of the formula; None if it is the frame of y.
 
     def value(self, y: Array) -> Array:
-        """(...) value at y (..., d)."""
+        """Return the value (...) at y (..., d)."""
         return np.broadcast_to(self.evaluated(*np.moveaxis(y, -1, 0))[0], y.shape[:-1])
 
     def gradient(self, y: Array) -> Array:
-        """(..., d) ∂value/∂y at y (..., d)."""
+        """Return ∂value/∂y (..., d) at y (..., d)."""
         slope = self.evaluated(*np.moveaxis(y, -1, 0))[1:]
         if self.frame is not None:
             slope = IN_FRAME[self.coordinates][0](self.frame[0], slope)
         return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
 
     def curvature(self, y: Array, velocity: Array) -> Array:
-        """(...) ẏᵀ H ẏ at y (..., d) with velocities (..., d)."""
+        """Return ẏᵀ H ẏ (...) at y (..., d) with velocities (..., d)."""
         x = self._local(tuple(np.moveaxis(y, -1, 0)))
         v = self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
         if self.curvature_formula is None:
@@ -98,8 +91,9 @@ class ByFormula:
         return np.broadcast_to(bent, y.shape[:-1])
 
     def evaluated(self, *y: Array) -> tuple[Any, ...]:
-        """Value and derivatives along the axes of the frame, at d coordinates of shapes that go
-        together.
+        """Return value and derivatives along the axes of the frame.
+
+        The d coordinates have shapes that can be broadcast together.
         """
         assert self.formula is not None
         values: tuple[Any, ...] = self.formula(*self._local(y), *self.parameters)
@@ -117,9 +111,7 @@ class ByFormula:
 
 
 def demand_own_curvature(kind: type) -> None:
-    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's
-    curvature.
-    """
+    """Raise ConfigurationError if a class has a formula but inherits another one's curvature."""
     own, inherited = (
         next((c for c in kind.__mro__ if name in vars(c)), object)
         for name in ("formula", "curvature_formula")
@@ -139,9 +131,7 @@ def demand_own_curvature(kind: type) -> None:
 def curvature_by_differences(
     gradient: Callable[[Array], Array], y: Array, velocity: Array
 ) -> Array:
-    """(...) ẏᵀ H ẏ where only a gradient (..., d) is known, as a function of coordinates y (...,
-    d).
-    """
+    """Return ẏᵀ H ẏ (...) if only a gradient (..., d) is known, as a function of y (..., d)."""
 
     def function(*x: Array) -> tuple[Array, ...]:
         return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
@@ -155,8 +145,9 @@ def curvature_by_differences(
 def differences_along(
     gradient: Callable[[Array], Array], q: Array, qd: Array, length: float
 ) -> Array:
-    """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of a gradient (r, n), that far along q̇ (n,)
-    [rad or m].
+    """Return q̇ᵀ (∂²σ/∂q²) q̇ (r,) by central differences of a gradient (r, n).
+
+    ``length`` is the step along q̇ (n,) [rad or m].
     """
     step = length / max(float(np.sqrt(qd @ qd)), TINY)
     change: Array = (gradient(q + step * qd) - gradient(q - step * qd)) @ qd / (2.0 * step)

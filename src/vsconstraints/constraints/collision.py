@@ -1,5 +1,6 @@
-"""A robot's bodies keep clear of an obstacle and of each other: section 4.3.6 without
-characteristic points.
+"""Distances of a robot's bodies to an obstacle and to each other, without characteristic points.
+
+See section 4.3.6.
 """
 
 from __future__ import annotations
@@ -22,25 +23,26 @@ from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
 from .meshes import Mesh, mesh_of
 
-#: Of coal's iterations [m]; a looser one is tried where they fail with a tighter one.
+#: Tolerances of coal's iterations [m]; a looser one is used if they fail with a tighter one.
 TOLERANCES = (1e-9, 1e-6, 1e-4)
-STEP = 3e-5  #: How far q moves along q̇ for the differences of a gradient [rad or m].
+STEP = 3e-5  #: Step of q along q̇ for the differences of a gradient [rad or m].
 
 Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 class BodyDistance(Constraint):
-    """Margin − d ≤ 0 for pairs of bodies, one row each, with d the signed distance of a pair as
-    coal computes it.
+    """Constraint margin − d ≤ 0 for pairs of bodies, one row each.
 
-    d is negative where they penetrate: the shortest way out. Its gradient follows from the points
-    where they are nearest, p_a and p_b, and the direction n from the first to the second body:
-    ∂d/∂q = nᵀ (J_b − J_a). Where the nearest points are not unique d has kinks, and the gradient is
-    that of one side. The curvature is taken from differences of the gradient along q̇, and so is
-    smeared over a kink.
+    d is the signed distance of a pair as computed by coal. It is negative where the bodies
+    penetrate each other: its absolute value is then the length of the shortest way out. The
+    gradient follows from the nearest points p_a and p_b and the direction n from the first to the
+    second body: ∂d/∂q = nᵀ (J_b − J_a). Where the nearest points are not unique, d has kinks, and
+    the gradient is that of one side. The curvature is computed by differences of the gradient along
+    q̇, and is thus smoothed at a kink.
 
-    ``pairs`` are the first and second body of each row; ``margin`` and the characteristic
-    ``length`` are in metres, K is the approach time constant [s] and ``switching_gain`` u⁺ [m/s].
+    ``pairs`` are the first and second body of each row. ``margin`` and the characteristic
+    ``length`` are in metres, K is the approach time constant [s] and ``switching_gain`` is u⁺
+    [m/s].
     """
 
     unit = "m"
@@ -62,9 +64,9 @@ class BodyDistance(Constraint):
         self.margin = demand_margin(margin, self.kind)
         self._model = robot.model
         self._data = robot.model.createData()
-        # bodies without repetition, by identity since solids of coal cannot be compared
+        # unique bodies, compared by identity because solids of coal cannot be compared
         self._bodies = {id(body): body for pair in self.pairs for body in pair}
-        # joint j moves a body if the body's own joint comes after it
+        # joint j moves a body if the body's joint comes after it
         moves = [[np.arange(robot.n) < body.joint for body in pair] for pair in self.pairs]
         self._motion = np.array([second * 1.0 - first * 1.0 for first, second in moves])
         self._requests = []
@@ -76,27 +78,28 @@ class BodyDistance(Constraint):
 
     @abstractmethod
     def pair_label(self, first: Body, second: Body) -> str:
-        """Label of the row for a pair."""
+        """Return the label of the row for a pair."""
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """One row per pair."""
+        """Return the labels, one per pair."""
         return tuple(self.pair_label(first, second) for first, second in self.pairs)
 
     def distances(self, q: Array) -> Array:
-        """(r,) signed distances [m] at q (n,)."""
+        """Return the signed distances (r,) [m] at q (n,)."""
         return self._measure(q)[0]
 
     def gradient(self, q: Array) -> Array:
-        """(r, n) ∂σ/∂q = −∂d/∂q at q (n,)."""
+        """Return ∂σ/∂q = −∂d/∂q (r, n) at q (n,)."""
         return self._measure(q)[1]
 
     def curvature(self, q: Array, qd: Array) -> Array:
-        """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of the gradient along q̇."""
+        """Return q̇ᵀ (∂²σ/∂q²) q̇ (r,) by central differences of the gradient along q̇."""
         return differences_along(self.gradient, q, qd, STEP)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Rows from the distances and their gradients; raises SceneError if coal finds no distance
-        of two bodies.
+        """Return rows from the distances and their gradients.
+
+        Raises SceneError if coal finds no distance of two bodies.
         """
         q = state.robot.q
         qd = state.robot.qd
@@ -104,7 +107,7 @@ class BodyDistance(Constraint):
         return self.block(self.margin - distance, g @ qd, g, self.curvature(q, qd))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """Distance less the margin."""
+        """Return the distances minus the margin [m]."""
         return (
             np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs))
             - self.margin
@@ -137,26 +140,26 @@ class BodyDistance(Constraint):
         return distances, -(wrenches @ J) * self._motion
 
     def _nearest(self, a: Placed, b: Placed, row: int) -> tuple[float, Array, Array]:
-        """Signed distance, direction from a to b, and the point of a nearest to b."""
+        """Return signed distance, direction from a to b, and the point of a nearest to b."""
         for request in self._requests:
             result = coal.DistanceResult()
             distance = float(coal.distance(a[0], a[1], b[0], b[1], request, result))
             p = np.array(result.getNearestPoint1())
             n = np.array(result.normal)
-            # a failed iteration gives the greatest double, or not a number
+            # a failed iteration yields the largest double, or NaN
             if abs(distance) < 1e6 and np.isfinite(p).all() and np.isfinite(n).all():
-                # around one centre every direction leads out
+                # if the centres coincide, every direction leads out
                 return distance, n if n @ n > 0.5 else np.array([0.0, 0.0, 1.0]), p
         raise SceneError(f"coal finds no distance for {self.pair_label(*self.pairs[row])}")
 
 
 class Collision(BodyDistance):
-    """Bodies of the robot keep clear of an obstacle; bodies are those of the URDF, capsules, or
-    given ones.
+    """Collision avoidance between bodies of the robot and an obstacle.
 
-    ``bodies`` are the robot's, for example ``link_bodies(robot)``, of which those that no joint
-    moves are left out, the obstacle one like ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``;
-    ``links`` names the bodies concerned, all if not given. The rest is as of :class:`BodyDistance`.
+    Bodies are those of the URDF, capsules, or given ones. ``bodies`` are those of the robot, for
+    example ``link_bodies(robot)``; those that no joint moves are omitted. The obstacle is a body
+    such as ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``. ``links`` are the names of the
+    bodies concerned, all if None. The other arguments are those of :class:`BodyDistance`.
     """
 
     kind = "collision"
@@ -189,7 +192,7 @@ class Collision(BodyDistance):
         )
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
-        """Those of the obstacle's solids."""
+        """Return the meshes of the obstacle's solids."""
         parts = [(at, mesh_of(solid, reach)) for at, solid in self.pairs[0][1].parts]
         return [
             mesh.moved(Pose(np.array(at.rotation), np.array(at.translation)))
@@ -198,7 +201,7 @@ class Collision(BodyDistance):
         ]
 
     def pair_label(self, first: Body, second: Body) -> str:
-        """For example ``collision[table, forearm_link]``."""
+        """Return a label such as ``collision[table, forearm_link]``."""
         return (
             f"{self.kind}[{second.name}, {first.name}]"
             if second.name
@@ -207,12 +210,12 @@ class Collision(BodyDistance):
 
 
 class SelfCollision(BodyDistance):
-    """Bodies of the robot keep clear of each other; bodies are those of the URDF, capsules, or
-    given ones.
+    """Collision avoidance between bodies of the robot.
 
-    ``pairs`` names the bodies of each pair. If not given, they are all pairs except those of one
-    joint or of neighbouring ones, which always touch, and those that the SRDF file disables. The
-    rest is as of :class:`BodyDistance`.
+    Bodies are those of the URDF, capsules, or given ones. ``pairs`` are the names of the bodies of
+    each pair. If None, they are all pairs except those of one joint or of neighbouring joints,
+    which always touch, and those that the SRDF file disables. The other arguments are those of
+    :class:`BodyDistance`.
     """
 
     kind = "self-collision"
@@ -258,7 +261,7 @@ class SelfCollision(BodyDistance):
         )
 
     def pair_label(self, first: Body, second: Body) -> str:
-        """For example ``self-collision[forearm_link, base_link]``."""
+        """Return a label such as ``self-collision[forearm_link, base_link]``."""
         return f"{self.kind}[{first.name}, {second.name}]"
 
 

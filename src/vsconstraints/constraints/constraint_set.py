@@ -18,17 +18,18 @@ from .joint_limits import SpeedConstraint
 
 
 def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
-    """The robot points that these constraints need, one constraint after the other."""
+    """Return the robot points that these constraints need, one constraint after the other."""
     return tuple(point for constraint in constraints for point in constraint.points)
 
 
 class ConstraintSet:
-    """Evaluates constraints together; what does not change from step to step is prepared once.
+    """Constraints that are evaluated together, with their constant parts prepared once.
 
-    Of each of the m rows it has unique ``labels``, ``kinds``, the natural ``units`` of clearances,
-    ``switching_gain``, ``scale``, ``K``, ``approach_time`` (K [s], 0 where φ is not σ + K σ̇) and
-    ``characteristic_length`` in its unit. Raises ConfigurationError if two rows have the same
-    label, or the scene was not built with these constraints' robot points.
+    Each of the m rows has a unique label (``labels``), a kind (``kinds``), the natural unit of its
+    clearance (``units``), ``switching_gain``, ``scale``, ``K``, ``approach_time`` (K [s], or 0 if φ
+    is not σ + K σ̇) and ``characteristic_length`` in its unit. Raises ConfigurationError if two
+    rows have the same label, or if the scene was not built with the robot points of these
+    constraints.
     """
 
     def __init__(self, constraints: Sequence[Constraint], scene: Scene) -> None:
@@ -57,8 +58,8 @@ class ConstraintSet:
         directly = np.repeat(
             [isinstance(c, SpeedConstraint) for c in self.constraints], counts
         ).astype(np.bool_)
-        # shared by the rows of every step, and with what is scored: no controller may change them,
-        # nor allow itself to
+        # shared by the rows of every step and by the scores: no controller may change them or make
+        # them writable
         self.approach_time = _unchangeable(np.where(directly, 0.0, self.K))
         self.switching_gain, self.scale = (
             _unchangeable(
@@ -75,8 +76,9 @@ class ConstraintSet:
         return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
 
     def scaled(self, factors: RowFactors) -> ConstraintSet:
-        """The same with a law's factors on K and u⁺; ConfigurationError if a constraint cannot have
-        them.
+        """Return the set with a law's factors on K and u⁺.
+
+        Raises ConfigurationError if a constraint does not allow them.
         """
         if not factors.options():
             return self
@@ -85,7 +87,7 @@ class ConstraintSet:
         )
 
     def has_unknown_motion(self, scene: Scene) -> bool:
-        """Whether a scene's target or something forbidden moves without controllers' being told."""
+        """True if the target or a forbidden region moves in a way unknown to controllers."""
         motions = [
             scene.motion,
             *(getattr(constraint, "motion", None) for constraint in self.constraints),
@@ -93,23 +95,23 @@ class ConstraintSet:
         return any(motion is not None and not motion.known for motion in motions)
 
     def blocks(self) -> list[tuple[Constraint, int, slice]]:
-        """Every constraint, how many rows it has, and where its robot points stand among the
-        scene's.
+        """Return every constraint, its number of rows, and the range of its robot points.
+
+        The range refers to the robot points of the scene.
         """
         return list(zip(self.constraints, self._counts, self._points, strict=True))
 
     def clearance(self, trace: Trace) -> Array:
-        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where
-        allowed.
+        """Return the clearance (T, m): the signed distance of each row to its boundary.
 
-        NaN in the rows of a constraint that cannot say it: an own one that raises, or gives another
-        shape.
+        It is given in the row's natural unit and positive where the row is satisfied. Rows of a
+        custom constraint that raises an exception or returns another shape are NaN.
         """
         parts = [np.empty((len(trace.q), 0))]
         for constraint, r, at in self.blocks():
             try:
                 clearance = np.asarray(constraint.clearance(trace, at), dtype=np.float64)
-            # what an own constraint raises here must not cost the run that was simulated
+            # an exception in a custom constraint must not discard the simulated run
             except Exception:
                 clearance = np.empty(0)
             shape = len(trace.q), r
@@ -117,13 +119,14 @@ class ConstraintSet:
         return np.concatenate(parts, axis=1)
 
     def sampling_band(self, Ts: float) -> Array:
-        """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural
-        unit.
+        """Return the violation depth (m,) caused by sampling with ``Ts`` [s] alone.
+
+        It is given in each row's natural unit.
         """
         parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
 
 
 def _unchangeable(values: Array) -> Array:
-    """The same numbers in memory that NumPy refuses to make writable."""
+    """Return a copy in memory that NumPy refuses to make writable."""
     return np.ndarray(values.shape, values.dtype, values.tobytes())

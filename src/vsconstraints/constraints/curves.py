@@ -1,9 +1,9 @@
-"""Implicit closed curves in the image that enclose an obstacle: value > 0 inside, 0 on the curve, <
-0 outside.
+"""Implicit closed curves in the image around an obstacle.
 
-A shape is defined about its own origin; :class:`Curve` shifts and rotates it. Angles turn u towards
-v: seen on an image whose v points down, positive is clockwise. To stay out of one is
-:class:`Occlusion`: section 4.3.3.
+Their value is positive inside, 0 on the curve and negative outside. A shape is defined about its
+origin; :class:`Curve` shifts and rotates it. Positive angles turn u towards v, which is clockwise
+in an image whose v points down. :class:`Occlusion` is the constraint to stay outside a curve
+(section 4.3.3).
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from .image_constraint import ImageConstraint
 
 
 class Shape(ByFormula):
-    """An implicit curve about its own origin, in pixels, with a name for labels and files and a
-    radius [px].
+    """Implicit curve about its origin, with a name for labels and files and a radius [px].
+
+    Coordinates are in pixels.
     """
 
     name: ClassVar[str]
@@ -43,7 +44,7 @@ class Shape(ByFormula):
 
 @dataclass(eq=False)
 class Circle(Shape):
-    """1 − ‖p‖²/r²."""
+    """Circle 1 − ‖p‖²/r²."""
 
     name = "circle"
     formula = staticmethod(formulas.circle)
@@ -53,7 +54,7 @@ class Circle(Shape):
 
 @dataclass(eq=False)
 class Hyperellipse(Shape):
-    """1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
+    """Hyperellipse 1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
 
     name = "hyperellipse"
     formula = staticmethod(formulas.hyperellipse)
@@ -73,8 +74,9 @@ class Hyperellipse(Shape):
 
 @dataclass(eq=False)
 class Bowl(Shape):
-    """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r =
-    45, w = 0.7.
+    """Narrow U of eq. (45), 1 − r⁻² (w² u² + (v − u²)²); r = 45, w = 0.7.
+
+    Its parabola is in raw pixels.
     """
 
     name = "bowl"
@@ -86,10 +88,10 @@ class Bowl(Shape):
 
 @dataclass(eq=False)
 class Heart(Shape):
-    """1 − r⁻² (w² u² + (v − |u|)²): eq. (46); r = 35, w = 0.8.
+    """Heart of eq. (46), 1 − r⁻² (w² u² + (v − |u|)²); r = 35, w = 0.8.
 
-    Not differentiable at u = 0: its boundary has a concave corner at (0, r) and a convex one at (0,
-    −r). There the gradient is the mean of both sides.
+    It is not differentiable at u = 0: its boundary has a concave corner at (0, r) and a convex one
+    at (0, −r). There the gradient is the mean of both sides.
     """
 
     name = "heart"
@@ -99,17 +101,17 @@ class Heart(Shape):
     width: float = 0.8
 
 
-#: Shapes by the name scenario files use.
+#: Shapes by their name in scenario files.
 SHAPES: dict[str, type[Shape]] = {
     shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)
 }
 
 
 class Curve(ByFormula):
-    """A shape put somewhere in the image.
+    """A shape at a place in the image.
 
-    ``centre_px`` (2,) is where its origin is, from the image's centre [px], ``rotation`` by how
-    much it is turned about its origin, u towards v [rad].
+    ``centre_px`` (2,) is the position of its origin from the image's centre [px]; ``rotation`` is
+    the rotation about this origin, from u towards v [rad].
     """
 
     coordinates = 2
@@ -132,17 +134,17 @@ class Curve(ByFormula):
 
 
 class Occlusion(ImageConstraint):
-    """Markers stay outside an implicit curve in the image.
+    """Constraint that keeps markers outside an implicit curve in the image.
 
-    σ is the value of the ``curve``, positive inside, plus ``margin``; a shape stands at the image's
-    centre. K is the approach time constant [s], ``switching_gain`` u⁺ [1/s]; the obstacle's
-    ``name`` in labels is the shape's if empty, and ``markers`` are the numbers of those concerned,
-    counted from 1, all if None.
+    σ is the value of the ``curve``, positive inside, plus ``margin``. A bare shape is placed at the
+    image's centre. K is the approach time constant [s] and ``switching_gain`` is u⁺ [1/s]. The
+    obstacle's ``name`` in labels is the shape's if empty. ``markers`` are the numbers of the
+    markers concerned, counted from 1, all if None.
     """
 
     kind = "occlusion"
     formula: Formula | None = None
-    """Of its curve."""
+    """Formula of the curve."""
 
     def __init__(
         self,
@@ -168,5 +170,5 @@ class Occlusion(ImageConstraint):
         )
 
     def marker_label(self, number: int) -> str:
-        """For example ``occlusion[bowl, marker 1]``."""
+        """Return a label such as ``occlusion[bowl, marker 1]``."""
         return f"{self.kind}[{self.name}, marker {number}]"

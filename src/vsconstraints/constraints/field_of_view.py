@@ -1,4 +1,4 @@
-"""Markers stay in the image: section 4.3.2."""
+"""Field of view: markers stay in the image (section 4.3.2)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .image_constraint import ImageConstraint
 
 
 class FieldOfView(ImageConstraint):
-    """Markers stay inside a hyperellipse in the image.
+    """Constraint that keeps markers inside a hyperellipse in the image.
 
-    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24). Where the
-    lens has distortion it is one on the sensor, which is bent in ideal pixels; clearances then are
-    distances on the sensor.
+    The boundary is |u/a|ⁿ + |v/b|ⁿ = 1 (eqs. 20 to 24). If the lens has distortion, this is a curve
+    on the sensor, which is bent in ideal pixels; clearances are then distances on the sensor.
 
-    ``margin`` is a fraction of the image, a = W/2 (1 − margin), or ``margin_px`` in pixels instead,
-    a = W/2 − margin_px, and likewise b. n smooths: 2 is an ellipse, large values come close to the
-    rectangle. K is the approach time constant [s], ``switching_gain`` u⁺ [1/s]; ``markers`` are the
-    numbers of those concerned, counted from 1, all if None. Raises ConfigurationError if the margin
-    leaves no image, or leaves a part of it in which the lens cannot be inverted.
+    ``margin`` is a fraction of the image, a = W/2 (1 − margin). ``margin_px`` is the alternative in
+    pixels, a = W/2 − margin_px; the same holds for b. n controls smoothness: 2 is an ellipse, large
+    values approximate the rectangle. K is the approach time constant [s] and ``switching_gain`` is
+    u⁺ [1/s]. ``markers`` are the numbers of the markers concerned, counted from 1, all if None.
+    Raises ConfigurationError if the margin leaves no image, or leaves a part in which the lens
+    cannot be inverted.
     """
 
     kind = "fov"
@@ -89,7 +89,7 @@ class FieldOfView(ImageConstraint):
         self.parameters = (*self.parameters, *camera.eye)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """Distance to the hyperellipse [px], on the sensor."""
+        """Return the distance to the hyperellipse [px], on the sensor."""
         if self._on_sensor is None:
             return super().clearance(trace, points)
         return self._on_sensor.clearance(
@@ -97,7 +97,7 @@ class FieldOfView(ImageConstraint):
         )
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
-        """The hyperellipse as polylines (p, 2) of ideal pixels."""
+        """Return the hyperellipse as polylines (p, 2) of ideal pixels."""
         if self._on_sensor is None:
             return super().boundary(image_size, t)
         return [

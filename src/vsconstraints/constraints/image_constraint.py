@@ -1,5 +1,6 @@
-"""Constraints on where markers are in the image, and where the curve is that bounds them: for
-scores and figures.
+"""Constraints on marker positions in the image, and their boundary curves.
+
+The curves serve for scores and figures.
 """
 
 from __future__ import annotations
@@ -19,26 +20,27 @@ from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .by_formula import Form, Keyed
 
-#: Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be
-#: missed.
+#: Spacing of the grid on which a curve is searched for [px]; narrower parts may be missed.
 STEP = 1.0
-#: Grid points in all, 0.1 GB of σ; enough for 3840 × 2160 px, coarser beyond.
+#: Total number of grid points, 0.1 GB of σ; enough for 3840 × 2160 px, with a coarser grid beyond.
 MAX_POINTS = 13_000_000
-#: Grid points a side at most; the grid is coarser for curves that come from farther away.
+#: Maximum number of grid points per side; the grid is coarser for curves that come from farther
+#: away.
 MAX_GRID_POINTS = 8000
-#: Greatest distance between the vertices of a polyline, and of it from the curve between them [px].
+#: Largest distance between the vertices of a polyline, and between a polyline and its curve [px].
 SPACING = 0.25
 ACCURACY = 1e-3
-AROUND = 1.25  #: How far around the image a curve is looked for, relative to the image's half size.
+AROUND = 1.25  #: Size of the area in which a curve is searched for, relative to the image.
 
 OfPoints = Callable[[Array], Array]
 
 
 class ImageConstraint(PositionConstraint):
-    """A constraint on every marker's pixel coordinates y = (u, v), from the image's centre.
+    """Constraint on the pixel coordinates y = (u, v) of every marker, from the image's centre.
 
-    An own one gives ``kind``, :meth:`sigma` and :meth:`gradient`. ``length`` [px] is the
-    characteristic one; ``markers`` are the numbers of those concerned, counted from 1, all if None.
+    A custom constraint defines ``kind``, :meth:`sigma` and :meth:`gradient`. ``length`` [px] is its
+    characteristic length. ``markers`` are the numbers of the markers concerned, counted from 1, all
+    if None.
     """
 
     unit = "px"
@@ -62,16 +64,16 @@ class ImageConstraint(PositionConstraint):
         )
 
     def of_markers(self, pixels: Array) -> Array:
-        """(r, 2) pixels of the markers concerned, of those of all markers (m, 2)."""
+        """Return the pixels (r, 2) of the markers concerned, from those of all markers (m, 2)."""
         chosen: Array = pixels[self._at]
         return chosen
 
     def marker_label(self, number: int) -> str:
-        """Label of the row for the marker of that number."""
+        """Return the label of the row for the marker of that number."""
         return f"{self.kind}[marker {number}]"
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """One row per marker."""
+        """Return the labels, one per marker."""
         count = len(scene.markers)
         numbers = self.markers or range(1, count + 1)
         if max(numbers) > count:
@@ -81,39 +83,40 @@ class ImageConstraint(PositionConstraint):
         return tuple(self.marker_label(i) for i in numbers)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Chain rule from pixels to joints (eqs. 21 and 22)."""
+        """Return the rows by the chain rule from pixels to joints (eqs. 21 and 22)."""
         image = state.pixels
         at = self._at
         motion = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
         return self.chain_rule(self.relative(motion, state))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Rows of the formula for the markers concerned."""
+        """Return the compiled form of the formula for the markers concerned."""
         return self.formula_form("image_rows", np.arange(len(scene.markers))[self._at])
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""
+        """Return the distance to the curve σ = 0 in the image [px], with the sign of −σ."""
         pixels = self.displaced(trace.pixels[:, self._at], trace.t)
         distance = self._lines(trace.image_size, trace.t).distance(pixels)
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
-        """The curve σ = 0 as it is at t = 0, as polylines (p, 2) [px].
+        """Return the curve σ = 0 at t = 0, as polylines (p, 2) [px].
 
-        It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the
-        image at times t.
+        It is searched for in and around the image (W, H) [px]. If it moves, it is searched for
+        wherever it is in the image at times t.
         """
         return list(self._lines(image_size, t).lines)
 
     def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
-        """The curve: found anew each time where nobody knows what σ depends on."""
+        """Return the curve; it is cached unless the dependencies of σ are unknown."""
         moved = (
             None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
         )
         if not self._known:
             return self.found(image_size, moved)
         corners: tuple[tuple[float, ...], ...] = ()
-        if moved is not None:  # in halves of the image outwards: the same for nearly the same times
+        # rounded outwards to halves of the image, so that similar times share an entry of the cache
+        if moved is not None:
             half = 0.5 * np.asarray(image_size)
             ends = (
                 np.floor(moved.min(axis=0) / half) * half,
@@ -129,7 +132,7 @@ class ImageConstraint(PositionConstraint):
         return _outline(Keyed((tuple(image_size), corners, *said), self))
 
     def found(self, image_size: tuple[float, float], moved: Array | None) -> Polylines:
-        """The curve wherever it is in the image with these displacements (k, 2)."""
+        """Return the curve wherever these displacements (k, 2) place it in the image."""
         return Polylines(zero_lines(self.sigma, self.gradient, self._on_grid, image_size, moved))
 
     @property
@@ -137,8 +140,9 @@ class ImageConstraint(PositionConstraint):
         return self.formula is not None and self.says("formula", ("sigma", "gradient"))
 
     def _on_grid(self, u: Array, v: Array) -> Array:
-        """(b, a) σ on a grid of u (a,) and v (b,): what depends on one of them only is computed as
-        often.
+        """Return σ (b, a) on a grid of u (a,) and v (b,).
+
+        Parts that depend on only one of them are computed once per row or column.
         """
         if not self._known:
             return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
@@ -150,8 +154,9 @@ class ImageConstraint(PositionConstraint):
 
 @lru_cache(maxsize=32)
 def _outline(curve: Keyed) -> Polylines:
-    """The curve of a constraint, which is kept: finding one takes as long as a thousand control
-    steps.
+    """Return the curve of a constraint.
+
+    It is cached, because finding one takes as long as a thousand control steps.
     """
     constraint: ImageConstraint = curve.of
     image_size, corners = curve.key[:2]
@@ -165,12 +170,12 @@ def zero_lines(
     image_size: tuple[float, float],
     displacements: Array | None = None,
 ) -> list[Array]:
-    """Polylines (p, 2) along σ = 0 in and around the image (W, H), their vertices moved onto the
-    curve [px].
+    """Return polylines (p, 2) along σ = 0 in and around the image (W, H) [px].
 
-    σ (...) and ∂σ/∂(u, v) (..., 2) are those at pixels (..., 2) from the image's centre, ``grid`` σ
-    (b, a) on u (a,) and v (b,). A curve that moves is looked for wherever its ``displacements`` (k,
-    2) [px] bring it into the image; the lines are where it is without them.
+    Their vertices are moved onto the curve. σ (...) and ∂σ/∂(u, v) (..., 2) are functions of pixels
+    (..., 2) from the image's centre; ``grid`` gives σ (b, a) on u (a,) and v (b,). A moving curve
+    is searched for wherever its ``displacements`` (k, 2) [px] bring it into the image; the lines
+    are those without displacement.
     """
     half = 0.5 * AROUND * np.asarray(image_size)
     moved = np.zeros((1, 2)) if displacements is None else displacements
@@ -182,7 +187,8 @@ def zero_lines(
         counts = (counts / math.sqrt(too_many)).astype(int)
     u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
     values = grid(u, v)
-    # the part in which σ = 0 is, all cells with a corner where σ > 0: less is faster to follow
+    # the part that contains σ = 0, all cells with a corner where σ > 0: a smaller part is faster to
+    # follow
     columns, rows = (np.flatnonzero((values > 0.0).any(axis=axis)) for axis in (0, 1))
     if len(columns):
         across, down = (slice(max(at[0] - 1, 0), at[-1] + 2) for at in (columns, rows))
@@ -196,11 +202,10 @@ def zero_lines(
 
 
 def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
-    """Halve segments whose middle is off the curve, until none is or they are as short as
-    :data:`ACCURACY`.
+    """Return the line with segments halved whose middle is off the curve.
 
-    Where the curve is straight, points are added so that the nearest vertex is next to the nearest
-    point.
+    Segments are halved until all are within :data:`ACCURACY` of the curve, or that short. On
+    straight parts, points are added so that the nearest vertex is next to the nearest point.
     """
     for _ in range(int(np.ceil(np.log2(STEP / ACCURACY)))):
         middle = 0.5 * (line[1:] + line[:-1])
@@ -215,8 +220,9 @@ def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
 
 
 def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
-    """Three Newton steps along the gradient; none longer than half the grid's, so that corners stay
-    in place.
+    """Return the line after three Newton steps along the gradient.
+
+    No step is longer than half the grid spacing, so that corners stay in place.
     """
     for _ in range(3):
         g = gradient(line)
@@ -235,8 +241,9 @@ class Polylines:
         self._prepared = prepared(lines) if lines else None
 
     def distance(self, points: Array) -> Array:
-        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is
-        none.
+        """Return the distance (...) of points (..., 2) to the nearest polyline [px].
+
+        It is infinite if there is none.
         """
         flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         nearest = np.empty(len(flat), dtype=np.int64)

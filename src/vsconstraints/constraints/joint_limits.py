@@ -1,5 +1,6 @@
-"""Constraints on joint coordinates and speeds: ranges and greatest speeds (sections 4.3.4 and
-4.3.5), and own ones.
+"""Constraints on joint coordinates and speeds: ranges and speed limits, and custom ones.
+
+See sections 4.3.4 and 4.3.5.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from .by_formula import Form, differences_along
 
 
 class RowsOfJoints(Constraint):
-    """Rows on joint coordinates or speeds, by a function of them and its gradient."""
+    """Rows on joint coordinates or speeds, given by a function of them and its gradient."""
 
     linear: ClassVar[bool] = False
-    """Whether the gradient is the same everywhere: then the rows are compiled."""
-    _compiled: ClassVar[tuple[str, str]]  #: The compiled rows, and the method that gives the value.
+    """True if the gradient is constant; the rows are then compiled."""
+    _compiled: ClassVar[tuple[str, str]]  #: Compiled rows, and the method that returns the value.
 
     @abstractmethod
     def gradient(self, y: Array) -> Array:
-        """(..., r, n) gradient at y (..., n)."""
+        """Return the gradient (..., r, n) at y (..., n)."""
 
     @abstractmethod
     def characteristic_length(self, scene: Scene) -> Array:
-        """(r,) half the allowed range of each row."""
+        """Return half of the allowed range (r,) of each row."""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Rows that say that they are linear, as they are at rest."""
+        """Return the compiled form of rows that are declared linear, from their values at rest."""
         rows, value = self._compiled
         if not (self.linear and self.says("linear", (value, "gradient", "curvature", "rows"))):
             return None
@@ -46,9 +47,9 @@ class RowsOfJoints(Constraint):
 
 
 class JointConstraint(RowsOfJoints):
-    """Constraints on joint coordinates y = q (n,): r values of one vector.
+    """Constraint on joint coordinates y = q (n,): r values of one vector.
 
-    An own one gives ``kind``, :meth:`labels`, :meth:`sigma`, :meth:`gradient` and
+    A custom constraint defines ``kind``, :meth:`labels`, :meth:`sigma`, :meth:`gradient` and
     :meth:`characteristic_length`.
     """
 
@@ -57,31 +58,31 @@ class JointConstraint(RowsOfJoints):
 
     @abstractmethod
     def sigma(self, q: Array) -> Array:
-        """(..., r) σ at q (..., n): positive where forbidden."""
+        """Return σ (..., r) at q (..., n): positive where forbidden."""
 
     def curvature(self, q: Array, qd: Array) -> Array:
-        """(r,) q̇ᵀ H q̇ for each row; by central differences of the gradient unless a subclass
-        knows it.
+        """Return q̇ᵀ H q̇ (r,) for each row.
+
+        It is computed by central differences of the gradient, unless a subclass overrides it.
         """
         return differences_along(self.gradient, q, qd, 1e-6)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Joint coordinates need no chain rule (eqs. 26 and 37)."""
+        """Return the rows; joint coordinates need no chain rule (eqs. 26 and 37)."""
         q = state.robot.q
         qd = state.robot.qd
         g = self.gradient(q)
         return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
+        """Return −σ / ‖∂σ/∂q‖ [rad]: exact for linear rows, of first order elsewhere."""
         return to_first_order(self.sigma(trace.q), self.gradient(trace.q))
 
 
 class SpeedConstraint(RowsOfJoints):
-    """Constraints on joint speeds y = q̇ (n,), which have relative degree one as they are: φ(q̇) ≤
-    0.
+    """Constraint φ(q̇) ≤ 0 on joint speeds y = q̇ (n,), which has relative degree one.
 
-    An own one gives ``kind``, :meth:`labels`, :meth:`phi`, :meth:`gradient` and
+    A custom constraint defines ``kind``, :meth:`labels`, :meth:`phi`, :meth:`gradient` and
     :meth:`characteristic_length`.
     """
 
@@ -93,21 +94,22 @@ class SpeedConstraint(RowsOfJoints):
 
     @abstractmethod
     def phi(self, qd: Array) -> Array:
-        """(..., r) φ at q̇ (..., n): positive where forbidden."""
+        """Return φ (..., r) at q̇ (..., n): positive where forbidden."""
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """L_gφ = ∂φ/∂q̇ (eq. 38) and L_fφ = 0 (eq. 34)."""
+        """Return the rows, with L_gφ = ∂φ/∂q̇ (eq. 38) and L_fφ = 0 (eq. 34)."""
         qd = state.robot.qd
         phi = self.phi(qd)
         return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""
+        """Return −φ / ‖∂φ/∂q̇‖ [rad/s]: exact for linear rows, of first order elsewhere."""
         return to_first_order(self.phi(trace.qd), self.gradient(trace.qd))
 
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
-        """T_s u⁺ / ‖∂φ/∂q̇‖, of the gradient at rest: φ is the clearance itself, and (43) lets it
-        switch by T_s u⁺.
+        """Return T_s u⁺ / ‖∂φ/∂q̇‖, with the gradient at rest.
+
+        φ itself is the clearance, and eq. (43) allows it to switch by T_s u⁺.
         """
         g = self.gradient(np.zeros(scene.robot.n))
         length = np.sqrt((g * g).sum(axis=-1))
@@ -118,8 +120,9 @@ class SpeedConstraint(RowsOfJoints):
 
 
 class OfJoints:
-    """Rows on single joints, ``joints`` by their numbers: one for each upper side, then one for
-    each lower side.
+    """Rows on single joints: one for each upper limit, then one for each lower limit.
+
+    ``joints`` are the numbers of the joints.
     """
 
     kind: ClassVar[str]
@@ -134,8 +137,10 @@ class OfJoints:
         lower: tuple[ArrayLike | None, Array],
         upper: tuple[ArrayLike | None, Array],
     ) -> None:
-        """Keep the joints concerned with their finite limits, given ones (first) or the robot's
-        (second).
+        """Store the joints concerned with their finite limits.
+
+        ``lower`` and ``upper`` each consist of the given limits, which take precedence, and the
+        robot's.
         """
         if joints is None:
             given = lower[0] is not None or upper[0] is not None
@@ -183,9 +188,7 @@ class OfJoints:
         self.margin = float(margin)
 
     def _keep(self, n: int, mid: Array | float, upper: Array, lower: Array) -> None:
-        """Keep from where, and by what, coordinates or speeds count in the upper and in the lower
-        rows.
-        """
+        """Store offset and scale of the coordinates or speeds in the upper and the lower rows."""
         self.mid = mid
         self._by = (upper, lower)
         chosen = np.eye(n, dtype=np.bool_)[self._at]
@@ -198,41 +201,42 @@ class OfJoints:
         return np.concatenate([x / size for size in self._by], axis=-1) - (1.0 - self.margin)
 
     def characteristic_length(self, scene: Scene) -> Array:
-        """Half the allowed range, or the allowed speed, of each row."""
+        """Return half the allowed range, or the allowed speed, of each row."""
         length: Array = np.abs(np.concatenate(self._by)) * (1.0 - self.margin)
         return length
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """All upper rows, then all lower ones."""
+        """Return the labels of all upper rows, then of all lower ones."""
         return tuple(
             f"{self.kind}[joint {i}].{side}" for side in ("upper", "lower") for i in self.joints
         )
 
     def units(self, scene: Scene) -> tuple[str, ...]:
-        """Those of revolute or of prismatic joints."""
+        """Return the units of revolute or prismatic joints."""
         return (
             tuple(self.prismatic_unit if scene.robot.prismatic[i] else self.unit for i in self._at)
             * 2
         )
 
     def gradient(self, y: Array) -> Array:
-        """The same everywhere."""
+        """Return the gradient, which is constant."""
         return self._gradient
 
 
 class JointRange(OfJoints, JointConstraint):
-    """Joints stay in their ranges, the robot's or given ones.
+    """Joints stay in their ranges, those of the robot or given ones.
 
     ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for
-    each side. The paper writes one row with |q̃_i|, which has a kink at the middle; two linear rows
-    are the same where it matters.
+    each side. The paper uses one row with |q̃_i|, which has a kink at the middle; two linear rows
+    are equivalent near the limits.
 
-    Of a joint that turns without end (:attr:`.Robot.continuous`), q_i counts in the turn nearest to
-    the middle of its range, unless the range is a whole turn or more, as one that a cable sets.
+    For a continuous joint (:attr:`.Robot.continuous`), q_i is taken in the turn nearest to the
+    middle of its range. An exception is a range of a whole turn or more, such as one that a cable
+    imposes.
 
-    ``joints`` are the numbers of those concerned, counted from 1, all that have a range if None;
-    ``lower`` and ``upper`` their ranges [rad or m] instead of the robot's, ``margin`` is a fraction
-    of half the range. K is the approach time constant [s], ``switching_gain`` u⁺ [1/s].
+    ``joints`` are the numbers of the joints concerned, counted from 1, all that have a range if
+    None. ``lower`` and ``upper`` replace the robot's ranges [rad or m]; ``margin`` is a fraction of
+    half the range. K is the approach time constant [s] and ``switching_gain`` is u⁺ [1/s].
     """
 
     kind = "range"
@@ -254,23 +258,23 @@ class JointRange(OfJoints, JointConstraint):
         self._select(robot, joints, margin, (lower, robot.q_min), (upper, robot.q_max))
         half = 0.5 * (self.upper - self.lower)
         self._keep(robot.n, 0.5 * (self.lower + self.upper), half, -half)
-        #: (n,) middles of ranges on the circle; NaN for joints that have none.
+        #: (n,) middles of ranges on the circle; NaN for joints without such a range.
         self._middles = np.full(robot.n, np.nan)
         self._middles[self._at] = np.where(
             robot.continuous[self._at] & (half < np.pi), self.mid, np.nan
         )
 
     def sigma(self, q: Array) -> Array:
-        """Eq. (25), one row for each side."""
+        """Return σ of eq. (25), one row for each side."""
         on_circle = np.isfinite(self._middles)
         return self._value(q - whole_turns(np.where(on_circle, q - self._middles, 0.0)))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Linear rows, of joints that turn without end from the middle of their range."""
+        """Return linear rows; continuous joints are counted from the middle of their range."""
         form = super().compiled_form(scene, points)
         if form is None:
             return None
-        # σ at zero counts in another turn where that is nearer to the middle
+        # σ at q = 0 would use the turn nearest to the middle, so the offset is computed without it
         return form._replace(
             offsets=self._value(np.zeros(scene.robot.n)),
             middles=np.tile(self._middles[self._at], 2),
@@ -278,11 +282,11 @@ class JointRange(OfJoints, JointConstraint):
 
 
 class JointSpeed(OfJoints, SpeedConstraint):
-    """Joints stay below their speeds, the robot's or given ones.
+    """Joints stay below their speed limits, those of the robot or given ones.
 
-    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as
-    footnote 4 says). The arguments are those of :class:`JointRange`, with speeds, lower < 0 <
-    upper, in place of ranges [rad/s or m/s].
+    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split
+    according to footnote 4). The arguments are those of :class:`JointRange`, with speeds lower < 0
+    < upper instead of ranges [rad/s or m/s].
     """
 
     kind = "speed"
@@ -311,12 +315,15 @@ class JointSpeed(OfJoints, SpeedConstraint):
         self._keep(robot.n, 0.0, self.upper, self.lower)
 
     def phi(self, qd: Array) -> Array:
-        """Eq. (28), one row for each side."""
+        """Return φ of eq. (28), one row for each side."""
         return self._value(qd)
 
 
 def limit_array(value: ArrayLike, what: str) -> Array:
-    """``value`` as a float array; raises ConfigurationError that names ``what`` if it is none."""
+    """Return ``value`` as a float array; raise ConfigurationError if it is not one.
+
+    The message names ``what``.
+    """
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

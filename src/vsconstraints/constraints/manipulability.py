@@ -1,4 +1,4 @@
-"""The arm stays away from singular configurations: section 4.3.6."""
+"""Manipulability: the arm stays away from singular configurations (section 4.3.6)."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from ..vision.scene import Scene
 from .base import Constraint, Trace, demand_positive
 from .by_formula import Form
 
-Part = Literal["pose", "position", "orientation"]  #: Which rows of the tip's Jacobian count.
-#: Which these are.
+Part = Literal["pose", "position", "orientation"]  #: Rows of the tip's Jacobian that count.
+#: Range of these rows.
 ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
 
 
 class Manipulability(Constraint):
     """The arm stays away from singular configurations.
 
-    (w_min − w) / w_scale ≤ 0 with w the product of the singular values of the tip's Jacobian, of
-    whose rows the directions of the ``part`` count: √det(J Jᵀ) (Yoshikawa), or √det(Jᵀ J) for arms
-    with fewer joints than directions. Gradient and curvature are exact, ∂w/∂q_k = w tr(J⁺ ∂J/∂q_k);
-    in a singular configuration the gradient is one of two sides, finite. ``minimum`` is w_min, in
-    products of metres and radians, ``scale`` w_scale, w_min if not given. K is the approach time
-    constant [s], ``switching_gain`` u⁺ [1/s]. Raises ConfigurationError if w is always zero.
+    (w_min − w) / w_scale ≤ 0, where w is the product of the singular values of the tip's Jacobian,
+    restricted to the directions of the ``part``: √det(J Jᵀ) (Yoshikawa), or √det(Jᵀ J) for arms
+    with fewer joints than directions. Gradient and curvature are exact, ∂w/∂q_k = w tr(J⁺ ∂J/∂q_k).
+    In a singular configuration the gradient is that of one side and finite. ``minimum`` is w_min,
+    in products of metres and radians; ``scale`` is w_scale, w_min by default. K is the approach
+    time constant [s] and ``switching_gain`` is u⁺ [1/s]. Raises ConfigurationError if w is always
+    zero.
     """
 
     kind = "manipulability"
@@ -64,12 +65,13 @@ class Manipulability(Constraint):
             )
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """``manipulability``, and the part if it is not the pose."""
+        """Return ``manipulability``, with the part if it is not the pose."""
         return (self.kind if self.part == "pose" else f"{self.kind}[{self.part}]",)
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """The row that compiled code makes from the tip's Jacobian, by a decomposition of its
-        own.
+        """Return the form of the row that compiled code computes from the tip's Jacobian.
+
+        Compiled code has its own decomposition of the Jacobian.
         """
         at = self._rows
         numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
@@ -80,15 +82,15 @@ class Manipulability(Constraint):
         )
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """(w − w_min) / w_scale."""
+        """Return (w − w_min) / w_scale."""
         return (self._measure(trace.q) - self.minimum) / self.w_scale
 
     def characteristic_length(self, scene: Scene) -> Array:
-        """1: w_scale in units of itself."""
+        """Return 1: w_scale in its own unit."""
         return np.ones(1)
 
     def _measure(self, q: Array) -> Array:
-        """(N, 1) product of the singular values at q (N, n)."""
+        """Return the product (N, 1) of the singular values at q (N, n)."""
         jacobians = [self._evaluate(x, np.zeros_like(x)).J[self._rows] for x in q]
         return np.array([float(svd(J, full_matrices=False)[1].prod()) for J in jacobians]).reshape(
             -1, 1

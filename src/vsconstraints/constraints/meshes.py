@@ -1,5 +1,6 @@
-"""Solids of coal as triangle meshes, convex solids and patches: for pictures, occluders, distances
-and link points.
+"""Solids of coal as triangle meshes, convex solids and patches.
+
+They serve for figures, occluders, distances and link points.
 """
 
 from __future__ import annotations
@@ -15,31 +16,30 @@ from ..errors import ConfigurationError
 from ..robots.geometry import Pose
 from ..rows import Array, IntArray
 
-#: Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut.
+#: Sides of the prism that replaces a cylinder, and facets of a cylinder's side.
 SIDES = 32
-BALL_POINTS = 300  #: On a sphere: their convex hull is 1 % smaller.
-ENDLESS = 1e3  #: What reaches farther from its frame is unbounded [m].
-STEPS = 100  #: From inside a region to its surface, each as long as the depth there.
+BALL_POINTS = 300  #: Points on a sphere: their convex hull is 1 % smaller.
+ENDLESS = 1e3  #: Distance from its frame beyond which a geometry is unbounded [m].
+STEPS = 100  #: Steps from inside a region to its surface, each as long as the depth there.
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Points (V, 3) [m] and triangles (F, 3), which are indices of points."""
+    """Triangle mesh: points (V, 3) [m] and triangles (F, 3), which are indices of points."""
 
     points: Array
     triangles: IntArray
 
     def moved(self, pose: Pose) -> Mesh:
-        """The same in the frame that ``pose`` (of its own frame) is given in."""
+        """Return the mesh in the frame to which ``pose``, its own pose, refers."""
         return Mesh(pose.act(self.points), self.triangles)
 
 
 def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | None:
-    """A geometry of coal as a mesh in its own frame, triangle meshes as they are and solids as
-    their convex hull.
+    """Return a geometry of coal as a mesh in its own frame, or None if it is unbounded.
 
-    A half-space is a square of half side ``reach`` [m] of its boundary. None if unbounded, and
-    ``reach`` is not finite.
+    Triangle meshes are kept, and solids become their convex hull. A half-space becomes a square of
+    half side ``reach`` [m] of its boundary, or None if ``reach`` is not finite.
     """
     if isinstance(geometry, coal.BVHModelBase):
         triangles = [
@@ -63,7 +63,7 @@ def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | N
 
 
 def hull_points(solid: coal.CollisionGeometry) -> Array | None:
-    """(V, 3) points in its own frame whose convex hull a solid is; None if it is unbounded."""
+    """Return points (V, 3) whose convex hull is the solid, in its own frame; None if unbounded."""
     if isinstance(solid, coal.Convex):
         return np.asarray(solid.points())
     if isinstance(solid, coal.Sphere):
@@ -82,11 +82,12 @@ def hull_points(solid: coal.CollisionGeometry) -> Array | None:
 
 
 def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
-    """A solid whose distances coal computes reliably, inside too, and which holds the given one.
+    """Return a solid that contains the given one and whose distances coal computes reliably.
 
-    A mesh becomes its convex hull, since a mesh is hollow. A cylinder becomes the prism of
-    :data:`SIDES` sides around it, 0.5 % wider: coal's iterations converge slowly on a round side,
-    and inside often end at another than the shortest way out. Everything else stays as it is.
+    Distances are reliable inside, too. A mesh becomes its convex hull, because a mesh is hollow. A
+    cylinder becomes the circumscribed prism of :data:`SIDES` sides, which is 0.5 % wider: coal's
+    iterations converge slowly on a round side, and inside they often do not end at the shortest way
+    out. All other geometries are returned unchanged.
     """
     if isinstance(geometry, coal.Cylinder):
         angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
@@ -108,7 +109,7 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
 
 
 def hull(points: Array) -> Mesh:
-    """The convex hull of points (V, 3), all of which stay."""
+    """Return the convex hull of points (V, 3); the mesh keeps all points."""
     solid = _hull(points)
     number = {tuple(point): i for i, point in enumerate(points.tolist())}
     own = np.array([number[tuple(point)] for point in np.asarray(solid.points()).tolist()])
@@ -128,11 +129,11 @@ def _hull(points: Array) -> coal.CollisionGeometry:
 
 
 def traced(depth: Callable[[Array], Array]) -> Mesh | None:
-    """The surface around the origin on which a signed depth is zero, as far as it is seen from
-    there.
+    """Return the surface around the origin on which a signed depth is zero.
 
-    ``depth`` gives (V,) distances to the surface [m] at points (V, 3), positive inside. None where
-    the origin is not inside, or the surface is not closed around it.
+    The surface is traced as far as it is visible from the origin. ``depth`` gives distances (V,) to
+    the surface [m] at points (V, 3), positive inside. None if the origin is not inside, or if the
+    surface is not closed around it.
     """
     ball = _ball()
     away = np.zeros((len(ball.points), 1))
@@ -145,7 +146,7 @@ def traced(depth: Callable[[Array], Array]) -> Mesh | None:
 
 @lru_cache(maxsize=1)
 def _ball() -> Mesh:
-    """Points evenly on the unit sphere: along a spiral, by the golden angle."""
+    """Return points evenly on the unit sphere: along a spiral, by the golden angle."""
     k = np.arange(BALL_POINTS) + 0.5
     z = 1.0 - 2.0 * k / BALL_POINTS
     turn = np.pi * (1.0 + np.sqrt(5.0)) * k
@@ -154,11 +155,11 @@ def _ball() -> Mesh:
 
 
 def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
-    """Patches (p, c, 3), each the hull of c corners, and a distance [m] within which they cover the
-    surface.
+    """Return patches (p, c, 3) of a surface, each the hull of c corners, and their slack [m].
 
-    Triangles of a mesh are used as they are, cylinders are cut into facets, everything else into
-    the boxes around it; edges longer than ``longest`` [m] are divided.
+    The patches cover the surface within this distance. Triangles of a mesh are kept, cylinders are
+    cut into facets, and all other geometries become the boxes around them. Edges longer than
+    ``longest`` [m] are divided.
     """
     if isinstance(geometry, coal.BVHModelBase):
         mesh = mesh_of(geometry)
@@ -183,7 +184,7 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, fl
         np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest))))
         for a, b in zip(low, high, strict=True)
     ]
-    # the lower or the upper end of every step, along each axis: the eight corners of all cells
+    # lower or upper end of every step along each axis: the eight corners of all cells
     ends = [(step[:-1], step[1:]) for step in steps]
     corners = [
         np.stack(
@@ -196,7 +197,7 @@ def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, fl
 
 
 def _cylinder(radius: float, half: float) -> Array:
-    """(t, 3, 3) triangles between corners on a cylinder's rims and its ends' centres."""
+    """Return triangles (t, 3, 3) between a cylinder's rims and the centres of its ends."""
     angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
     rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
     up = np.array([0.0, 0.0, half])
@@ -209,9 +210,7 @@ def _cylinder(radius: float, half: float) -> Array:
 
 
 def _divided(corners: Array, longest: float) -> Array:
-    """The same triangles (t, 3, 3) with those halved, again and again, that have an edge longer
-    than ``longest``.
-    """
+    """Return triangles (t, 3, 3), halved repeatedly until no edge is longer than ``longest``."""
     done = []
     while len(corners):
         edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
@@ -219,7 +218,7 @@ def _divided(corners: Array, longest: float) -> Array:
         done.append(corners[~long])
         corners = corners[long]
         edges = edges[long]
-        # turned so that the longest edge is from the first to the second corner
+        # reordered so that the longest edge is from the first to the second corner
         order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(corners, order[:, :, None], axis=1).transpose(1, 0, 2)
         middle = 0.5 * (a + b)

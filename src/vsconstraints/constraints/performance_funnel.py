@@ -1,4 +1,4 @@
-"""Errors stay in a funnel that narrows with time: prescribed performance, as rows."""
+"""Performance funnel: errors stay in a funnel that narrows with time (prescribed performance)."""
 
 from __future__ import annotations
 
@@ -22,30 +22,31 @@ POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 @dataclass(eq=False, repr=False)
 class PerformanceFunnel(Constraint):
-    """Every component of the error to the goal stays in a funnel that narrows with time.
+    """Constraint that keeps every component of the error to the goal in a narrowing funnel.
 
     ±eᵢ/ρ₀ − ρ(t)/ρ₀ ≤ 0 with ρ(t) = (ρ₀ − ρ∞) exp(−l t) + ρ∞ (Bechlioulis, Heshmati-alamdari,
-    Karras and Kyriakopoulos, T-RO 2019), as rows that any law can hold.
+    Karras and Kyriakopoulos, T-RO 2019), as rows for any law.
 
-    e is the feature less its value at the goal, whatever reference trajectory leads there. t counts
-    from when the goal begins to hold: at a change of the goal the funnel opens again. Angles are
-    those within π. Raises ConfigurationError if a goal is not given as what the funnel is about, or
-    the numbers do not go together.
+    e is the feature minus its value at the goal, independently of a reference trajectory. t is
+    counted from the beginning of the goal: the funnel opens again when the goal changes. Angles are
+    within π. Raises ConfigurationError if a goal does not define the feature of the funnel, or if
+    the numbers are inconsistent.
     """
 
     kind = "funnel"
     unit = "px"
 
-    goals: Sequence[Goal]  #: The task's.
+    goals: Sequence[Goal]  #: Goals of the task.
     _: KW_ONLY
     K: float  #: Approach time constant [s].
     switching_gain: float  #: u⁺ [1/s].
-    decay: float  #: l [1/s]; K l must be below 1, or φ would be positive with no error at all.
+    decay: float  #: l [1/s]; K l must be below 1, otherwise φ would be positive without any error.
     final: float  #: ρ∞/ρ₀, above 0 and at most 1.
     translation_m: float | None = None  #: ρ₀ of t of eq. (44) [m]; no rows if None.
-    rotation_rad: float | None = None  #: Likewise of θu [rad].
-    feature_px: float | None = None  #: ρ₀ of the markers' coordinates in the image instead [px].
-    #: Numbers of those concerned, counted from 1; all if None.
+    rotation_rad: float | None = None  #: ρ₀ of θu [rad]; no rows if None.
+    #: ρ₀ of the markers' image coordinates, instead of the pose [px].
+    feature_px: float | None = None
+    #: Numbers of the markers concerned, counted from 1; all if None.
     markers: Sequence[int] | None = None
 
     def __post_init__(self) -> None:
@@ -90,14 +91,17 @@ class PerformanceFunnel(Constraint):
         self._side = np.repeat([1.0, -1.0], len(at)) / self.start
 
     def scaled(self, K: float, switching_gain: float) -> PerformanceFunnel:
-        """See :class:`.Constraint`; ConfigurationError if it would narrow faster than its rows
-        approach it.
+        """Return a copy with these factors, see :class:`.Constraint`.
+
+        Raises ConfigurationError if the funnel would narrow faster than its rows approach their
+        boundary.
         """
         return replace(self, K=self.K * K, switching_gain=self.switching_gain * switching_gain)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """All upper rows, then all lower ones: ``funnel[x].upper``, ``funnel[marker 1
-        u].lower``.
+        """Return the labels of all upper rows, then of all lower ones.
+
+        Examples are ``funnel[x].upper`` and ``funnel[marker 1 u].lower``.
         """
         if self.of_image and max(self._at) >= 2 * len(scene.markers):
             raise ConfigurationError(
@@ -110,11 +114,11 @@ class PerformanceFunnel(Constraint):
         return tuple(f"{self.kind}[{name}].{side}" for side in ("upper", "lower") for name in names)
 
     def units(self, scene: Scene) -> tuple[str, ...]:
-        """Pixels, metres or radians."""
+        """Return the units of the rows: pixels, metres or radians."""
         return tuple("px" if self.of_image else "m" if i < 3 else "rad" for i in self._both)
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """The rows that compiled code makes of markers or of the camera's pose."""
+        """Return the form of the rows, which are computed from markers or the camera's pose."""
         if type(self).rows is not Constraint.rows:
             return None
         wanted: list[Array] = [
@@ -134,7 +138,7 @@ class PerformanceFunnel(Constraint):
         return Form(rows, parameters=numbers, which=self._both, offsets=self._side)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """ρ ∓ eᵢ [px, m or rad]."""
+        """Return the clearance ρ ∓ eᵢ [px, m or rad]."""
         which = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
         error: Array = np.zeros((len(which), 6))
         if self.of_image:
@@ -157,11 +161,11 @@ class PerformanceFunnel(Constraint):
         return clearance
 
     def characteristic_length(self, scene: Scene) -> Array:
-        """ρ₀."""
+        """Return ρ₀ of each row."""
         return self.start
 
     def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
-        """A funnel holds only what starts inside."""
+        """Return a reason if an error starts outside: a funnel only holds those inside."""
         outside = [
             f"{labels[i]} with an error of {(sigma[i] + 1.0) * self.start[i]:.3g}, where ρ₀ is "
             f"{self.start[i]:g}"

@@ -1,5 +1,6 @@
-"""Where robot points may be: out of a sphere, box, half-space, cylinder or capsule (section 4.3.6),
-and own ones.
+"""Forbidden regions of robot points: sphere, box, half-space, cylinder, capsule and custom ones.
+
+See section 4.3.6.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ from .meshes import Mesh, mesh_of, traced
 
 
 class PointConstraint(PositionConstraint):
-    """A constraint on the position y = p (3,) of robot points, in the base frame [m].
+    """Constraint on the position y = p (3,) of robot points, in the base frame [m].
 
-    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`. ``length`` [m] is its
-    characteristic length; ``name`` that of the obstacle, for labels when there are several.
+    A custom constraint defines ``kind``, :meth:`sigma` in metres and :meth:`gradient`. ``length``
+    [m] is its characteristic length; ``name`` is that of the obstacle, for labels if there are
+    several.
     """
 
     unit = "m"
@@ -56,34 +58,35 @@ class PointConstraint(PositionConstraint):
         self.points = tuple(points)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
-        """One row per point."""
+        """Return the labels, one per point."""
         prefix = f"{self.name}, " if self.name else ""
         return tuple(f"{self.kind}[{prefix}{point.label}]" for point in self.points)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
+        """Return the rows by the chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
         robot = state.robot
         J = state.robot.point_J[points]
         motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
         return self.chain_rule(self.relative(motion, state))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """Rows of the formula for the points concerned."""
+        """Return the compiled form of the formula for the points concerned."""
         return self.formula_form("point_rows", range(points.start, points.stop))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
-        """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
+        """Return −σ / ‖∂σ/∂p‖ [m]: exact where σ is a signed distance, of first order elsewhere."""
         y = self.displaced(trace.points[:, points], trace.t)
         return to_first_order(self.sigma(y), self.gradient(y))
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """What it forbids, in the frame of its formula; see :meth:`.Constraint.meshes`. None: it is
-        not drawn.
+        """Return the forbidden region in the frame of its formula, or None if it is not drawn.
+
+        See :meth:`.Constraint.meshes`.
         """
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
-        """The mesh where it is then."""
+        """Return the mesh at its position at that time."""
         mesh = self.mesh(reach)
         if mesh is None:
             return []
@@ -93,17 +96,17 @@ class PointConstraint(PositionConstraint):
 
 
 class ForbiddenRegion(PointConstraint):
-    """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a
-    region.
+    """Constraint margin − d(p) ≤ 0 for robot points (section 4.3.6).
 
-    d is positive outside and minus the distance to the surface inside, so that a point inside is
-    led out the shortest way. Where several surface points are equally near the gradient is the one
-    that leads to one of them, always the same; it is a unit vector everywhere.
+    d is the Euclidean signed distance to a region: positive outside, and minus the distance to the
+    surface inside, so that a point inside leaves the region on the shortest way. If several surface
+    points are equally near, the gradient leads to one of them, always the same one. The gradient is
+    a unit vector everywhere.
 
-    An own region gives ``kind``, its formula (value and derivatives of the depth −d from x, y and z
-    in its own frame) and if it knows it the formula of the curvature. ``pose`` is that of the
-    region's frame in the base frame, ``margin`` [m] is kept from it; the others are those of
-    :class:`PointConstraint`.
+    A custom region defines ``kind``, its formula (value and derivatives of the depth −d, as a
+    function of x, y and z in its own frame) and, if known, the formula of the curvature. ``pose``
+    is the pose of the region's frame in the base frame, and ``margin`` [m] the distance to be kept.
+    The other arguments are those of :class:`PointConstraint`.
     """
 
     def __init__(
@@ -124,8 +127,9 @@ class ForbiddenRegion(PointConstraint):
         self.margin = demand_margin(margin, f"a {self.kind}")
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """Its surface in its own frame: of its solid, or traced from the frame's origin where none
-        is known.
+        """Return the surface in the region's frame.
+
+        It is that of its solid, or traced from the frame's origin if no solid is known.
         """
         solid = self.solid()
         if solid is None:
@@ -133,12 +137,12 @@ class ForbiddenRegion(PointConstraint):
         return mesh_of(solid, reach)
 
     def solid(self) -> coal.CollisionGeometry | None:
-        """What it is in its own frame; None if that is not known."""
+        """Return the region as a solid in its own frame, or None if it is not known."""
         return None
 
     @property
     def pose(self) -> Pose:
-        """Of the region's frame in the base frame."""
+        """Pose of the region's frame in the base frame."""
         assert self.frame is not None
         return Pose(*self.frame)
 
@@ -149,17 +153,19 @@ class ForbiddenRegion(PointConstraint):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class KnownRegion(ForbiddenRegion):
-    """A region whose parameters are those of its formula, beside those of every region."""
+    """Region whose parameters are those of its formula, in addition to those of every region."""
 
     K: float  #: Approach time constant [s].
     switching_gain: float  #: u⁺ [m/s].
-    margin: float = 0.0  #: [m].
-    points: Sequence[RobotPoint] = (RobotPoint(),)  #: That must stay out; the tip if not given.
-    name: str = ""  #: Of the obstacle, for labels when there are several.
+    margin: float = 0.0  #: Margin [m].
+    #: Robot points that must stay out; the tip by default.
+    points: Sequence[RobotPoint] = (RobotPoint(),)
+    name: str = ""  #: Name of the obstacle, for labels if there are several.
 
     def place(self, R: Array, t: Array, length: float, *parameters: float) -> None:
-        """Put the region somewhere: axes R and origin t of its frame, its characteristic length,
-        its parameters.
+        """Place the region by the axes R and the origin t of its frame.
+
+        Set its characteristic length and parameters, too.
         """
         self.parameters = parameters
         gains = {"K": self.K, "switching_gain": self.switching_gain}
@@ -178,7 +184,7 @@ class KnownRegion(ForbiddenRegion):
 class ForbiddenSphere(KnownRegion):
     """Robot points stay out of a sphere.
 
-    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the very centre the gradient is that of leaving
+    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the exact centre, the gradient is that of leaving
     along +z.
     """
 
@@ -195,24 +201,24 @@ class ForbiddenSphere(KnownRegion):
         )
 
     def solid(self) -> coal.CollisionGeometry:
-        """A sphere."""
+        """Return the sphere."""
         return coal.Sphere(self.radius)
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ForbiddenBox(KnownRegion):
-    """Robot points stay out of a box, also a turned one.
+    """Robot points stay out of a box, which may be rotated.
 
-    Inside, where several faces are equally near, the way out is along the first of the box's axes;
-    at the centre towards + of the shortest one.
+    Inside, if several faces are equally near, the way out is along the first of the box's axes; at
+    the centre, it is along the shortest axis in the positive direction.
     """
 
     kind = "box"
     formula = staticmethod(formulas.box)
     curvature_formula = staticmethod(formulas.box_curvature)
-    centre: Vector3  #: In the base frame [m].
-    size: Vector3  #: Lengths of its edges [m].
-    rpy: Vector3 = (0.0, 0.0, 0.0)  #: Roll, pitch, yaw of its axes in the base frame [rad].
+    centre: Vector3  #: Centre in the base frame [m].
+    size: Vector3  #: Lengths of the edges [m].
+    rpy: Vector3 = (0.0, 0.0, 0.0)  #: Roll, pitch and yaw of the axes in the base frame [rad].
 
     def __post_init__(self) -> None:
         size = vector(self.size, 3, "size of a box")
@@ -223,21 +229,22 @@ class ForbiddenBox(KnownRegion):
         self.place(R, vector(self.centre, 3, "centre of a box"), float(half.min()), *half.tolist())
 
     def solid(self) -> coal.CollisionGeometry:
-        """A box."""
+        """Return the box."""
         return coal.Box(*self.size)
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ForbiddenHalfSpace(KnownRegion):
-    """Robot points stay on one side of a plane, margin − n·(p − a) ≤ 0: above a table, before a
-    wall.
+    """Robot points stay on one side of a plane: above a table, in front of a wall.
+
+    margin − n·(p − a) ≤ 0.
     """
 
     kind = "half-space"
     formula = staticmethod(formulas.half_space)
     curvature_formula = staticmethod(formulas.half_space_curvature)
     point: Vector3  #: a, a point of the plane, in the base frame [m].
-    normal: Vector3  #: n, out of the forbidden side; of any length.
+    normal: Vector3  #: n, pointing out of the forbidden side; of any length.
     length: float = 0.1  #: Characteristic length [m]: a half-space has no size of its own.
 
     def __post_init__(self) -> None:
@@ -250,19 +257,20 @@ class ForbiddenHalfSpace(KnownRegion):
         )
 
     def solid(self) -> coal.CollisionGeometry:
-        """What is below z = 0."""
+        """Return the half-space below z = 0."""
         return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class RegionAroundAxis(KnownRegion):
-    """A region of a radius around the axis from one point to another, which is the z axis of its
-    frame.
+    """Region of a given radius around the axis from one point to another.
+
+    The axis is the z axis of the region's frame.
     """
 
-    start: Vector3  #: Ends of the axis in the base frame [m].
+    start: Vector3  #: Start of the axis in the base frame [m]; the end follows.
     end: Vector3
-    radius: float  #: [m].
+    radius: float  #: Radius [m].
 
     def __post_init__(self) -> None:
         self.radius = demand_positive(self.radius, f"radius of a {self.kind}")
@@ -282,8 +290,8 @@ class RegionAroundAxis(KnownRegion):
 class ForbiddenCylinder(RegionAroundAxis):
     """Robot points stay out of a cylinder with flat ends.
 
-    Inside, where side and end are equally near, the way out is through the side; on the axis it is
-    a fixed direction across it; in the middle of a flat cylinder, through the end.
+    Inside, if side and end are equally near, the way out is through the side. On the axis, it is a
+    fixed direction across the axis; in the middle of a flat cylinder, it is through the end.
     """
 
     kind = "cylinder"
@@ -291,15 +299,15 @@ class ForbiddenCylinder(RegionAroundAxis):
     curvature_formula = staticmethod(formulas.cylinder_curvature)
 
     def solid(self) -> coal.CollisionGeometry:
-        """A cylinder."""
+        """Return the cylinder."""
         return coal.Cylinder(self.radius, 2.0 * self.parameters[1])
 
 
 class ForbiddenCapsule(RegionAroundAxis):
-    """Robot points stay out of a cylinder with round ends.
+    """Robot points stay out of a capsule, a cylinder with round ends.
 
-    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends. On the segment
-    the gradient is that of leaving along a fixed direction across it.
+    radius + margin − ‖p − nearest point of a segment‖ ≤ 0, as for a pipe with round ends. On the
+    segment, the gradient is that of leaving along a fixed direction across the segment.
     """
 
     kind = "capsule"
@@ -307,12 +315,12 @@ class ForbiddenCapsule(RegionAroundAxis):
     curvature_formula = staticmethod(formulas.capsule_curvature)
 
     def solid(self) -> coal.CollisionGeometry:
-        """A capsule."""
+        """Return the capsule."""
         return coal.Capsule(self.radius, 2.0 * self.parameters[1])
 
 
 def frame_along(z: Array) -> Array:
-    """A rotation matrix whose third column is the unit vector ``z`` (3,)."""
+    """Return a rotation matrix whose third column is the unit vector ``z`` (3,)."""
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.sqrt(x @ x)
     return np.stack((x, np.cross(z, x), z), axis=1)

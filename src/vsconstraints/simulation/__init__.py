@@ -1,4 +1,4 @@
-"""Simulation: a setup, the closed loop, and the trajectory it leaves."""
+"""Simulation: setup, closed loop and resulting trajectory."""
 
 from .loop import PATIENCE, score_run, simulate, until_settled
 from .prepared import Prepared

@@ -1,6 +1,4 @@
-"""Images in the loop: rendered as the camera sees the scene, searched for tags, and moved on by the
-known motion.
-"""
+"""Images in the loop: rendering, detection of tags, and prediction with the known motion."""
 
 from __future__ import annotations
 
@@ -29,19 +27,19 @@ from .disturbances import Disturbances
 from .occluders import Occluders
 from .sensing import Sensor
 
-#: Of images that are not rendered.
+#: Disturbances of measurements without rendered images.
 POSTULATED = ("pixel_noise", "image_period", "delay", "delay_known", "lost_frames")
-STOPPING = 0.1  #: Time constant with which an arm without images is braked [s].
+STOPPING = 0.1  #: Time constant with which an arm without usable images is braked [s].
 
 
 class SceneRenderer:
-    """Renders images of a scene's markers, which are corners of tags, as they are seen from the
-    start ``q0`` (n,) on.
+    """Renderer of a scene's markers, which are corners of tags.
 
-    Curves of constraints that occlude are in front of the target, and bodies and regions as the
-    settings have it. The noise of image number i follows from the seed and is the same whatever the
-    controller does. Raises ConfigurationError if the markers can be no board of tags, or packages
-    are missing.
+    The tags are printed on the side of the board that is seen from the start ``q0`` (n,). The
+    curves of occlusion constraints are in front of the target; the settings determine which bodies
+    and regions hide it. The noise of an image follows from the seed and the image's number,
+    whatever the controller does. Raises ConfigurationError if the markers cannot form a board of
+    tags, or if packages are missing.
     """
 
     def __init__(
@@ -65,7 +63,7 @@ class SceneRenderer:
         self.renderer = Renderer(board, scene.camera, settings)
 
     def image(self, number: int, state: State) -> Pixels:
-        """The image (H, W) of that number, of a state in the middle of its exposure."""
+        """Render image ``number`` (H, W); ``state`` is that in the middle of its exposure."""
         velocity = state.camera_twist[:3]
         turning = state.camera_twist[3:]
 
@@ -93,19 +91,19 @@ class SceneRenderer:
 
     @cached_property
     def _occluders(self) -> Occluders:
-        """Created with the first image, since it may read meshes."""
+        """Occluding solids, created with the first image since it may read meshes."""
         return Occluders(self.scene, self._constraints, self.settings.opaque)
 
     @cached_property
     def _always(self) -> BoolArray:
-        """(H, W) pixels before which curves stand that do not move."""
+        """(H, W) mask of the pixels covered by curves that do not move."""
         always: BoolArray = np.logical_or.reduce(
             [self._before(curve, 0.0) for curve in self._still]
         )
         return always
 
     def _before(self, curve: Occlusion, t: float) -> BoolArray:
-        """(H, W) before which pixels a curve stands."""
+        """Return the mask (H, W) of the pixels covered by a curve."""
         shape, ideal = self._ideal
         inside: BoolArray = (
             curve.sigma(curve.displaced(ideal[None], np.array([t]))[0]) > curve.margin
@@ -114,7 +112,7 @@ class SceneRenderer:
 
     @cached_property
     def _ideal(self) -> tuple[tuple[int, int], Array]:
-        """(H, W), and (H · W, 2) ideal pixels of all pixels of an image, NaN beyond the lens."""
+        """Image size (H, W), and ideal pixels (H · W, 2) of all its pixels, NaN beyond the lens."""
         camera = self.scene.camera
         W, H = map(int, camera.size)
         v, u = np.mgrid[:H, :W]
@@ -127,8 +125,10 @@ class SceneRenderer:
 
 
 class Exposure(NamedTuple):
-    """One image: when it was taken [s], what it says, the markers' true ideal pixels, the camera's
-    true pose.
+    """Image with its true state.
+
+    The fields are the time of exposure [s], the measured pose of the tags, the markers' true ideal
+    pixels and the camera's true pose.
     """
 
     taken: float
@@ -138,8 +138,10 @@ class Exposure(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What was last seen: the camera's pose then, as measured and as the model had it, and measured
-    pixels.
+    """Last usable image.
+
+    The fields are the time of exposure [s], the camera's pose as measured and according to the
+    model, and the measured pixels.
     """
 
     taken: float
@@ -149,16 +151,16 @@ class _Memory(NamedTuple):
 
 
 class ImageSensor(Sensor):
-    """A sensor that renders images, detects tags in them, and believes what they say.
+    """Sensor that renders images, detects tags in them, and takes its measurements from the tags.
 
-    From an image that can be used until the next one, the camera's pose moves on as the control's
-    kinematics, and the target's motion as far as it is known, say that it moved since the image was
-    taken; markers move along with that pose, by as much beside it as they were seen then. Raises
-    ConfigurationError if disturbances postulate what images have by themselves, or a package is
-    missing.
+    Between usable images, the camera's pose is predicted: it moves on by the motion since the last
+    image was taken, according to the controller's kinematics and to the target's motion as far as
+    it is known. Markers move along with that pose and keep the offset with which they were seen.
+    Raises ConfigurationError if disturbances specify effects that rendered images have anyway, or
+    if a package is missing.
     """
 
-    exposures: list[Exposure]  #: Every image so far.
+    exposures: list[Exposure]  #: All images so far.
 
     def __init__(
         self,
@@ -197,17 +199,17 @@ class ImageSensor(Sensor):
         self.blind = False
         self._newest: tuple[int, Measurement] | None = None
 
-    estimates = False  # not by compiled code
+    estimates = False  # poses are not estimated by compiled code
 
     @cached_property
     def _detector(self) -> Detector:
         return DETECTORS[self.settings.detector]()
 
     def measured(self, k: int, q: Array, qd: Array, world: Evaluation | None = None) -> Measurement:
-        """What is measured in sample k, at ``q`` and ``qd`` (n,).
+        """Return the measurement in sample ``k``, at ``q`` and ``qd`` (n,).
 
-        Raises SceneError if no tag is seen in the first image, or a marker is believed to be behind
-        the camera.
+        Raises SceneError if no tag is seen in the first image, or if a marker is believed to be
+        behind the camera.
         """
         if self._newest is None or self._newest[0] != k:
             self._newest = k, self._measured(k * self._Ts, q, qd)
@@ -244,7 +246,7 @@ class ImageSensor(Sensor):
         )
 
     def _take(self, number: int, t: float, q: Array, qd: Array) -> None:
-        """Take an image, and find out at once what it will say."""
+        """Render an image and evaluate it at once, ahead of its latency."""
         state = self.scene.evaluate(t, q, qd)
         model = self._model.camera_pose(q, t)
         last = self._last
@@ -253,17 +255,18 @@ class ImageSensor(Sensor):
         seen = locate_board(image, self._detector, self._board, self.camera, near)
         self.exposures.append(Exposure(t, seen, state.pixels.position, state.camera))
         memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
-        # the first one is waited for
+        # the loop waits for the first image
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
 
     def braking(self, qd: Array) -> Array:
-        """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they
-        will.
+        """Return q̈ (n,) that stops the arm when there is no usable image.
+
+        The actuators execute as much of it as they can.
         """
         return -qd / STOPPING
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know of the images."""
+        """Return remarks on the images for a reader of the results."""
         exposures = self.exposures
         remarks = []
         unusable = [image.taken for image in exposures if image.tags.camera is None]

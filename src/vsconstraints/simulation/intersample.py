@@ -1,4 +1,4 @@
-"""Clearance between samples: the plant's motion inside a period is known."""
+"""Clearance between samples, from the known motion of the plant within a period."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ from ..rows import Array, IntArray
 from .plant import Plant
 from .setup import Setup
 
-#: Into so many parts a sampling period is divided that is inspected; into halves of these where
-#: that is not enough.
+#: Number of parts into which an inspected sampling period is divided; the parts are halved further
+#: where necessary.
 QUARTERS = 4
-FINEST = 2.0**-8  #: No part is smaller than this share of a period.
-#: Clearance, as a fraction of the characteristic length, up to which the least one of a run is
-#: looked for.
+FINEST = 2.0**-8  #: Smallest part, as a share of a period.
+#: Clearance, as a fraction of the characteristic length, up to which the smallest one of a run is
+#: searched for.
 NEAR = 0.05
 
 DIP = 2.0, 0.001
-"""How much less than at both its ends a clearance may be inside a period: a multiple of its
-greatest change in this period and those beside it, and a fraction of the characteristic length,
-below which nothing is looked for.
+"""Largest decrease of a clearance within a period below both its ends.
 
-Half the change would do at a constant rate: what is passed at full speed was neared in the period
+It is a multiple of the largest change of the clearance in this period and its neighbours, and a
+fraction of the characteristic length, below which decreases are ignored. At a constant rate, half
+the change would suffice: a boundary that is passed at full speed was approached in the period
 before.
 """
 
-#: Way that a joint goes out and back inside a period [rad or m] from which on its turning counts
-#: near a boundary, and wherever it is: what turns at every sample never changes its clearance from
-#: one to the next.
+#: Smallest distance that a joint moves out and back within a period to be inspected [rad or m]:
+#: near a boundary, and anywhere. A motion that reverses at every sample does not change the sampled
+#: clearances.
 BACK = 1e-5, 1e-3
 
 
 def intersample_clearance(
     setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array
 ) -> Array:
-    """(N, m) least clearance inside the period after each sample; infinite where none was
-    inspected.
+    """Return the smallest clearance (N, m) within the period after each sample.
 
-    Inspected are periods inside which a row may be outside, or have its least clearance of the run:
-    those in which its clearance might come to zero at the rate at which it changes there
-    (:data:`DIP`), however far from its boundary it is in the samples, or in which a joint turns
-    back inside (:data:`BACK`). Parts of a period are halved as long as, at the rate seen in it, a
-    row may be deeper outside within a part. Samples have states (N, s, n), clearances (N, m).
+    It is infinite if no period was inspected. A period is inspected if a row may be violated in it
+    or may have its smallest clearance of the run there. This is the case if the clearance might
+    reach zero at its rate of change there (:data:`DIP`), however far the samples are from the
+    boundary, or if a joint reverses within the period (:data:`BACK`). Parts of a period are halved
+    as long as a row may be violated more deeply within a part, at the rate observed in it. Samples
+    have states (N, s, n) and clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)
@@ -54,8 +54,9 @@ def intersample_clearance(
     length = setup.constraints.characteristic_length
 
     def look(at: IntArray, share: float) -> Array:
-        """(P, m) clearances a share of the period after some samples, which are noted; infinite
-        where unseen.
+        """Record and return clearances (P, m) at a share of the period after some samples.
+
+        They are infinite where the scene cannot be seen.
         """
         there = np.full((len(at), m), np.inf)
         q, qd = plant.within(states, at, share)
@@ -73,7 +74,7 @@ def intersample_clearance(
     ends = np.stack([clearance[periods], *inside, clearance[periods + 1]])
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(ends, axis=0)).max(axis=0)
-    change[~np.isfinite(change)] = 0.0  # where nothing is seen, there is nothing to be looked for
+    change[~np.isfinite(change)] = 0.0  # where nothing is seen, there is nothing to search for
     parts = [(i * width, np.arange(len(periods)), ends[i], ends[i + 1]) for i in range(QUARTERS)]
     while parts and width > FINEST:
         deepest = np.fmin(np.fmin(clearance.min(axis=0), least.min(axis=0)), 0.0)
@@ -91,7 +92,7 @@ def intersample_clearance(
 
 
 def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Array) -> IntArray:
-    """Numbers of the periods that are inspected."""
+    """Return the numbers of the periods to be inspected."""
     length = setup.constraints.characteristic_length
     least = clearance.min(axis=0)
     near = NEAR * length
@@ -101,11 +102,11 @@ def inspected_periods(setup: Setup, plant: Plant, states: Array, clearance: Arra
     change[~np.isfinite(change)] = np.inf
     neighbours = np.pad(change, ((1, 1), (0, 0)))
     dip = DIP[0] * np.maximum(change, np.maximum(neighbours[:-2], neighbours[2:])) + DIP[1] * length
-    # what is deep outside at both ends is so inside as well
+    # a row that is deeply violated at both ends is also violated inside
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)
-    # half of what a joint goes out and back, at a constant acceleration; at two, if the command
-    # changes inside
+    # half the distance that a joint moves out and back at a constant acceleration; with two
+    # accelerations, if the command changes inside
     speeds = [states[:-1, 1], states[1:, 1]]
     if plant.switch:
         speeds.insert(1, plant.within(states, np.arange(len(states) - 1), plant.switch)[1])

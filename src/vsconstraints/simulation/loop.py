@@ -1,4 +1,4 @@
-"""The closed loop: state → what is believed of it → rows and task → controller → robot."""
+"""Closed loop: state, measurement, rows and task, controller, robot."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ from .prepared import Prepared, blank_step, make_loop
 from .setup import Setup
 from .trajectory import Outcome, RunScores, Trajectory
 
-CHUNK = 512  #: Samples that compiled code runs at once: in between, signals are handled.
-#: How many times as long as undisturbed tracking alone a run may take to settle at the last goal.
+CHUNK = 512  #: Samples per call of compiled code; signals are handled between calls.
+#: Limit of the time that a run may take to settle at the last goal, as a multiple of the settling
+#: time of the undisturbed, unconstrained baseline.
 PATIENCE = 3.0
 
 
@@ -43,21 +44,24 @@ def simulate(
     remarks: Sequence[str] | None = None,
     prepared: Prepared | None = None,
 ) -> Trajectory:
-    """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
+    """Run a controller on a setup from t = 0 to its duration, or until the run cannot go on.
 
-    With a time limit, a run that is not at rest at the end of its duration goes on until it is, see
-    :func:`.until_settled`. A scene that can no longer be evaluated, a controller that fails, and
-    own parts that raise anything end the run with the status ``failed``; what was simulated until
-    then is kept. The command of the last sample is computed but not carried out. The reason also
-    holds ``remarks``, those of :meth:`Setup.check_start` unless given, and the controller's, how
-    often another QP solver had to answer, and how often a law claimed a loss of rank that its rows
-    do not show, at which no run is stopped.
+    If the setup has a time limit, a run that is not at rest at the end of its duration continues
+    until it is; see :func:`.until_settled`. A run ends with the status ``failed`` if the scene can
+    no longer be evaluated, if the controller fails, or if a custom part raises any exception. The
+    samples simulated until then are kept. The command of the last sample is computed but not
+    executed.
 
-    With ``by_public_call`` every law is asked by ``controller.command(rows, task)``, as a user's
-    own loop does, so that the times of different laws are those of the same call. Otherwise
-    compiled laws run on the arrays of the compiled step, which is faster; their commands are the
-    same. What was ``prepared`` of this setup may be used again. Raises ConfigurationError if the
-    robot cannot start.
+    The reason of the trajectory includes ``remarks`` (those of :meth:`Setup.check_start` by
+    default) and the controller's remarks. It states how often another QP solver had to answer, and
+    how often a law reported a loss of rank that its rows do not show; such a report never stops a
+    run.
+
+    With ``by_public_call`` every law is called as ``controller.command(rows, task)``, as in a
+    user's loop, so that the times of different laws are those of the same call. Otherwise compiled
+    laws run on the arrays of the compiled step, which is faster; their commands are the same.
+    ``prepared`` is a workspace of this setup to be reused. Raises ConfigurationError if the robot
+    cannot start.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -69,7 +73,7 @@ def simulate(
 
 
 def trajectory_of(run: Run, remarks: Sequence[str]) -> Trajectory:
-    """What a run left, with these and its own remarks as part of the reason."""
+    """Return a run's trajectory, with these remarks and its own appended to the reason."""
     trajectory = run.trajectory()
     remarks = (
         *remarks,
@@ -80,11 +84,10 @@ def trajectory_of(run: Run, remarks: Sequence[str]) -> Trajectory:
 
 
 def score_run(setup: Setup, controller: Controller) -> RunScores:
-    """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials
-    run on.
+    """Run a controller as :func:`simulate` does, but keep only its scores.
 
-    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start
-    alone.
+    It is meant for thousands of trials: the whole loop is compiled if step and law are. Lines of
+    sight are checked only at the start.
     """
     prepared = Prepared(setup, controller.factors)
     remarks = setup.check_start(prepared.world)
@@ -97,15 +100,18 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
 
 
 def until_settled(setup: Setup) -> Setup:
-    """The same setup, whose runs go on beyond its duration until they are at rest, at the last goal
-    or elsewhere.
+    """Return the setup with a time limit, until which runs may continue until they are at rest.
 
-    Where a run is cut then does not decide which law arrives. Its time limit is :data:`PATIENCE`
-    times as long as tracking alone takes to settle at the last goal, without constraints and
-    disturbances: the same for every law. There is none, so that a run ends with its duration, where
-    the target moves, since who follows it is judged at the end of the motion that the scenario
-    states; and where even tracking alone is still on its way at the end of the duration. Where
-    tracking alone fails, it is the multiple of the duration. Raises as :func:`simulate` does.
+    Runs come to rest at the last goal or elsewhere. The moment at which a run is cut off then does
+    not decide which law arrives. The limit for the last goal is :data:`PATIENCE` times the settling
+    time of the unconstrained baseline without disturbances, the same for every law. If the baseline
+    does not settle, it is the same multiple of the time from the beginning of the last goal to the
+    end of the duration.
+
+    The setup is returned unchanged, so that a run ends with its duration, in three cases: the
+    target moves, and a law that follows it is judged at the end of the motion that the scenario
+    states; even the baseline is still moving at the end of the duration; or the limit does not
+    exceed the duration. Raises as :func:`simulate` does.
     """
     if setup.scene.motion is not None:
         return setup
@@ -131,8 +137,9 @@ def until_settled(setup: Setup) -> Setup:
 
 
 class Run:
-    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the
-    rest.
+    """A controller and a robot in closed loop.
+
+    Compiled code runs as far as it can and returns to Python for the rest.
     """
 
     def __init__(
@@ -153,15 +160,15 @@ class Run:
         self.gradient_error = prepared.gradient_error
         self.plant = self.setup.plant()
         self.sensor = self.setup.sensor()
-        #: How many are done, how often another QP solver had to answer, and a law claimed a loss of
-        #: rank in vain.
+        #: Samples done, samples that another QP solver answered, and unfounded reports of rank
+        #: loss.
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended: Ended = ""
         self.reason = ""
         self.compiled = False
         self.law = 0
-        #: What a compiled law is asked with, which it leaves as it is; others may change their
-        #: arrays.
+        #: Rows and task that are passed to a compiled law, which leaves them unchanged; other laws
+        #: may modify their arrays.
         self._given: tuple[Rows, Task] | None = None
         loop = None
         believe = self.sensor if self.setup.disturbances.sensing else None
@@ -173,13 +180,13 @@ class Run:
             loop = self._compiled_loop(by_public_call)
         except VsconstraintsError:
             raise
-        # a law ends its own run, not the process
+        # an exception in a law ends its run, not the process
         except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
         self._begin(loop or self._python_loop())
 
     def to_the_end(self) -> None:
-        """Run all samples, or until something ends it."""
+        """Run all samples, or until something ends the run."""
         setup = self.setup
         N = self.setup.samples
         further = math.ceil(setup.rest_time / setup.Ts)
@@ -193,12 +200,12 @@ class Run:
             ):
                 N = min(N + further, setup.samples_at_most)
                 self._run_to(N)
-                # crossing the goal at the moment of the check is not settling there
+                # passing the goal at the moment of the check does not count as settling
                 dwell = further * setup.Ts
         except SceneError as error:
             self._end("failed", str(error))
-        # own constraints and laws may raise anything; the samples so far are kept.
-        # KeyboardInterrupt is the user's
+        # custom constraints and laws may raise anything; the samples so far are kept.
+        # KeyboardInterrupt comes from the user and is not caught
         except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
 
@@ -210,9 +217,9 @@ class Run:
         self.reason = f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
 
     def _run_to(self, last: int) -> None:
-        """Run all samples before this one, unless something ends the run."""
+        """Run all samples before ``last``, unless something ends the run."""
         stage = STEP
-        # a sample that has come to a command is finished, also if it is the last one
+        # a sample whose step is done is completed, even if it is the last one
         while stage != STEP or (self.samples < last and not self.ended):
             begun = self.samples
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
@@ -223,7 +230,7 @@ class Run:
                 and self.loop.parts[0]
             ):
                 self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
-                # without a usable image no law is called, and the arm brakes
+                # without a usable image no law is called and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
             self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
@@ -232,7 +239,7 @@ class Run:
                 stage = self._answer(self.samples, stage)
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
-        """A loop whose step is compiled; None where it has no compiled form."""
+        """Return a loop whose step is compiled, or None if it has no compiled form."""
         setup = self.setup
         bound = self.bound
         true = self.prepared.true
@@ -257,11 +264,11 @@ class Run:
         self.compiled = law is not None and load("compiler").compiles()
         if law is not None:
             self._given = bound.now.rows, bound.now.task
-        self._laws = alone, law  # what is behind their arrays lives as long as they do
+        self._laws = alone, law  # keeps alive the objects behind their arrays
         loop.parts[4] = alone.workspace.address
         if law is not None and not by_public_call:
             loop.parts[3] = self.law = law.workspace.address
-            # the same rank tolerance: the law's way to its answer may lead by tracking alone
+            # at the same rank tolerance, the law may use the unconstrained command of the baseline
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(
                 slack=law.slack, alone=loop.alone if same else loop.answer.alone
@@ -270,8 +277,9 @@ class Run:
         return loop
 
     def _python_loop(self, features: int = 0) -> Loop:
-        """A loop whose step and law run in Python; the number of features is known after the first
-        sample.
+        """Return a loop whose step and law run in Python.
+
+        The number of features is known after the first sample.
         """
         blank = blank_step(self.setup, self.control.constraints, features)._replace(
             last_command=self.control.last_command
@@ -281,18 +289,18 @@ class Run:
     def _begin(self, loop: Loop) -> None:
         self.loop = loop
         loop.parts[7:] = self.plant.mover
-        # whether Python moves the robot: then, or where it renders images, it does so sample by
-        # sample
+        # True if Python moves the robot. In that case, and if images are rendered, samples run one
+        # by one
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
         self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
-        """Do the stage that compiled code cannot do; returns the next one."""
+        """Execute the stage that compiled code cannot execute, and return the next one."""
         if stage == STEP:
             self.plant.check()
             rows, task = self._evaluate(k)
-            # before the law, which may change the task's arrays
+            # computed before the law, which may change the task's arrays
             self.loop.alone[:] = self.prepared.baseline.command(
                 Rows.none(self.plant.x.shape[1]), task
             ).qdd
@@ -307,7 +315,7 @@ class Run:
         return ALONE if stage == LAW else MOVE
 
     def _evaluate(self, k: int) -> tuple[Rows, Task]:
-        """Rows and task that the control believes in; the true ones are written to the loop."""
+        """Return rows and task as the controller knows them; write the true ones to the loop."""
         t = k * self.setup.Ts
         q = self.plant.q
         qd = self.plant.qd
@@ -317,7 +325,7 @@ class Run:
         if self.prepared.world is not self.control:
             world = self.prepared.world.evaluate(t, q, qd)
             measured = self.sensor.measured(k, q, qd, world)
-            # the time before is not the control's
+            # evaluating the true state is not part of the control time
             started = perf_counter()
         step = self.control.evaluate_measured(t, q, qd, measured)
         rows = self.gradient_error(step.rows, qd)
@@ -339,8 +347,9 @@ class Run:
         return rows, step.task
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
-        """Take the controller's command, or end the run; a claimed loss of rank counts where the
-        rows show it.
+        """Obtain the controller's command, or end the run.
+
+        A reported loss of rank counts only if the rows show it.
         """
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
@@ -361,11 +370,11 @@ class Run:
             self._end("failed" if command.status == "failed" else "aborted", command.reason)
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know."""
+        """Return remarks for a reader of the results."""
         return [*self.plant.remarks(), *self.sensor.remarks(), *self.law_remarks()]
 
     def law_remarks(self) -> list[str]:
-        """What a reader should know of the law in this run."""
+        """Return remarks on the law in this run."""
         remarks = []
         if self.fallbacks:
             remarks.append(
@@ -381,11 +390,11 @@ class Run:
         return [*remarks, of_law, of_factors, self.controller.unused()]
 
     def scores(self) -> RunScores:
-        """Scores of the run."""
+        """Return the scores of the run."""
         return scores_of(self.setup, self.loop, self.samples, self._outcome(), self.compiled)
 
     def trajectory(self) -> Trajectory:
-        """What was simulated."""
+        """Return the simulated samples."""
         setup = self.setup
         N = self.samples
         kept = self.loop.kept
@@ -430,8 +439,9 @@ class Run:
 
 
 def loses_rank(rows: Rows) -> bool:
-    """Whether L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2), whatever the rows'
-    units.
+    """True if L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2).
+
+    The result does not depend on the rows' units.
     """
     reached = rows.phi >= 0.0
     return bool(dependent_rows(unit_rows(rows, rows.phi, reached)[0], RANK_TOLERANCE).shape[1])

@@ -1,6 +1,4 @@
-"""What stands between the camera and the markers: the arm's own links, bodies and regions of
-constraints.
-"""
+"""Occluders between camera and markers: the arm's links, and bodies and regions of constraints."""
 
 from __future__ import annotations
 
@@ -19,16 +17,16 @@ from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
 THIN = 1e-6  #: Radius of a line of sight [m].
-GLANCES = 100  #: Instants of a run at which lines of sight are checked.
-#: By how much the boxes around links are enlarged [m]: more than rounding, and a line's radius.
+GLANCES = 100  #: Number of instants of a run at which lines of sight are checked.
+#: Enlargement of the boxes around links [m]: more than rounding and a line's radius.
 SLACK = 1e-5
-TINY = 1e-300  #: For a coordinate that does not change along a line [m].
+TINY = 1e-300  #: Substitute for a zero change of a coordinate along a line [m].
 
 
 class LinesOfSight:
-    """Lines from the camera to the markers of a scene, and the links of a URDF arm as convex hulls.
+    """Lines from the camera to a scene's markers, and the links of a URDF arm as convex hulls.
 
-    Links that move with the tip carry the camera or the markers, and never count. Raises
+    Links that move with the tip carry the camera or the markers and are ignored. Raises
     ConfigurationError if a mesh cannot be read.
     """
 
@@ -44,13 +42,15 @@ class LinesOfSight:
         ]
         for _, _, solid in self._parts:
             solid.computeLocalAABB()
-        #: (P, 1, 3) least and greatest coordinates of each solid, in its own frame.
+        #: (P, 1, 3) smallest and largest coordinates of each solid, in its own frame.
         self._low = np.array([solid.aabb_local.min_ for _, _, solid in self._parts])[:, None]
         self._high = np.array([solid.aabb_local.max_ for _, _, solid in self._parts])[:, None]
 
     def hidden(self, q: Array, t: Sequence[float]) -> list[list[tuple[int, str]]]:
-        """Numbers of the markers that a link hides at q (N, n) and t (N,) [s], each with the first
-        such link.
+        """Return the markers that a link hides at q (N, n) and t (N,) [s].
+
+        For each time, the result holds the numbers of the hidden markers, each with the first link
+        that hides it.
         """
         if not self._parts or not len(t):
             return [[] for _ in t]
@@ -69,8 +69,8 @@ class LinesOfSight:
         frames = np.array([[at.homogeneous for at in now] for now in places])
         R = frames[..., :3, :3]
         origin = frames[..., None, :3, 3]
-        # where each line enters and leaves the box around each solid, in whose frame both are: (N,
-        # P, M, 3)
+        # shares of each line at which it enters and leaves the box around each solid, computed in
+        # the solid's frame: (N, P, M, 3)
         begin = (np.array(eyes)[:, None, None] - origin) @ R
         along = (np.array(markers)[:, None] - origin) @ R - begin
         along[along == 0.0] = TINY
@@ -81,7 +81,8 @@ class LinesOfSight:
         leaves = shares.max(axis=0).min(axis=-1)
         near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
         hidden: list[list[tuple[int, str]]] = [[] for _ in t]
-        for n, i in np.argwhere(near.any(axis=1)):  # distances of solids take far longer than boxes
+        # distances of solids take far longer to compute than boxes
+        for n, i in np.argwhere(near.any(axis=1)):
             parts = ((*self._parts[k], places[n][k]) for k in np.flatnonzero(near[n, :, i]))
             hiding = (
                 body.name
@@ -93,7 +94,7 @@ class LinesOfSight:
 
 
 def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, at: pin.SE3) -> bool:
-    """Whether the line from eye to marker (3,) meets a solid that is placed there."""
+    """True if the line from eye to marker (3,) meets a solid at this placement."""
     along = marker - eye
     length = float(np.sqrt(along @ along))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length).matrix()
@@ -107,12 +108,14 @@ def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, at: pin.S
 
 
 def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
-    """Which markers the robot's own links hide at times t (N,) [s] and q (N, n), in :data:`GLANCES`
-    after the first.
+    """Return remarks on the markers that the robot's own links hide during a run.
+
+    Times t (N,) [s] and configurations q (N, n) are checked at :data:`GLANCES` instants after the
+    first.
     """
     try:
         lines = LinesOfSight(scene)
-    except ConfigurationError:  # said at the start
+    except ConfigurationError:  # reported at the start
         return []
     first: dict[tuple[int, str], float] = {}
     glances = (
@@ -130,11 +133,11 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
 
 
 class Occluders:
-    """Convex solids that may stand before the tags of a scene: links, bodies of constraints,
-    forbidden regions.
+    """Convex solids that may hide the tags of a scene: links, bodies and forbidden regions.
 
-    Of ``kinds``, obstacles of collision are ``bodies``, and all others that have a mesh
-    ``regions``. Links that move with the tip carry the camera or the tags, and never count.
+    Among ``kinds``, ``bodies`` are the obstacles of collision constraints, and ``regions`` all
+    other constraints that have a mesh. Links that move with the tip carry the camera or the tags
+    and are ignored.
     """
 
     def __init__(
@@ -157,8 +160,9 @@ class Occluders:
         ]
 
     def solids(self, q: Array, t: float) -> Iterator[Array]:
-        """Each (V, 3) points in the base frame whose convex hull a solid is, at ``q`` (n,) and
-        ``t`` [s].
+        """Yield points (V, 3) of each solid, in the base frame, at ``q`` (n,) and ``t`` [s].
+
+        A solid is the convex hull of its points.
         """
         if self.links:
             pin.forwardKinematics(self.scene.robot.model, self._data, q)
@@ -174,8 +178,9 @@ class Occluders:
 
 
 def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:
-    """Of the URDF, or as collision constraints have them; none if a mesh is missing, which the
-    start says.
+    """Return the links of the URDF, or else those of collision constraints.
+
+    The list is empty if a mesh is missing, which the check of the start reports.
     """
     robot = scene.robot
     if robot.source is not None:

@@ -1,6 +1,4 @@
-"""How a simulation ended, judged by its motion and not by what a controller reports, and its
-scores.
-"""
+"""Outcome and scores of a simulation, judged by its motion and not by its controller."""
 
 from __future__ import annotations
 
@@ -16,17 +14,17 @@ from ..vision.features import CameraPose
 from .setup import Setup
 from .trajectory import Outcome, RunScores
 
-#: How the loop itself ended; empty if all samples were run.
+#: Early end of the loop; empty if all samples were run.
 Ended = Literal["", "failed", "aborted"]
 
 
 def judge(
     setup: Setup, loop: Loop, samples: int, ended: Ended, reason: str, dwell: float | None = None
 ) -> tuple[Outcome, str]:
-    """Status and reason of a run of so many samples.
+    """Return status and reason of a run of so many samples.
 
-    ``reason`` is why the loop ended early, if it did; ``dwell`` how long the run must have stayed
-    at the last goal [s], that of the tolerances if None.
+    ``reason`` is the reason for an early end of the loop, if any. ``dwell`` is the time for which
+    the last goal must have been held [s]; None stands for that of the tolerances.
     """
     if ended:
         return ended, reason
@@ -54,7 +52,7 @@ def judge(
         f"ends {off if np.isfinite(distance) else f'{_amount(kept.feature_error[last])} px'} "
         f"from the goal"
     )
-    # half a period for the rounding of times
+    # half a period allows for the rounding of times
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
     enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
@@ -77,11 +75,11 @@ def judge(
 
 
 def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
-    """In how long the last goal is reached at the pace of these samples [s]; infinite where it
-    comes no nearer.
+    """Return the time in which the last goal is reached at the pace of these samples [s].
 
-    The pace is that of the error in units of its tolerance, from the mean of the samples' first
-    half to that of their second, which noise moves less than single samples.
+    The time is infinite if the goal is not approached. The pace is that of the error in units of
+    its tolerance, from the mean of the samples' first half to the mean of their second half. Noise
+    affects these means less than single samples.
     """
     tolerance = setup.goal_tolerances[-1]
     kept = loop.kept
@@ -97,21 +95,22 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
 
 
 def first_samples(begins: Array, samples: int, Ts: float) -> IntArray:
-    """(g,) the first of so many samples in which each goal or a later one holds, ``samples`` where
-    there is none.
+    """Return the first sample (g,) in which each goal or a later one holds.
+
+    The result is ``samples`` if there is none.
     """
     first = np.searchsorted(np.arange(samples) * Ts + ROUNDING, begins)
-    first[0] = 0  # the first goal also holds before it begins
+    first[0] = 0  # the first goal also holds before its beginning
     return first
 
 
 def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) -> Array:
-    """(g,) from when each goal begins until it is reached for good, before the next one begins or
-    the run ends [s].
+    """Return the settling time (g,) of each goal [s].
 
-    NaN where it is not. Leaving a goal early does not help: when each begins is fixed.
-    ``unreached`` (g,) is the last sample in which a goal is not reached while it holds, −1 if there
-    is none; goals begin at ``begins`` (g,) [s].
+    It is counted from the beginning of a goal until it is reached for good, before the next goal
+    begins or the run ends; NaN if it is not reached. Leaving a goal early brings no advantage,
+    because the beginnings are fixed. ``unreached`` (g,) is the last sample in which a goal is not
+    reached while it holds, −1 if there is none; goals begin at ``begins`` (g,) [s].
     """
     first = first_samples(begins, samples, Ts)
     reached = np.maximum(unreached + 1, first)
@@ -122,7 +121,7 @@ def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) 
 def scores_of(
     setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool
 ) -> RunScores:
-    """The scores of a loop after so many samples."""
+    """Return the scores of a loop after so many samples."""
     Ts = setup.Ts
     kept = loop.kept
     scores = loop.scores
@@ -158,7 +157,7 @@ def scores_of(
 
 
 def _amount(value: float) -> str:
-    """Three significant digits, never with an exponent."""
+    """Return three significant digits, never with an exponent."""
     return (
         f"{value:.0f}"
         if value >= 100.0

@@ -1,6 +1,4 @@
-"""The robot as the control sees it: q̈ = C q̈_c + d_c (eq. 6), solved exactly for a zero-order
-hold.
-"""
+"""Linear robot model q̈ = C q̈_c + d_c (eq. 6), solved exactly for a zero-order hold."""
 
 from __future__ import annotations
 
@@ -17,34 +15,34 @@ from ..formulas.limits import JointLimits
 from ..rows import Array, IntArray
 from .disturbances import Disturbances
 
-#: What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1).
+#: Input of the robot's low-level controller: q̈_c, or q_c, which integrates q̈_c (section 5.1).
 Actuation = Literal["acceleration", "position"]
-POSITION_LOOP = 6  #: Size of the system of an arm that follows q_c.
+POSITION_LOOP = 6  #: System size of an arm that follows q_c.
 
 
 class Plant:
-    """n joints alike: each a linear system whose state holds q, q̇, what the low-level loop
-    remembers, q̈_c and d_c.
+    """Robot of n joints, each of which is a linear system with the same parameters.
 
-    With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at
-    once if τ is zero. With position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c,
-    where q_c is what an :class:`vsconstraints.robots.order_filter.OrderFilter` gives. The loop
-    brings commands beyond ``limits`` to them (:func:`vsconstraints.compiled.samples.saturate`). A
-    command acts the delay δ after its period has begun: the last ⌈δ/T_s⌉ commands, which are under
-    way, are part of the state, zeros at the start.
+    The state of a joint holds q, q̇, the memory of the low-level loop, q̈_c and d_c. With
+    acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if
+    τ is zero. With position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c if τ is
+    zero, where q_c is the output of an :class:`vsconstraints.robots.order_filter.OrderFilter`. The
+    loop saturates commands at ``limits`` (:func:`vsconstraints.compiled.samples.saturate`). A
+    command begins to act with the delay δ after the beginning of its period: the last ⌈δ/T_s⌉
+    commands, which are pending, are part of the state and zero at the start.
     """
 
-    #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last, the
-    #: commands before q̈_c above it, the latest next to it.
+    #: (s, n) state at the beginning of the period: q and q̇ first, q̈_c and d_c last, the pending
+    #: commands before q̈_c, with the latest next to it.
     x: Array
-    transition: Array  #: (s, s) from there to the end of the period.
-    #: Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the
-    #: mover goes there.
+    transition: Array  #: (s, s) map from the beginning to the end of the period.
+    #: True if the transition does not yet yield the end of the period, and :meth:`follow` or the
+    #: mover completes it.
     follows = False
-    #: Of a period, after which another command acts than at its beginning; 0 if none does.
+    #: Share of a period after which another command begins to act; 0 if none does.
     switch = 0.0
-    #: Addresses of the compiled function that does, and of what it works with; 0 where there is
-    #: none.
+    #: Addresses of the compiled function that completes a period and of its workspace; 0 if there
+    #: is none.
     mover: tuple[int, int] = (0, 0)
 
     def __init__(
@@ -72,7 +70,7 @@ class Plant:
         self._delay = split_delay("disturbance command_delay", disturbances.command_delay, self.Ts)
         self.switch = self._delay[1] / self.Ts
         self.transition = np.array(_transition(self._system, self._delay, self.Ts))
-        # what is under way grows older by a period
+        # pending commands grow older by one period
         s = len(self.transition)
         waiting = pending_commands(self._delay)
         self.transition[s - 2 - waiting : s - 2] = np.eye(s)[s - 1 - waiting : s - 1]
@@ -86,19 +84,20 @@ class Plant:
 
     @property
     def q(self) -> Array:
-        """(n,) joint coordinates."""
+        """(n,) joint coordinates [rad or m]."""
         q: Array = self.x[0].copy()
         return q
 
     @property
     def qd(self) -> Array:
-        """(n,) joint speeds."""
+        """(n,) joint speeds [rad/s or m/s]."""
         qd: Array = self.x[1].copy()
         return qd
 
     def arrays(self, periods: int, last: Array) -> PlantArrays:
-        """What the loop moves the robot with, which writes its commands to ``last`` (n,); d_c is
-        drawn beforehand.
+        """Return the arrays with which the loop moves the robot.
+
+        The loop writes its commands to ``last`` (n,). d_c is drawn beforehand for all periods.
         """
         pushes = self._pushes(np.random.default_rng(self._seed), periods)
         return PlantArrays(
@@ -106,7 +105,7 @@ class Plant:
         )
 
     def _pushes(self, random: np.random.Generator, periods: int) -> Array:
-        """(N, n) d_c of the periods to come; (1, n) if it is always the same."""
+        """Return d_c (N, n) of the coming periods; (1, n) if it is constant."""
         n = len(self._offset)
         return self._offset + (
             self._noise * random.standard_normal((periods, n)) if self._noise else np.zeros((1, n))
@@ -117,40 +116,36 @@ class Plant:
         self.x[-2], self.x[-1] = qdd, self._pushes(self._random, 1)[0]
 
     def step(self) -> None:
-        """Go to the end of the period."""
+        """Advance to the end of the period."""
         hold(self.transition, self.x, np.empty_like(self.x))
 
     def follow(self) -> None:
-        """Go to the end of the period that has begun, where the transition has not."""
+        """Advance to the end of the current period, if the transition does not."""
 
     def check(self) -> None:
         """Raise SceneError if the motion cannot go on."""
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know of the robot."""
+        """Return remarks on the robot for a reader of the results."""
         return []
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
-        """Q and q̇ (P, n) a share of the period after the beginning of some periods, given states
-        (N, s, n).
-        """
+        """Return q and q̇ (P, n) at a share of some periods, given the states (N, s, n) of all."""
         return self.inside(states[periods].transpose(0, 2, 1), share * self.Ts)
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
-        """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n,
-        s).
-        """
+        """Return q and q̇ (N, n) at ``after`` [s] in periods that begin with states (N, n, s)."""
         moved = states @ _transition(self._system, self._delay, after)[:2].T
         return moved[..., 0], moved[..., 1]
 
 
 def without_limits(Ts: float) -> JointLimits:
-    """Of actuators that have none."""
+    """Return the limits of actuators that have none."""
     return JointLimits(*(np.empty(0),) * 5, 0, float(Ts))
 
 
 def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
-    """A (s, s) of ẋ = A x for one joint, with x = (q, q̇, …, q̈_c, d_c)."""
+    """Return A (s, s) of ẋ = A x for one joint, with x = (q, q̇, …, q̈_c, d_c)."""
     if tau == 0.0:
         return ((0, 1, 0, 0), (0, 0, 1, 1), (0, 0, 0, 0), (0, 0, 0, 0))
     if actuation == "acceleration":
@@ -170,8 +165,9 @@ def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:
 
 
 def pending_commands(delay: tuple[int, float]) -> int:
-    """How many commands before the newest are still to act, or act: as many as a delay has periods,
-    begun ones too.
+    """Count the commands before the newest that are yet to act, or act.
+
+    The count is the delay in periods, rounded up.
     """
     return delay[0] + (delay[1] > 0.0)
 
@@ -180,14 +176,15 @@ def pending_commands(delay: tuple[int, float]) -> int:
 def _transition(
     system: tuple[tuple[float, ...], ...], delay: tuple[int, float], after: float
 ) -> Array:
-    """(s, s) from the beginning of a period to ``after`` [s] in it: exp(A t), with one command and
-    then another.
+    """Return the map (s, s) from the beginning of a period to ``after`` [s] in it.
+
+    It is exp(A t), with one command and then another if the delay is not a multiple of the period.
     """
     whole, rest = delay
     s = len(system) + pending_commands(delay)
 
     def held(periods: int, t: float) -> Array:
-        """With the command that is so many periods old."""
+        """Return the map over ``t`` [s], with the command that is ``periods`` periods old."""
         A = np.zeros((s, s))
         own = [*range(len(system) - 2), s - 2 - periods, s - 1]
         A[np.ix_(own, own)] = system
@@ -203,8 +200,9 @@ def _transition(
 def cubic(
     begin: tuple[Array, Array], end: tuple[Array, Array], T: float, share: float
 ) -> tuple[Array, Array]:
-    """Q and q̇ a share of a period of T [s] after its beginning: on the cubic with given q and q̇
-    at both ends.
+    """Return q and q̇ at a share of a period of T [s].
+
+    They lie on the cubic with the given q and q̇ at both ends.
     """
     s = share
     q0, v0 = begin

@@ -1,4 +1,4 @@
-"""What runs of a setup compute with: control steps, and the arrays of the closed loop."""
+"""Workspace for the runs of a setup: control steps, and the arrays of the closed loop."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ from .setup import Setup
 
 
 class Prepared:
-    """The control steps of a setup for laws with these factors, and the law of tracking alone
-    beside them.
+    """Control steps of a setup for laws with these factors, and the unconstrained baseline.
 
-    Runs follow one another, each begun by :meth:`restart`; own constraints and laws may remember
-    more than it forgets.
+    Runs follow one another; each begins with :meth:`restart`. Custom constraints and laws may keep
+    state that it does not reset.
     """
 
     def __init__(self, setup: Setup, factors: RowFactors = AS_THEY_ARE) -> None:
@@ -31,16 +30,15 @@ class Prepared:
         self.factors = factors
         self.control = setup.control(factors)
         self.gradient_error = setup.gradient_error(factors)
-        # what is kept is what is true; where nothing is disturbed, that is what the control
-        # believes
+        # the true values are stored; without disturbances the controller's step computes them
         self.world = self.control
         if setup.sensor().disturbed or self.gradient_error.any or factors.options():
             self.world = setup.world()
         self.baseline = Tracking()
-        #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
+        #: Both steps on arrays with fixed addresses; None if any part runs in NumPy.
         self.bound = self.control.bound()
         self.true = self.world.bound()
-        #: Tracking alone on the arrays of the control's step.
+        #: Unconstrained baseline on the arrays of the controller's step.
         self.alone: BoundLaw | None = None
         if self.bound is not None:
             size = self.bound.packed.size
@@ -56,7 +54,7 @@ class Prepared:
 
 
 def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
-    """Arrays for a step whose rows and task Python evaluates."""
+    """Return arrays for a step whose rows and task are evaluated in Python."""
     scene = setup.scene
     step, _ = Size(
         scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features
@@ -68,10 +66,10 @@ def blank_step(setup: Setup, constraints: ConstraintSet, features: int) -> Step:
 
 
 def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
-    """A loop whose parts all run in Python, until compiled ones replace them.
+    """Return a loop whose parts all run in Python, until compiled ones replace them.
 
-    ``believed`` and ``true`` are the steps of control and world; unless the ``whole`` run is kept,
-    only the last poses and errors of the camera are.
+    ``believed`` and ``true`` are the steps of control and world. Unless ``whole``, only the last
+    poses and errors of the camera are stored.
     """
     N = setup.samples_at_most
     m, n = true.rows.Lg.shape

@@ -1,8 +1,7 @@
-"""Runs in two parts: a law's commands, recorded in one process, and the motion that follows from
-them in another one.
+"""Runs in two parts: a law's commands, recorded in one process, and their motion in another.
 
-Nothing that a law does to its own process reaches the process in which its motion is simulated,
-judged and scored.
+A law cannot affect the process in which its motion is simulated, judged and scored, whatever it
+does to its own process.
 """
 
 from __future__ import annotations
@@ -22,30 +21,30 @@ from .prepared import Prepared
 from .setup import Setup
 from .trajectory import Trajectory
 
-MAX_TEXT = 10_000  #: Characters of a reason or of remarks that are taken from a recording.
+MAX_TEXT = 10_000  #: Maximum number of characters that are taken from a recorded reason or remark.
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a law commanded in a run of N samples on n joints, and what its process says of it.
+    """Commands of a law in a run of N samples on n joints, and the remarks of its process.
 
-    The law's process can say anything, so that nothing but ``qdd`` has an influence on motion and
-    scores.
+    The law's process is not trusted: only ``qdd`` affects motion and scores.
     """
 
     qdd: Array  #: (N, n) the commands.
-    ended: Ended  #: How the run ended early; empty if all its samples were run.
-    reason: str  #: Why, if it did.
-    remarks: tuple[str, ...]  #: What a reader should know of the law in this run.
+    ended: Ended  #: Early end of the run; empty if all its samples were run.
+    reason: str  #: Reason for an early end.
+    remarks: tuple[str, ...]  #: Remarks on the law in this run.
     rows_time: Array  #: (N,) wall time of rows and task [s].
     step_time: Array  #: (N,) wall time of the law's call [s].
-    fallbacks: int  #: How often another QP solver had to answer.
-    compiled: bool  #: Whether rows, task and law all ran compiled.
+    fallbacks: int  #: Number of samples in which another QP solver had to answer.
+    compiled: bool  #: True if rows, task and law all ran compiled.
 
     @classmethod
     def of(cls, setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Recorded:
-        """Run a law and record its commands; see :func:`.simulate` for the parameters and what is
-        raised.
+        """Run a law and record its commands.
+
+        See :func:`.simulate` for the parameters and the errors raised.
         """
         run = Run(
             Prepared(setup, controller.factors),
@@ -68,7 +67,7 @@ class Recorded:
         )
 
     def plain(self) -> dict[str, Any]:
-        """The same as text, numbers and bytes alone, for another process."""
+        """Return the recording as text, numbers and bytes only, for another process."""
         values = dict(vars(self))
         for name in ("qdd", "rows_time", "step_time"):
             values[name] = np.asarray(values[name], dtype=np.float64).tobytes()
@@ -76,8 +75,9 @@ class Recorded:
 
     @classmethod
     def from_plain(cls, values: object, joints: int) -> Recorded:
-        """The inverse of :meth:`plain`; raises ValueError, TypeError or KeyError for what is no
-        recording.
+        """Invert :meth:`plain`.
+
+        Raises ValueError, TypeError or KeyError if ``values`` is not a recording.
         """
         if not isinstance(values, dict):
             raise TypeError("it is no table")
@@ -116,11 +116,10 @@ def replay(
     remarks: Sequence[str] | None = None,
     prepared: Prepared | None = None,
 ) -> Trajectory:
-    """Simulate the motion that recorded commands lead to; it is judged as that of
-    :func:`.simulate`.
+    """Simulate the motion that follows from recorded commands.
 
-    Motion, rows and status follow from the commands alone. What the recording says of computing
-    times, of its early end and of its law is taken over.
+    It is judged as in :func:`.simulate`. Motion, rows and status follow from the commands alone.
+    The recording only contributes its computing times, its early end and its remarks on the law.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -142,11 +141,11 @@ class _NoCommandError(Exception):
 
 
 class _Replay(Run):
-    """A run whose commands are recorded ones."""
+    """A run with recorded commands."""
 
     def __init__(self, prepared: Prepared, recorded: Recorded) -> None:
         self._recorded = recorded
-        # tracking alone is asked for nothing: each sample comes to _ask_law
+        # the unconstrained baseline is never called: each sample reaches _ask_law
         super().__init__(prepared, Tracking(), whole=True, by_public_call=True)
 
     def to_the_end(self) -> None:
@@ -168,5 +167,5 @@ class _Replay(Run):
             self.loop.answer.qdd[:] = self._recorded.qdd[k]
 
     def law_remarks(self) -> list[str]:
-        """See :class:`.Run`."""
+        """Return the recorded remarks; see :class:`.Run`."""
         return list(self._recorded.remarks)

@@ -1,5 +1,6 @@
-"""What a controller believes: late, noisy or lost images, through a camera not quite known;
-erroneous gradients.
+"""Measurements that a controller receives, and errors of the rows' gradients.
+
+Images may be late, noisy or lost, and the controller's model of the camera may be wrong.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from .disturbances import VISIBILITY, Disturbances
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
-    """The camera that the control calculates with; raises ConfigurationError if a distortion factor
-    does not fit it.
+    """Return the camera model that the controller uses.
+
+    Raises ConfigurationError if a distortion factor does not fit the camera.
     """
     believed = camera
     wrong = disturbances
@@ -53,13 +55,13 @@ def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
         error = Pose(turn, np.array(wrong.mount_translation_error))
         if camera.fixed is not None:
             return replace(believed, fixed=camera.fixed @ error)
-        # of the camera in the tip's frame, which the mount is the inverse of
+        # the error applies to the camera's pose in the tip's frame, the inverse of the mount
         return replace(believed, mount=error.inverse @ camera.mount)
     return believed
 
 
 def believed_scene(scene: Scene, disturbances: Disturbances) -> Scene:
-    """The scene that the control calculates with; the true one where it does not differ."""
+    """Return the scene that the controller uses; the true one if they do not differ."""
     camera = believed_camera(scene.camera, disturbances)
     markers = scene.markers
     if disturbances.target:
@@ -71,30 +73,31 @@ def believed_scene(scene: Scene, disturbances: Disturbances) -> Scene:
 
 
 def ideal_pixels(camera: Camera, pixels: Array) -> Array:
-    """(..., 2) ideal pixels of those on the sensor, also where a camera would refuse to say."""
+    """Return ideal pixels (..., 2) of sensor pixels, even where the camera would refuse."""
     if camera.distortion is None:
         return pixels
     return camera.pixels(camera.distortion.remove(camera.normalised(pixels))[0])
 
 
 def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
-    """(..., 2) normalised coordinates by a believed camera of what is at these ideal pixels of the
-    true one.
+    """Return normalised coordinates (..., 2) as a believed camera sees them.
+
+    ``pixels`` (..., 2) are ideal pixels of the true camera.
     """
     return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
 
 
 class Sensor:
-    """Makes measurements of what is true, sample after sample.
+    """Sensor that turns true states into measurements, sample by sample.
 
     The camera's pose is estimated from the measured image by least squares (section 2, third part
-    of the computer vision algorithm); where the markers do not determine it, it is taken from the
-    kinematics. Robot coordinates and speeds are measured without error. ``unknown_motion`` says
-    whether something that constraints forbid moves unknown to the controller. Raises
-    ConfigurationError if images do not come at samples.
+    of the computer vision algorithm). If the markers do not determine it, it is taken from the
+    kinematics. Robot coordinates and speeds are measured without error. ``unknown_motion`` is true
+    if an object that constraints forbid moves in a way unknown to the controller. Raises
+    ConfigurationError if the image period is not a multiple of the sampling time.
     """
 
-    blind = False  #: Whether there is nothing to go by, and the arm has to be braked.
+    blind = False  #: True if no usable image exists, so that the arm must brake.
 
     def __init__(
         self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False
@@ -112,7 +115,7 @@ class Sensor:
                 f"{disturbances.image_period} s"
             )
         unknown_target = scene.motion is not None and not scene.motion.known
-        #: Whether what is believed differs from what is true.
+        #: True if the controller's values differ from the true ones.
         self.disturbed = disturbances.sensing or unknown_target or unknown_motion
         self.reset()
 
@@ -122,9 +125,7 @@ class Sensor:
         self._images: Images | None = None
 
     def images(self, samples: int) -> Images:
-        """What a run of so many samples sees: what goes wrong with each image is drawn
-        beforehand.
-        """
+        """Return the images of a run of so many samples; their errors are drawn beforehand."""
         settings = self.disturbances
         markers = len(self.scene.markers)
         noise: Array = np.zeros((1, markers, 2))
@@ -145,12 +146,12 @@ class Sensor:
 
     @property
     def estimates(self) -> bool:
-        """Whether the camera's pose is estimated from the measured image."""
+        """True if the camera's pose is estimated from the measured image."""
         wrong = self.disturbances
         return wrong.image or wrong.intrinsics or wrong.distortion or wrong.mount or wrong.target
 
     def sensing(self, samples: int) -> Sensing:
-        """What the compiled form of :meth:`measured` works with, in a run of so many samples."""
+        """Return the workspace of the compiled form of :meth:`measured`, for so many samples."""
         M = len(self.scene.markers)
         camera = self.scene.camera
         address = 0
@@ -163,11 +164,10 @@ class Sensor:
     def measured(
         self, k: int, q: Array, qd: Array, world: Evaluation | None = None
     ) -> Measurement | None:
-        """What is measured in sample k of what is true then, None where that is what the believed
-        scene predicts.
+        """Return the measurement in sample ``k``, or None if the believed scene predicts it.
 
-        Raises SceneError if the image cannot be explained by any pose with all markers in front of
-        the camera.
+        ``world`` is the evaluation of the true state. Raises SceneError if no pose with all markers
+        in front of the camera explains the image.
         """
         if not self.estimates or world is None:
             return None
@@ -189,24 +189,22 @@ class Sensor:
         return Measurement(pixels, Z, images.taken[slot] if images.dated else t, camera)
 
     def write(self, step: Step) -> None:
-        """Let a compiled step believe what would be seen of a state to come: at once and without
-        noise.
-        """
+        """Let a compiled step predict measurements of future states, without delay and noise."""
         write_camera(step, self.camera)
         step.markers[:] = self.believed.markers
         step.camera["depth_factor"] = self.disturbances.depth_factor
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know of what was seen."""
+        """Return remarks on the images for a reader of the results."""
         return []
 
 
 @lru_cache(maxsize=4)
 def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Array]:
-    """(N, m, 2) and (N,) standard normal and uniform numbers: drawn for one image after the other,
-    used or not.
+    """Draw standard normal (N, m, 2) and uniform (N,) numbers for one image after the other.
 
-    So every controller meets the same ones; they are kept for the next one.
+    They are drawn whether they are used or not, so that every controller meets the same ones, and
+    cached for the next controller.
     """
     random = np.random.default_rng(seed)
     normal = np.empty((images, markers, 2))
@@ -218,15 +216,16 @@ def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Arr
 
 
 class GradientError:
-    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ
-    and L_fφ.
+    """Error of the rows' gradients, ∇σ_e = ∇σ + c_e s ∘ |∇σ|.
+
+    It applies where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ and L_fφ.
     """
 
     def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
         kinds = disturbances.gradient_error_rows
         known = set(constraints.kinds)
         if disturbances.gradient_error:
-            # of the visibility rows, which are the default, some may be absent
+            # some of the visibility rows, which are the default, may be absent
             wrong = [kind for kind in kinds if kind not in known and kind not in VISIBILITY]
             if wrong:
                 raise unknown_name(
@@ -254,7 +253,7 @@ class GradientError:
         self.any = bool(self._share.any())
 
     def __call__(self, rows: Rows, qd: Array) -> Rows:
-        """The rows with erroneous gradients, at q̇ (n,)."""
+        """Return the rows with erroneous gradients, at q̇ (n,)."""
         if not self.any:
             return rows
         error = gradient_error(rows.Lg, self._share)
@@ -266,7 +265,7 @@ class GradientError:
         )
 
     def write(self, step: Step) -> None:
-        """Let a compiled step make the same rows."""
+        """Let a compiled step apply the same errors."""
         if self.any:
             step.gradient_error["address"] = load("constraint_rows").APPLY_GRADIENT_ERROR
             step.gradient_error["in_phi"] = self._in_phi

@@ -1,4 +1,4 @@
-"""What is simulated: a scene, its constraints, a task, and when to stop."""
+"""Setup of a simulation: scene, constraints, task and stopping criteria."""
 
 from __future__ import annotations
 
@@ -38,29 +38,30 @@ from .sensing import GradientError, Sensor
 from .start import forbidden_goals, hidden_at_start, separated_markers, undetermined_goals
 from .units import implausible
 
-MIN_SAMPLING_TIME = 1e-9  #: Of a simulation [s]: numbers of samples in a second fit an integer.
-MAX_MEMORY = 2e9  #: Memory that a run may take, which is kept whole [bytes].
-#: Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest,
-#: however short ``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled
-#: rarely looks the same.
+#: Lower bound [s], so that the number of samples per second fits an integer.
+MIN_SAMPLING_TIME = 1e-9
+MAX_MEMORY = 2e9  #: Memory limit of a run, whose samples are all stored [bytes].
+#: Shortest time over which rest is judged, in seconds and in sampling periods, however short
+#: ``Tolerances.rest_s`` is. Over a shorter time, a motion that is slow, reverses or is sampled
+#: rarely cannot be distinguished from rest.
 REST = 1.0, 10
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """When a motion counts as settled or at rest."""
+    """Criteria by which a motion counts as settled or at rest."""
 
-    #: Error of the camera's pose below which a goal counts as reached, if it is a pose.
+    #: Error of the camera's pose below which a goal counts as reached, if the goal is a pose.
     translation_m: float = 0.005
     rotation_rad: float = 0.005
-    #: Greatest error of a marker in the image likewise; if the goal, or the task, is an image.
+    #: Largest error of a marker in the image, if the goal or the task is an image.
     feature_px: float = 2.0
-    #: Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or
-    #: m/s]; it may be any where the target moves, which joints have to follow.
+    #: Speed of the fastest joint below which the arm is at rest, as required at a goal [rad/s or
+    #: m/s]. Not required if the target moves, because the joints must follow it.
     joint_speed: float = 0.1
-    dwell_s: float = 0.2  #: How long it must stay there until the end.
-    #: How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to
-    #: count as at rest; less than 1 s, or ten sampling periods, counts as that.
+    dwell_s: float = 0.2  #: Time for which the goal must be held until the end of the run [s].
+    #: Time over which the camera must move by less than ``translation_m`` and ``rotation_rad`` to
+    #: count as at rest [s]. At least 1 s and ten sampling periods are used.
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
@@ -69,29 +70,30 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Setup:
-    """A complete simulation, except for the controller."""
+    """Complete description of a simulation, except for the controller."""
 
     scene: Scene
     constraints: ConstraintSet
     task: VisualTask
-    q0: Array  #: (n,) where the robot starts.
-    qd0: Array  #: (n,) how fast.
+    q0: Array  #: (n,) initial joint coordinates [rad or m].
+    qd0: Array  #: (n,) initial joint speeds [rad/s or m/s].
     sampling_time: float  #: T_s [s].
-    duration: float  #: [s]. Every run lasts as long, and scores per second are of this time.
-    #: What follows a loss of row rank (section 5.2).
+    #: Duration of every run without a time limit [s]; scores per second refer to it.
+    duration: float
+    #: Reaction to a loss of row rank (section 5.2).
     on_rank_loss: Literal["abort", "continue"] = "abort"
     tolerances: Tolerances = field(default_factory=Tolerances)
     disturbances: Disturbances = field(default_factory=Disturbances)
-    actuation: Actuation = "acceleration"  #: What the robot's own controller takes.
-    #: At a start with markers hidden by the robot's links.
+    actuation: Actuation = "acceleration"  #: Input of the robot's low-level controller.
+    #: Reaction to markers that the robot's links hide at the start.
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
-    #: Masses, joint controller and friction of the robot; without them, eq. (6).
+    #: Masses, joint controller and friction of the robot; eq. (6) is used if None.
     dynamics: ArmDynamics | None = None
-    #: Of rendered images; without them, the control knows where markers are.
+    #: Settings of rendered images; if None, the controller knows where the markers are.
     images: ImageSettings | None = None
-    #: Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`;
-    #: not at all if None.
+    #: Time until which a run that is not at rest at the end of its duration continues [s], see
+    #: :func:`.until_settled`. None: runs end with their duration.
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
@@ -131,12 +133,14 @@ class Setup:
 
     @property
     def Ts(self) -> float:  # noqa: N802 - a symbol of the formulas
-        """T_s, as formulas call the sampling time [s]."""
+        """Sampling time T_s, in the notation of the formulas [s]."""
         return self.sampling_time
 
     def plant(self) -> Plant:
-        """The robot, at its start; raises ConfigurationError if an arm with mass is also described
-        by eq. (6).
+        """Return the robot in its initial state.
+
+        Raises ConfigurationError if ``dynamics`` is combined with actuation or disturbances that
+        describe an arm without mass (eq. 6).
         """
         limits = self.limits.arrays(self.scene.robot.ranges, self.Ts) if self.limits.any else None
         if self.dynamics is None:
@@ -157,20 +161,18 @@ class Setup:
         return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self, factors: RowFactors = AS_THEY_ARE) -> ControlStep:
-        """The control step, as far as its controller's command, with the law's factors on the
-        rows.
-        """
+        """Return the control step that precedes the law, with the law's factors on the rows."""
         limits = self.limits if self.limits.known else NO_LIMITS
         return ControlStep(
             self.scene, self.constraints.scaled(factors), self.task, limits=limits, period=self.Ts
         )
 
     def world(self) -> ControlStep:
-        """Rows and task as they are: with the motion of everything known."""
+        """Return the step of the true rows and task, with the motion of all objects known."""
         return ControlStep(self.scene, self.constraints, self.task, known=True)
 
     def sensor(self) -> Sensor:
-        """What turns true states into what a controller believes."""
+        """Return the sensor that turns true states into measurements for the controller."""
         if self.images is not None:
             return ImageSensor(
                 self.scene, self.disturbances, self.images, self.photographer(), self.Ts
@@ -180,8 +182,9 @@ class Setup:
         )
 
     def photographer(self) -> SceneRenderer:
-        """What takes the images that the control sees; raises ConfigurationError where it sees
-        none.
+        """Return the renderer of the images that the controller receives.
+
+        Raises ConfigurationError if the setup has no image sensor.
         """
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
@@ -190,32 +193,38 @@ class Setup:
         )
 
     def gradient_error(self, factors: RowFactors = AS_THEY_ARE) -> GradientError:
-        """Errors of the rows' gradients."""
+        """Return the gradient errors of the rows."""
         return GradientError(
             self.constraints.scaled(factors), self.disturbances, self.scene.robot.n
         )
 
     @cached_property
     def forbidden(self) -> list[str]:
-        """See :func:`vsconstraints.simulation.start.forbidden_goals`."""
+        """Remarks on goals that violate a constraint.
+
+        See :func:`vsconstraints.simulation.start.forbidden_goals`.
+        """
         return forbidden_goals(self.scene, self.constraints, self.task)
 
     @cached_property
     def separated(self) -> list[str]:
-        """See :func:`vsconstraints.simulation.start.separated_markers`."""
+        """Remarks on markers that constraints separate from a goal.
+
+        See :func:`vsconstraints.simulation.start.separated_markers`.
+        """
         start = self.scene.glance(self.q0)[0]
         return separated_markers(self.scene, self.constraints, self.task, start)
 
     @cached_property
     def doubts(self) -> list[str]:
-        """Numbers that suggest another unit, and goals that the image does not determine; one
-        sentence each.
+        """Warnings about implausible numbers and undetermined goals, one sentence each.
 
+        They concern numbers that suggest another unit, and goals that the image does not determine.
         See :func:`vsconstraints.simulation.units.implausible` and
         :func:`vsconstraints.simulation.start.undetermined_goals`.
         """
         estimated = self.images is not None or self.sensor().estimates
-        # numbers beyond the range of floating point are refused where they are computed with
+        # overflows are reported where the numbers are used
         with np.errstate(all="ignore"):
             undetermined = undetermined_goals(self.scene, self.task, self.q0, estimated)
             numbers = implausible(
@@ -225,14 +234,12 @@ class Setup:
 
     @property
     def samples(self) -> int:
-        """Number of samples from t = 0 to the end, which is the last whole period within the
-        duration.
-        """
+        """Number of samples from t = 0 to the end of the last whole period within the duration."""
         return self._samples_of(self.duration)
 
     @property
     def samples_at_most(self) -> int:
-        """The same of the longest run: to the time limit, as far as memory goes."""
+        """Number of samples of the longest run: up to the time limit, as far as memory allows."""
         longest = min(self.time_limit or 0.0, MAX_MEMORY / self.sample_memory * self.Ts)
         return self._samples_of(max(longest, self.duration))
 
@@ -241,16 +248,16 @@ class Setup:
 
     @property
     def rest_time(self) -> float:
-        """For how long the camera must have hardly moved to be at rest [s]."""
+        """Time over which the camera must hardly move to count as at rest [s]."""
         return max(self.tolerances.rest_s, REST[0], REST[1] * self.Ts)
 
     @property
     def sample_memory(self) -> int:
-        """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
+        """Memory per sample of a run, while it is simulated and scored [bytes]."""
         n = self.scene.robot.n
         m = len(self.constraints.labels)
         markers = len(self.scene.markers)
-        # floats that a log keeps: states and command, error, camera, markers, points, φ and σ,
+        # floats stored by the loop: states and command, error, camera, markers, points, φ and σ,
         # times
         waiting = pending_commands(
             split_delay("disturbance command_delay", self.disturbances.command_delay, self.Ts)
@@ -270,8 +277,9 @@ class Setup:
 
     @property
     def goal_tolerances(self) -> Array:
-        """(g, 4) distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] with which each
-        goal is reached.
+        """Tolerances (g, 4) within which each goal is reached.
+
+        Columns: distance [m], angle [rad], pixels [px] and joint speed [rad/s or m/s].
         """
         own = self.tolerances
         at_rest = own.joint_speed if self.scene.motion is None else np.inf
@@ -280,15 +288,15 @@ class Setup:
 
     @property
     def goal_begins(self) -> Array:
-        """(g,) when each goal begins [s]."""
+        """(g,) time at which each goal begins [s]."""
         return np.array([float(goal.from_time) for goal in self.task.goals])
 
     def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
-        """(N,) whether the goal of the time is reached, by the camera's pose or the markers, with
-        the joints at rest.
+        """Return (N,) flags: the current goal is reached, with the joints at rest.
 
-        For times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N, 2),
-        greatest distances of a marker from it (N,) [px], and joint speeds (N, n).
+        The camera's pose decides if it is the task's feature; otherwise the markers decide. The
+        arguments are times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N,
+        2), largest distances of a marker from its goal (N,) [px], and joint speeds (N, n).
         """
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
@@ -299,27 +307,28 @@ class Setup:
         return there
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:
-        """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the
-        arguments.
+        """Return the clearance (N, m) of each row at N samples.
+
+        See :class:`vsconstraints.constraints.Trace` for the arguments.
         """
         return self.constraints.clearance(
             Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene)
         )
 
     def check_start(self, world: ControlStep | None = None) -> list[str]:
-        """What a reader of the results should know, one sentence each; raises ConfigurationError if
-        there is no start.
+        """Check the start, and return remarks for a reader of the results, one sentence each.
 
-        That is: a joint is outside its range, a marker behind the camera, outside the image, or
-        hidden by the robot's own links as far as it has collision geometry, an error outside its
-        funnel, or the rows cannot be evaluated. Any other constraint violated at the start is no
-        error: every controller is built to come back. Nor is a goal that puts markers where a
-        constraint forbids them, which no controller can reach. ``world`` is that of the setup, if
-        it is there already.
+        Raises ConfigurationError if a joint is outside its range; if a marker is behind the camera
+        or outside the image; if the robot's own links hide a marker, as far as it has collision
+        geometry and unless ``on_hidden_markers`` permits it; if an error is outside its funnel; or
+        if the rows cannot be evaluated. Any other constraint may be violated at the start, because
+        every controller is built to return. A goal that places markers where a constraint forbids
+        them is no error either, although no controller can reach it. ``world`` is the result of
+        :meth:`world`, if it already exists.
         """
         robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)
-        # what is wrong with numbers is often why there is no start
+        # implausible numbers are often the reason why a start fails
         doubts = "".join(f"; {doubt}" for doubt in self.doubts)
         if outside:
             raise ConfigurationError(
@@ -332,7 +341,7 @@ class Setup:
             raise ConfigurationError(f"at the start, {error}{doubts}") from error
         except VsconstraintsError:
             raise
-        # own constraints may raise anything, and numbers may leave the range of floats
+        # custom constraints may raise anything, and floating-point numbers may overflow
         except Exception as error:
             raise ConfigurationError(
                 f"the start cannot be evaluated: {described(error)}"

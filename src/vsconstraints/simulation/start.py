@@ -1,6 +1,4 @@
-"""Checks of a start before a run begins: hidden markers, goals that no law can reach or that are no
-pose.
-"""
+"""Checks of a start before a run: hidden markers, and goals that are unreachable or ambiguous."""
 
 from __future__ import annotations
 
@@ -19,26 +17,27 @@ from .occluders import LinesOfSight
 
 COARSE = 4.0
 FINE = 1.0
-"""Sides of the squares by which the image is filled [px]: by small ones only where large ones show
-no connection.
+"""Sides of the squares that fill the image [px].
 
-Passages narrower than the last are not seen.
+Small squares are used only if large ones show no connection. Passages narrower than the small ones
+are not detected.
 """
 
-#: Factor by which the filled area is larger than the image where no field of view bounds it.
+#: Size of the filled area relative to the image, if no field of view bounds it.
 AROUND = 2.0
-#: How the sentence about a marker that is closed off from a goal ends.
+#: End of the sentence about a marker that constraints separate from a goal.
 UNSOLVABLE = "no law can bring it there without violating one"
 
-#: Least singular value, relative to the greatest, of what counts as a direction that an image
-#: determines. Markers that are seen under an angle α determine the weakest one by about α²: this is
-#: a thousandth of a radian.
+#: Smallest singular value, relative to the largest, of a direction that counts as determined by an
+#: image. Markers seen under an angle α determine the weakest direction by about α²: this value
+#: corresponds to a thousandth of a radian.
 DETERMINED = 1e-6
 
 
 def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
-    """Which markers the robot's own links hide at q0 (n,); raises ConfigurationError if that is
-    ``refused``.
+    """Return a remark on the markers that the robot's own links hide at q0 (n,).
+
+    Raises ConfigurationError if hidden markers are ``refused``.
     """
     try:
         lines = LinesOfSight(scene)
@@ -54,7 +53,7 @@ def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
 
 
 def _in_the_image(constraints: ConstraintSet) -> list[ImageConstraint]:
-    """Those that do not move."""
+    """Return the image constraints that do not move."""
     return [
         each
         for each in constraints.constraints
@@ -63,7 +62,10 @@ def _in_the_image(constraints: ConstraintSet) -> list[ImageConstraint]:
 
 
 def forbidden_goals(scene: Scene, constraints: ConstraintSet, task: VisualTask) -> list[str]:
-    """Which goals put markers where a constraint that does not move forbids them."""
+    """Return remarks on goals that place markers in a forbidden area.
+
+    Only constraints that do not move are considered.
+    """
     remarks = []
     for number, goal in enumerate(task.goals, start=1):
         for constraint in _in_the_image(constraints):
@@ -76,13 +78,12 @@ def forbidden_goals(scene: Scene, constraints: ConstraintSet, task: VisualTask) 
 
 
 def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: bool) -> list[str]:
-    """One sentence for each goal at which the image of the markers does not determine the camera's
-    pose.
+    """Return remarks on goals at which the markers' image does not determine the camera's pose.
 
-    There L J_c, the interaction matrix of the markers in the image times the Jacobian of the
-    camera's twist, has a lower rank than J_c: one marker, markers that coincide or lie on a line, a
-    circle through the camera's centre. A task of the camera's pose is concerned only if the pose is
-    ``estimated`` from images.
+    There is one sentence per goal. At such a goal L J_c, the interaction matrix of the markers in
+    the image times the Jacobian of the camera's twist, has a lower rank than J_c. Examples are one
+    marker, markers that coincide or lie on a line, and a circle through the camera's centre. A task
+    of the camera's pose is concerned only if the pose is ``estimated`` from images.
     """
     by_image = isinstance(task.feature, ImagePoints)
     if not by_image and not (estimated and isinstance(task.feature, CameraPose)):
@@ -96,7 +97,8 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
         except SceneError:
             continue
         Z = now.depth if goal.depth is None else goal.depth
-        # lengths by the distance of the markers: angles and translations then count alike
+        # lengths are scaled by the distance of the markers, so that angles and translations count
+        # alike
         size = float(Z.mean())
         L = interaction_matrix(goal.normalised, Z).reshape(-1, 6) * ([size] * 3 + [1.0] * 3)
         J = now.camera_J / np.array([[size]] * 3 + [[1.0]] * 3)
@@ -126,13 +128,13 @@ def undetermined_goals(scene: Scene, task: VisualTask, q0: Array, estimated: boo
 def separated_markers(
     scene: Scene, constraints: ConstraintSet, task: VisualTask, start: Array
 ) -> list[str]:
-    """One sentence for each marker whose pixels at the start and at a goal are in different parts
-    of the allowed area.
+    """Return remarks on markers whose start and goal lie in separate parts of the allowed area.
 
-    A marker's path in the image is continuous, whatever moves, so that no law can solve such a
-    scene without violating a constraint. Constraints that move are left out, and so are starts and
-    goals that are themselves forbidden. That nothing is separated proves nothing: markers do not
-    move independently. ``start`` (M, 2) are the first pixels.
+    There is one sentence per marker and goal. The path of a marker in the image is continuous,
+    whatever moves. No law can therefore solve such a scene without violating a constraint. Moving
+    constraints are disregarded, as are starts and goals that are themselves forbidden. An empty
+    result proves nothing, because markers do not move independently. ``start`` (M, 2) are the
+    initial pixels.
     """
     remarks = []
     image = np.asarray(scene.camera.size)
@@ -142,7 +144,7 @@ def separated_markers(
             for each in _in_the_image(constraints)
             if each.markers is None or i + 1 in each.markers
         ]
-        # a field of view alone is convex
+        # a field of view alone is convex and separates nothing
         if all(isinstance(each, FieldOfView) for each in concerned):
             continue
         places = np.array([start[i], *(goal.pixels[i] for goal in task.goals)])
@@ -164,8 +166,9 @@ def separated_markers(
 def _parts(
     constraints: Sequence[ImageConstraint], places: Array, image: Array, cell: float
 ) -> tuple[IntArray, float]:
-    """The connected part in which each place (p, 2) lies, 0 where it is forbidden, and the area of
-    the first [px²].
+    """Return the connected part of each place (p, 2), and the area of the first one's part [px²].
+
+    The part is 0 for a forbidden place.
     """
     bounded = any(isinstance(each, FieldOfView) for each in constraints)
     half = 0.5 * (1.0 if bounded else AROUND) * image + 2.0 * cell
@@ -173,8 +176,7 @@ def _parts(
     grid = np.stack(np.meshgrid(u, v), axis=-1)
     allowed = np.all([each.sigma(grid) <= 0.0 for each in constraints], axis=0)
     around = np.ones((3, 3))
-    # large squares may lie on both sides of a thin obstacle: only those count that are allowed all
-    # around
+    # a large square may span a thin obstacle: it counts only if all squares around it are allowed
     parts, _ = ndimage.label(
         ndimage.binary_erosion(allowed, around) if cell > FINE else allowed, around
     )

@@ -1,4 +1,4 @@
-"""Results of a simulation: all samples, or scores alone."""
+"""Results of a simulation: all samples, or only scores."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from ..rows import Array, BoolArray
 from ..rows.readable import amount, counted, in_one_line
 
 Outcome = Literal["converged", "slow", "trapped", "aborted", "failed", "unfinished"]
-"""How a simulation ended.
+"""Outcome of a simulation.
 
 ``converged``: every goal was reached before the next one began, and the last one is reached and
-held. ``slow``: not there, but at the pace of its last seconds it would be in less than as long
-again. ``trapped``: at rest, away from the goal. ``aborted``: the controller reported a loss of rank
-and the scenario stops there. ``failed``: the scene or the controller could not go on.
-``unfinished``: neither of these: it still moves and comes no nearer, or a goal was missed.
+held. ``slow``: the last goal is not reached, but at the pace of the last seconds it would be
+reached in less time than the run has taken. ``trapped``: at rest, away from the goal. ``aborted``:
+the controller reported a loss of rank, and the scenario stops there. ``failed``: the scene or the
+controller could not go on. ``unfinished``: none of these: the robot still moves without approaching
+the goal, or a goal was missed.
 """
 
 
@@ -26,38 +27,38 @@ class Trajectory:
     """N samples of a simulation with m rows, M markers, n joints, k features and p robot points."""
 
     status: Outcome
-    reason: str  #: Why, if not ``converged``, and which rows it started outside of.
+    reason: str  #: Reason, unless ``converged``, and the rows that were violated at the start.
     t: Array  #: (N,) [s].
     q: Array  #: (N, n) [rad or m].
-    qd: Array  #: (N, n).
-    qdd_command: Array  #: (N, n).
-    error: Array  #: (N, k) feature error, as the controller believes it to be.
+    qd: Array  #: (N, n) [rad/s or m/s].
+    qdd_command: Array  #: (N, n) [rad/s² or m/s²].
+    error: Array  #: (N, k) feature error according to the controller.
     #: (N, 2) distance [m] and angle [rad] of the camera from the goal's pose; NaN if it has none.
     camera_error: Array
-    #: (N,) greatest distance of a marker from where the goal wants it [px].
+    #: (N,) largest distance of a marker from its goal [px].
     feature_error_px: Array
-    #: (N, 3) in the target's frame [m]: the base frame for a target that stands still.
+    #: (N, 3) in the target's frame [m]; this is the base frame if the target stands still.
     camera_position: Array
     features_px: Array  #: (N, M, 2) markers from the image's centre [px].
     points: Array  #: (N, p, 3) robot points in the base frame [m].
     labels: tuple[str, ...]  #: m row labels.
-    #: (N, m) as it is, also where a controller believes otherwise; so are σ and clearance.
+    #: (N, m) true value, even if the controller's differs; so are σ and clearance.
     phi: Array
-    sigma: Array  #: (N, m).
+    sigma: Array  #: (N, m) constraint functions.
     clearance: Array  #: (N, m) in the natural unit of each constraint.
-    #: (N, m) rows that hold the arm back: :func:`vsconstraints.compiled.samples.mark_acting`.
+    #: (N, m) rows that constrain the arm: :func:`vsconstraints.compiled.samples.mark_acting`.
     active: BoolArray
-    saturated: BoolArray  #: (N,) whether the command is at a limit of the actuators.
-    #: (m,) share of the available accelerations that it takes to hold φ at zero, where it first
-    #: gets there; above 1 no law could have. NaN where it does not get there, and without limits.
+    saturated: BoolArray  #: (N,) True if the command is at a limit of the actuators.
+    #: (m,) share of the available accelerations that holding φ at zero takes when φ first reaches
+    #: zero; above 1 it is impossible for any law. NaN if φ does not reach zero, and without limits.
     share_to_hold: Array
-    #: (N, m) least clearance inside the period after each sample; infinite if not inspected.
+    #: (N, m) smallest clearance within the period after each sample; infinite if not inspected.
     between_clearance: Array
     rows_time: Array  #: (N,) wall time of rows and task [s].
     #: (N,) wall time of the controller's call [s]: see :func:`vsconstraints.simulation.simulate`.
     step_time: Array
-    fallbacks: int  #: How often another solver than the one asked for gave the answer.
-    compiled: bool = False  #: Whether rows, task and law all ran compiled.
+    fallbacks: int  #: Number of samples in which another solver than the selected one answered.
+    compiled: bool = False  #: True if rows, task and law all ran compiled.
 
     @in_one_line
     def __repr__(self) -> str:
@@ -66,46 +67,51 @@ class Trajectory:
         return f"<Trajectory {self.status}: {lasts}{size}>"
 
     def active_intervals(self, label: str, gap: float = 0.6) -> list[tuple[float, float]]:
-        """When φ of a row was at or above zero [s]: first and last sample, intervals closer than
-        ``gap`` merged.
+        """Return the intervals in which φ of a row was at or above zero [s].
+
+        Each interval is given by its first and last sample; intervals closer than ``gap`` are
+        merged.
         """
         return intervals(self.t, self.phi[:, self.labels.index(label)] >= 0.0, gap)
 
 
 @dataclass(frozen=True)
 class RunScores:
-    """Scores of a run with m rows and n joints, in samples alone; NaN for what does not exist."""
+    """Scores of a run with m rows and n joints, from its samples alone.
+
+    Undefined scores are NaN.
+    """
 
     status: Outcome
-    reason: str  #: As of a :class:`Trajectory`.
-    compiled: bool  #: Whether rows, task and law all ran compiled.
+    reason: str  #: As in :class:`Trajectory`.
+    compiled: bool  #: True if rows, task and law all ran compiled.
     labels: tuple[str, ...]  #: m row labels.
     duration_s: float  #: Time of the last sample.
-    #: (g,) from the beginning of each goal until it is reached for good, before the next one begins
-    #: or the run ends.
+    #: (g,) time from the beginning of each goal until it is reached for good, before the next goal
+    #: begins or the run ends.
     settling_times_s: Array
-    final_translation_error_m: float  #: Of the camera's pose at the end; so is the next one.
+    final_translation_error_m: float  #: Error of the camera's pose at the end, as is the next one.
     final_rotation_error_rad: float
-    #: Of the marker farthest from where the goal wants it, at the end.
+    #: Error at the end of the marker that is farthest from its goal.
     final_feature_error_px: float
-    #: Σ‖Δq̈_c‖ per second of the setup's duration; so are the next two.
+    #: Σ‖Δq̈_c‖ per second of the setup's duration, as are the next two.
     acceleration_variation: float
     jerk_rms: float  #: Root mean square of ‖Δq̈_c‖ / T_s.
-    switching_rate_hz: float  #: How often per second the set of acting rows changes.
-    acceleration_max: Array  #: (n,) greatest |q̈_c| of each joint.
-    phi_max: Array  #: (m,) greatest φ of each row.
-    sigma_max: Array  #: (m,) greatest σ of each row: above zero, how deep it was violated.
-    outside_time_s: Array  #: (m,) sampling periods that begin with σ > 0.
-    active_time_s: Array  #: (m,) how long each row held the arm back.
-    first_active_s: Array  #: (m,)
-    last_active_s: Array  #: (m,)
+    switching_rate_hz: float  #: Changes of the set of acting rows per second.
+    acceleration_max: Array  #: (n,) largest absolute value of q̈_c for each joint.
+    phi_max: Array  #: (m,) largest φ of each row.
+    sigma_max: Array  #: (m,) largest σ of each row; above zero, its violation depth.
+    outside_time_s: Array  #: (m,) total of the sampling periods that begin with σ > 0.
+    active_time_s: Array  #: (m,) time during which each row constrained the arm.
+    first_active_s: Array  #: (m,) time at which each row acted first; NaN if never.
+    last_active_s: Array  #: (m,) time at which each row acted last; NaN if never.
     longest_positive_run_s: Array  #: (m,) longest time with φ ≥ 0.
-    saturated_time_s: float  #: How long the command was at a limit of the actuators.
+    saturated_time_s: float  #: Time during which the command was at a limit of the actuators.
     share_to_hold: Array  #: (m,) see :class:`Trajectory`.
 
     @property
     def settling_time_s(self) -> float:
-        """Their sum; of converged runs."""
+        """Sum of the settling times; NaN unless the run converged."""
         return float(np.nansum(self.settling_times_s)) if self.status == "converged" else np.nan
 
     @in_one_line
@@ -118,7 +124,10 @@ class RunScores:
 
 
 def intervals(t: Array, flags: BoolArray, gap: float) -> list[tuple[float, float]]:
-    """First and last time of each run of flags; runs closer than ``gap`` [s] are merged."""
+    """Return the first and last time of each run of flags.
+
+    Runs closer than ``gap`` [s] are merged.
+    """
     times = t[flags]
     if not len(times):
         return []

@@ -1,8 +1,8 @@
-"""Numbers of a setup that suggest another unit, or another camera, than those that are documented.
+"""Warnings about numbers of a setup that suggest another unit or another camera.
 
-Each check yields sentences that end in the question a person would ask: "degrees?", "mm?", "Hz?".
-Bounds are far beyond what the shipped scenarios and the arms of example-robot-data have, so that
-nothing that is right is asked about.
+Each check yields sentences that end in a question: "degrees?", "mm?", "Hz?". Bounds are far beyond
+the values of the shipped scenarios and of the arms of example-robot-data, so that correct numbers
+raise no warning.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from ..vision.camera import Camera
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 
-#: Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye
-#: lenses reach 130°.
+#: Field of view above which the focal length may be in another unit [deg]; fisheye lenses reach
+#: 130°.
 MAX_VIEW = 150.0
-#: Distance of a camera from the tip that carries it, or between markers, beyond which millimetres
+#: Distance of a camera from the tip that carries it, or between markers, above which millimetres
 #: are suspected [m].
 MAX_LENGTH = 3.0
-#: Size of an arm, and distance of camera and target from it, beyond which millimetres are suspected
+#: Size of an arm, and distance of camera and target from it, above which millimetres are suspected
 #: [m].
 FAR = 20.0
-#: Two turns: a coordinate beyond which degrees are suspected [rad]. Those of joints that turn more
-#: often, and placeholders, are beyond ``MANY_TURNS``.
+#: Joint coordinate above which degrees are suspected [rad]: two turns. Values above ``MANY_TURNS``
+#: are placeholders, or belong to joints that turn more often.
 TWO_TURNS = 4.0 * np.pi
 MANY_TURNS = 1000.0
-#: Speed and acceleration of a revolute joint beyond which degrees are suspected [rad/s, rad/s²].
+#: Speed and acceleration of a revolute joint above which degrees are suspected [rad/s, rad/s²].
 FAST = 60.0
 FASTEST_CHANGE = 600.0
-#: How many times as fast as the robot's own limit a row may let a joint move.
+#: Largest plausible speed of a row, as a multiple of the robot's own limit.
 BEYOND_ROBOT = 2.0
-#: Sampling time beyond which other units are suspected [s], and from which a rate in Hz is.
+#: Sampling times above which another unit, and from which a rate in Hz, is suspected [s].
 SLOW = 0.1
 RATE = 20.0
-#: Share of a row's allowed range by which one sampling period of u⁺ may move φ.
+#: Largest plausible change of φ by u⁺ in one sampling period, as a share of the allowed range.
 WHOLE_RANGE = 1.0
 
 
@@ -52,8 +52,9 @@ def implausible(
     q0: Array,
     Ts: float,
 ) -> list[str]:
-    """Numbers that suggest another unit than the one documented, or another camera; one sentence
-    each.
+    """Return warnings about numbers that suggest another unit or another camera.
+
+    Each warning is one sentence.
     """
     robot = scene.robot
     camera = scene.camera
@@ -69,16 +70,19 @@ def implausible(
 
 
 def implausible_at(scene: Scene, what: str, q: Array) -> list[str]:
-    """Likewise of a scene alone, seen from coordinates (n,) that are called ``what``."""
+    """Return the warnings for a scene alone.
+
+    The scene is seen from coordinates ``q`` (n,), which the sentences call ``what``.
+    """
     question = asked_about(what, scene.robot, q)
     return [*_of_camera(scene.camera), *_of_lengths(scene, q), *([question] if question else [])]
 
 
 def in_degrees(robot: Robot, q: Array) -> BoolArray:
-    """(n,) which coordinates of ``q`` (n,) look like degrees.
+    """Return (n,) flags of the coordinates ``q`` (n,) that look like degrees.
 
-    Those are of revolute joints: beyond a turn and outside the joint's range, or beyond two where
-    it has none.
+    Only revolute joints can look so: beyond one turn and outside the joint's range, or beyond two
+    turns if the joint has no range.
     """
     outside = (q < robot.q_min) | (q > robot.q_max)
     unbounded = ~(np.isfinite(robot.q_min) & np.isfinite(robot.q_max))
@@ -88,8 +92,9 @@ def in_degrees(robot: Robot, q: Array) -> BoolArray:
 
 
 def asked_about(what: str, robot: Robot, q: Array) -> str:
-    """The question whether coordinates (n,) are in degrees, or empty if they do not look like
-    it.
+    """Return the question whether coordinates (n,) are in degrees.
+
+    The question is empty if they do not look like it.
     """
     numbers = np.flatnonzero(in_degrees(robot, q))
     if not len(numbers):
@@ -103,8 +108,9 @@ def _prismatic(robot: Robot) -> BoolArray:
 
 
 def _beyond(limits: Array, most: float) -> BoolArray:
-    """(n,) which positive limits are beyond a bound, but for powers of ten: these stand where
-    nothing is limited.
+    """Return (n,) flags of positive limits above ``most``, except for powers of ten.
+
+    Powers of ten are placeholders for unlimited joints.
     """
     tens = np.log10(np.where(np.isfinite(limits), limits, 1.0))
     placeholder = np.abs(tens - np.rint(tens)) < 1e-9
@@ -117,7 +123,7 @@ def _joints(robot: Robot, chosen: BoolArray) -> str:
     return f"joint {named}" if len(numbers) == 1 else f"joints {named}"
 
 
-# --- one kind of number after the other ---
+# --- checks, by kind of number ---
 
 
 def _of_camera(camera: Camera) -> Iterator[str]:
@@ -195,7 +201,7 @@ def _of_lengths(scene: Scene, q0: Array) -> Iterator[str]:
 
 def _of_depths(task: VisualTask) -> Iterator[str]:
     for number, goal in enumerate(task.goals, start=1):
-        # where a goal is given by joint coordinates, what is far is the target or the arm
+        # for a goal given by joint coordinates, the target or the arm is what may be far
         if goal.q is None and goal.depth is not None and goal.depth.max() > FAR:
             yield (
                 f"goal {number} has the markers {goal.depth.max():.3g} m from the camera: is "
@@ -248,7 +254,7 @@ def _of_robot(robot: Robot, limits: ActuatorLimits) -> Iterator[str]:
 
 
 def _of_joint_rows(constraints: ConstraintSet, robot: Robot) -> Iterator[str]:
-    """Ranges and speeds that a scenario gives in place of the robot's."""
+    """Check ranges and speeds that a scenario gives in place of the robot's."""
     for rows in constraints.constraints:
         if not isinstance(rows, JointRange | JointSpeed):
             continue

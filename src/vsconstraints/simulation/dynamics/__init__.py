@@ -1,6 +1,4 @@
-"""Arms with mass: rigid-body dynamics under the joint controllers that arms have, and what comes of
-them in eq. (6).
-"""
+"""Arms with mass: rigid-body dynamics under the usual joint controllers, and their eq. (6)."""
 
 from .equivalent import Equivalent
 from .plant import DynamicPlant

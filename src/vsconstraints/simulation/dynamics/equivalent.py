@@ -1,4 +1,4 @@
-"""What a run with a mass amounted to in eq. (6): a lag C of the command, and d_c beside it."""
+"""Equivalent of a run with mass in eq. (6): a lag C of the command, and the disturbance d_c."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ import numpy as np
 from ...rows import Array
 from ..trajectory import Trajectory
 
-LAGS = (0.0, *np.geomspace(1e-4, 0.3, 60))  #: Time constants that C is sought among [s].
+LAGS = (0.0, *np.geomspace(1e-4, 0.3, 60))  #: Candidate time constants of C [s].
 
 
 @dataclass(frozen=True)
 class Equivalent:
-    """q̈ = C q̈_c + d_c (eq. 6) of a run of N samples with n joints."""
+    """Fit of q̈ = C q̈_c + d_c (eq. 6) to a run of N samples with n joints."""
 
     t: Array  #: (N − 1,) beginnings of the periods [s].
-    #: (n,) of the first-order lag C that leaves the least of d_c [s]; 0 where none does better.
+    #: (n,) time constant of the first-order lag C with the smallest d_c [s]; 0 if no lag reduces
+    #: it.
     time_constant: Array
-    disturbance: Array  #: (N − 1, n) d_c, in the mean of each period [rad/s² or m/s²].
+    disturbance: Array  #: (N − 1, n) d_c, averaged over each period [rad/s² or m/s²].
 
     @classmethod
     def of(cls, run: Trajectory) -> Equivalent:
-        """What a run shows by the differences of its speeds; nothing if it has fewer than two
-        samples.
+        """Fit a run by the differences of its speeds.
+
+        The arrays are empty, and the lags zero, if the run has fewer than two samples.
         """
         n = run.qd.shape[1]
         if len(run.t) < 2:
@@ -46,21 +48,24 @@ class Equivalent:
 
     @property
     def rms(self) -> Array:
-        """(n,) root mean square of d_c; zeros where there is none."""
+        """(n,) root mean square of d_c; zero for an empty fit."""
         rms: Array = np.sqrt((self.disturbance**2).sum(axis=0) / max(len(self.t), 1))
         return rms
 
 
 def lagged(command: Array, lag: float, Ts: float) -> Array:
-    """(N, n) mean over each period of what follows a held command (N, n) with that time constant,
-    at first from 0.
+    """Return the mean (N, n) over each period of the lagged response to a held command (N, n).
+
+    The response is of first order with time constant ``lag`` [s] and starts from 0.
     """
     if lag == 0.0:
         return command
-    from scipy.signal import lfilter  # takes longer to load than the rest of the package together
+    # imported here, because loading it takes longer than the rest of the package
+    from scipy.signal import lfilter
 
     stays = np.exp(-Ts / lag)
-    # at the beginnings of periods; within one, the mean of u + (c − u) exp(−t/τ)
+    # ``before``: response at the beginning of a period; within a period u + (c − u) exp(−t/τ) is
+    # averaged
     before: Array = lfilter([0.0, 1.0 - stays], [1.0, -stays], command, axis=0)
     mean: Array = command + (before - command) * (1.0 - stays) * lag / Ts
     return mean

@@ -1,4 +1,4 @@
-"""An arm with mass as a plant of the closed loop."""
+"""Arm with mass as a plant of the closed loop."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
-#: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
+#: Smallest eigenvalue of a regular inertia matrix, scaled to ones on its diagonal.
 SINGULAR = 1e-9
-#: Mass and inertia of links that have none, which MuJoCo does not take [kg, kg m²].
+#: Mass and inertia of massless links, which MuJoCo does not accept [kg, kg m²].
 NOTHING = 1e-12
 
 
@@ -35,11 +35,11 @@ def with_masses(
     factor: float = 1.0,
     payload_factor: float = 1.0,
 ) -> pin.Model:
-    """The robot's model with the masses of its links and its payload, times these factors, and of
-    its motors (n,).
+    """Return the robot's model with the masses of its links, payload and motors.
 
-    Raises ConfigurationError if the robot has no inertias and rods are not given, or has them and
-    rods are.
+    ``factor`` scales the links, ``payload_factor`` the payload; ``rotor`` (n,) are the inertias of
+    the motors. Raises ConfigurationError if the robot has no inertias and rods are not given, or if
+    it has inertias and rods are given.
     """
     model = pin.Model(robot.model)
     rods = dynamics.rods
@@ -74,8 +74,9 @@ def _times(factor: float, body: pin.Inertia) -> pin.Inertia:
 
 
 def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
-    """Raise ConfigurationError that names a joint, and the links without mass, unless M(q) can be
-    divided by.
+    """Raise ConfigurationError unless M(q) is regular.
+
+    The message names a joint and the links without mass.
     """
     M = _inertia(model, q)
     scale = np.sqrt(np.maximum(np.diag(M), np.finfo(np.float64).tiny))
@@ -99,8 +100,9 @@ def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
 
 
 def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> None:
-    """Raise ConfigurationError that names the joints unless their torques (n,) hold the arm at q
-    (n,).
+    """Raise ConfigurationError unless the joints' torques (n,) hold the arm at q (n,).
+
+    The message names the joints that cannot.
     """
     weight = np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
     short = [
@@ -117,10 +119,10 @@ def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> N
 
 
 def felt_inertia(model: pin.Model, q: Array) -> Array:
-    """(n,) inertia that each joint feels where the others are free, at q (n,): 1 / (M⁻¹)ⱼⱼ.
+    """Return the inertia (n,) of each joint if the others are free, at q (n,): 1 / (M⁻¹)ⱼⱼ.
 
-    Torques of these by accelerations never make more than n times the accelerations, whichever way
-    the arm moves.
+    Torques equal to these inertias times accelerations never cause more than n times the
+    accelerations, in any direction of motion.
     """
     return 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
 
@@ -132,7 +134,7 @@ def _inertia(model: pin.Model, q: Array) -> Array:
 
 
 def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
-    """A model's bodies as compiled code takes them."""
+    """Return the bodies of a model as arrays for compiled code."""
     placements = list(robot.model.jointPlacements)[1:]
     bodies = list(model.inertias)[1:]
     return BodyArrays(
@@ -149,11 +151,10 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
 
 
 class MujocoArm:
-    """Moves an arm in MuJoCo by the torques and the friction of the plant: bodies without geometry,
-    so no contact.
+    """Arm in MuJoCo, moved by the torques and the friction of the plant, without contacts.
 
-    The payload is part of the last of the ``bodies``; ``h`` is a substep [s]. Raises
-    ConfigurationError if MuJoCo is not installed, or cannot take the robot.
+    Its bodies have no geometry. The payload is part of the last of the ``bodies``; ``h`` is a
+    substep [s]. Raises ConfigurationError if MuJoCo is not installed or cannot represent the robot.
     """
 
     def __init__(self, robot: Robot, bodies: BodyArrays, h: float) -> None:
@@ -162,7 +163,7 @@ class MujocoArm:
 
         self._mujoco = mujoco
         spec = mujoco.MjSpec()
-        # it would write warnings of unbounded motions to a file; the loop reports them
+        # MuJoCo would write warnings of unbounded motions to a file; the loop reports them
         mujoco.set_mju_user_warning(lambda _: None)
         spec.option.timestep = h
         spec.option.gravity = bodies.gravity
@@ -202,7 +203,7 @@ class MujocoArm:
 
 
 class DynamicPlant(Plant):
-    """An arm with mass: the control's q̈_c is the reference of its joint controller.
+    """Arm with mass: the commanded q̈_c is the reference of its joint controller.
 
     Raises ConfigurationError or InvalidInput if the arm has no inertias, its torques cannot hold it
     at the start, or a setting does not fit the robot.
@@ -225,7 +226,7 @@ class DynamicPlant(Plant):
         self.dynamics = dynamics
         self.transition = np.eye(4)
         rotor = per_joint("plant: rotor_inertia", dynamics.rotor_inertia, n)
-        #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
+        #: Pinocchio's model of the arm, and the model that its controller believes in.
         self.model = with_masses(robot, dynamics, rotor)
         self.believed = with_masses(
             robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor
@@ -267,7 +268,7 @@ class DynamicPlant(Plant):
         self._compiled.begin(self.workspace, self.x)
 
     def follow(self) -> None:
-        """Go to the end of the period that has begun."""
+        """Advance to the end of the current period."""
         compiled = self._compiled
         arm = self.arm
         workspace = self.workspace
@@ -282,7 +283,7 @@ class DynamicPlant(Plant):
     step = follow
 
     def check(self) -> None:
-        """Raise SceneError if the arm's motion has gone out of bounds."""
+        """Raise SceneError if the arm's motion is unbounded."""
         qd = self.x[1]
         if not (np.abs(qd) < self._compiled.BOUND).all():
             worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))
@@ -293,14 +294,15 @@ class DynamicPlant(Plant):
             )
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
-        """Q and q̇ (N, n) a share of a period after its beginning: of the cubic with q and q̇ at
-        both ends.
+        """Return q and q̇ (N, n) at a share of some periods.
+
+        They lie on the cubic with q and q̇ at both ends.
         """
         begin, end = (tuple(states[at, :2].swapaxes(0, 1)) for at in (periods, periods + 1))
         return cubic(begin, end, self.Ts, share)
 
     def remarks(self) -> list[str]:
-        """What a reader of the results should know of the torques."""
+        """Return remarks on the torques for a reader of the results."""
         counts = self.arm.memory.at_limit
         return [
             f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm "

@@ -1,6 +1,4 @@
-"""The table ``plant`` of a scenario: masses of an arm, its joint controller, and what that
-believes.
-"""
+"""Table ``plant`` of a scenario: masses of an arm, its joint controller and the latter's model."""
 
 from __future__ import annotations
 
@@ -18,28 +16,29 @@ from ...robots.limits import per_joint
 from ...rows import Array
 
 Number = float | Sequence[float]  #: One number for all joints, or n of them.
-JointController = Literal["computed-torque", "position", "speed"]  #: What drives the joints.
-Integrator = Literal["verlet", "runge-kutta"]  #: How the motion within a substep is integrated.
+#: Controller that drives the joints.
+JointController = Literal["computed-torque", "position", "speed"]
+Integrator = Literal["verlet", "runge-kutta"]  #: Integration of the motion within a substep.
 
 MAX_SUBSTEPS = 1000
 
-OUTER = 0.25  #: Rate κ of the position loop by that of the speed loop in it.
+OUTER = 0.25  #: Rate κ of the position loop, relative to that of the speed loop inside it.
 
 
 @dataclass(frozen=True)
 class Payload:
-    """A solid ball at the tip; a point if its radius is zero."""
+    """Solid ball at the tip; a point mass if its radius is zero."""
 
-    mass: float  #: [kg].
-    centre: Vector3 = (0.0, 0.0, 0.0)  #: In the tip's frame [m].
-    radius: float = 0.0  #: [m].
+    mass: float  #: Mass [kg].
+    centre: Vector3 = (0.0, 0.0, 0.0)  #: Centre in the tip's frame [m].
+    radius: float = 0.0  #: Radius [m].
 
     def __post_init__(self) -> None:
         demand_sign(self, "plant.payload: ", zero_or_more=("mass", "radius"))
         vector(self.centre, 3, "plant.payload: centre")
 
     def inertia(self) -> pin.Inertia:
-        """In the tip's frame."""
+        """Return the inertia in the tip's frame."""
         about = 0.4 * self.mass * self.radius**2
         return pin.Inertia(self.mass, np.array(self.centre, dtype=np.float64), about * np.eye(3))
 
@@ -49,13 +48,13 @@ class Rods:
     """Links as solid cylinders, from each joint to the next and from the last to the tip."""
 
     mass_per_length: float  #: [kg/m].
-    radius: float  #: [m].
+    radius: float  #: Radius [m].
 
     def __post_init__(self) -> None:
         demand_sign(self, "plant.rods: ", positive=("mass_per_length", "radius"))
 
     def inertia(self, end: Array) -> pin.Inertia:
-        """Of the rod from the origin to ``end`` (3,) [m]."""
+        """Return the inertia of the rod from the origin to ``end`` (3,) [m]."""
         length = float(np.linalg.norm(end))
         if length == 0.0:
             return pin.Inertia.Zero()
@@ -68,13 +67,14 @@ class Rods:
 
 @dataclass(frozen=True)
 class Friction:
-    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the
-    joint, up to f_s.
+    """Friction of the joints, τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇.
+
+    At rest, friction is the torque that holds the joint, up to f_s.
     """
 
     viscous: Number = 0.0  #: f_v [Nm s/rad or N s/m].
     coulomb: Number = 0.0  #: f_c [Nm or N].
-    #: f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
+    #: f_s, static friction according to Stribeck, not less than f_c; f_c if not given.
     static: Number | None = None
     stribeck_speed: Number = 0.05  #: v_s [rad/s or m/s].
 
@@ -83,8 +83,9 @@ class Friction:
         demand_sign(self, "plant: friction: ", zero_or_more=several, positive=("stribeck_speed",))
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
-        """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than
-        Coulomb's.
+        """Return f_v, f_c, f_s and v_s (n,).
+
+        Raises InvalidInput if static friction is less than Coulomb's.
         """
         values = (
             self.viscous,
@@ -108,41 +109,43 @@ class Friction:
 
 @dataclass(frozen=True)
 class ArmDynamics:
-    """An arm with mass: M(q) q̈ + h(q, q̇) = τ − τ_f.
+    """Arm with mass: M(q) q̈ + h(q, q̇) = τ − τ_f.
 
-    The controller ``"computed-torque"`` gives τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ,
-    with the model that it believes in, and q_c and q̇_c the command integrated. With ``"speed"``
-    each joint for itself has a critically damped PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) +
-    ĝ, e = q̇_c − q̇; ``"position"`` is the same around which a position loop adds κ (q_c − q) to e,
-    κ = ω/4. There m̂ is the inertia that the joint feels at the start, the others being free, and ĝ
-    the weight at the beginning of each period.
+    The controller ``"computed-torque"`` applies τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ
+    with its believed model, where q̇_c and q_c are the integrals of the command. With ``"speed"``,
+    each joint has an independent, critically damped PI loop that follows q̇_c: τ = m̂ (2ω e + ω²
+    ∫e) + ĝ, e = q̇_c − q̇. ``"position"`` adds a position loop around it, whose output κ (q_c − q),
+    κ = ω/4, is added to e. In these loops m̂ is the inertia of the joint at the start if the others
+    are free, and ĝ the weight at the beginning of each period.
     """
 
     controller: JointController = "computed-torque"
     bandwidth: float = 20.0  #: ω / 2π [Hz].
-    #: Of a sampling period: in each the controller gives one torque, and the motion is integrated
-    #: once.
+    #: Number of substeps per sampling period. In each, the controller outputs one torque, and the
+    #: motion is integrated once.
     substeps: int = 10
-    payload: Payload | None = None  #: What the tip carries beside the arm's own links.
-    #: Believed masses and inertias of the links relative to the true ones.
+    payload: Payload | None = None  #: Load of the tip, in addition to the arm's own links.
+    #: Believed masses and inertias of the links, relative to the true ones.
     mass_factor: float = 1.0
-    payload_factor: float = 1.0  #: The same of the payload.
-    #: In the joints; the controller does not know of it.
+    #: Believed mass and inertia of the payload, relative to the true ones.
+    payload_factor: float = 1.0
+    #: Friction in the joints, which the controller does not know.
     friction: Friction = field(default_factory=Friction)
-    #: Greatest torque of each joint [Nm or N]; the robot's own if not given.
+    #: Largest torque of each joint [Nm or N]; the robot's own if None.
     effort: Number | None = None
-    #: Greatest speed that the controller lets its reference have; likewise.
+    #: Largest speed of the controller's reference [rad/s or m/s]; the robot's own if None.
     speed: Number | None = None
-    #: How long a commanded torque takes to begin to act, a multiple of the substep [s].
+    #: Delay until a commanded torque begins to act, a multiple of the substep [s].
     dead_time: float = 0.0
-    lag: float = 0.0  #: Time constant with which the torque follows then [s].
-    rotor_inertia: Number = 0.0  #: Of the motors, as the joints feel it behind their gears [kg m²].
-    #: ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques
-    #: that act at once are those of a continuous controller. ``"runge-kutta"``: of fourth order
-    #: with four; torques are held for a substep.
+    lag: float = 0.0  #: Time constant of the torque's response after that delay [s].
+    #: Inertia of the motors, as the joints feel it behind their gears [kg m²].
+    rotor_inertia: Number = 0.0
+    #: ``"verlet"``: second order, with one evaluation of inertia and bias per substep; torques that
+    #: act at once are those of a continuous controller. ``"runge-kutta"``: fourth order, with four
+    #: evaluations; torques are held for a substep.
     integrator: Integrator = "verlet"
-    rods: Rods | None = None  #: What the links of an arm without inertias are taken for.
-    gravity: Vector3 = (0.0, 0.0, -9.81)  #: In the base frame [m/s²].
+    rods: Rods | None = None  #: Rods that replace the links of an arm without inertias.
+    gravity: Vector3 = (0.0, 0.0, -9.81)  #: Gravitational acceleration in the base frame [m/s²].
 
     def __post_init__(self) -> None:
         for name, known in (("controller", JointController), ("integrator", Integrator)):
@@ -166,22 +169,23 @@ class ArmDynamics:
 
     @property
     def exact(self) -> bool:
-        """Whether the controller believes in the true model."""
+        """True if the controller's model is the true one."""
         return self.mass_factor == 1.0 and (self.payload is None or self.payload_factor == 1.0)
 
     @property
     def at_once(self) -> bool:
-        """Whether torques act at once, and change within a substep."""
+        """True if torques act at once and change within a substep."""
         return self.dead_time == 0.0 and self.lag == 0.0 and self.integrator == "verlet"
 
     @property
     def rate(self) -> float:
-        """ω [rad/s]."""
+        """Rate ω [rad/s]."""
         return 2.0 * math.pi * self.bandwidth
 
     def slots(self, h: float) -> int:
-        """How many torques are under way or acting, in substeps of h [s]; raises if the dead time
-        ends inside one.
+        """Count the torques that are pending or acting, in substeps of h [s].
+
+        Raises ConfigurationError if the dead time is not a multiple of the substep.
         """
         count = self.dead_time / h
         if abs(count - round(count)) > 1e-6:
@@ -194,15 +198,13 @@ class ArmDynamics:
 
 @dataclass(frozen=True)
 class MujocoDynamics(ArmDynamics):
-    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of
-    the other.
+    """The same arm and controller, simulated by MuJoCo: slower, but an independent check.
 
-    Torques are held for a substep, and MuJoCo integrates by Runge and Kutta's method of fourth
-    order.
+    Torques are held for a substep, and MuJoCo integrates with the fourth-order Runge-Kutta method.
     """
 
     at_once = False
 
 
-#: Types of plants that scenario files know; without any, commands are carried out as eq. (6) says.
+#: Plant types of scenario files; without one, commands are executed according to eq. (6).
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
